@@ -1,0 +1,80 @@
+"""Errors that the package raises on purpose.
+
+Every one derives from `MlivrError`, so that a caller (the command line is one)
+can tell a bad input from a fault of the program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class MlivrError(ValueError):
+    """Base class: something the caller gave cannot be used."""
+
+
+class MapError(MlivrError):
+    """A map file or map object is faulty."""
+
+
+class RobotError(MlivrError):
+    """A robot description is faulty or cannot be used on the map."""
+
+
+class SettingError(MlivrError):
+    """A parameter is outside its valid range or choices."""
+
+
+class GoalError(MlivrError):
+    """A goal position is not finite or lies outside the cabin."""
+
+
+class StanceError(MlivrError):
+    """A stance is malformed or cannot be held."""
+
+
+class PlanError(MlivrError):
+    """A plan cannot be found, loaded or used on this map."""
+
+
+class RenderError(MlivrError):
+    """A picture cannot be rendered on this machine."""
+
+
+class UnknownPointError(StanceError):
+    """A point id is not on the map."""
+
+    def __init__(self, point_id: object, valid: Iterable[str]) -> None:
+        """Build the message from the id and a sample of the valid ones."""
+        ids = list(valid)
+        sample = ", ".join(ids[:4])
+        super().__init__(
+            f"unknown graspable point {point_id!r}: the map has {len(ids)} points, for example {sample}"
+        )
+
+
+def choice(name: str, value: object, valid: Iterable[str]) -> str:
+    """Return `value` if it is one of `valid`.
+
+    Raises:
+        SettingError: naming the value and the valid choices.
+    """
+    options = list(valid)
+    if value not in options:
+        raise SettingError(f"{name} is {value!r}; valid choices are {', '.join(map(repr, options))}")
+    return str(value)
+
+
+def nonnegative(name: str, value: float) -> float:
+    """Return `value` as a float if it is finite and not below zero.
+
+    Raises:
+        SettingError: naming the value.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise SettingError(f"{name} is {value!r}; it must be a number") from None
+    if not 0.0 <= number < float("inf"):
+        raise SettingError(f"{name} is {value!r}; it must be finite and at least 0")
+    return number

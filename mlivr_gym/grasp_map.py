@@ -1,0 +1,391 @@
+"""Graspable points: where a limb may hold on.
+
+A `GraspMap` is a frozen set of points in the JEM frame (origin on the
+centreline at the Node 2 end bulkhead, +x port, +y aft, +z overhead; metres).
+Maps come from JSON files that list points, track segments, or both; the module
+that ships with the package is read by the same loader.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.errors import GoalError, MapError, MlivrError, SettingError, UnknownPointError, nonnegative
+
+FACES = ("deck", "forward", "aft", "overhead", "starboard", "port")
+"""Names of the cabin's six faces."""
+
+UNIT_TOLERANCE = 1e-6
+"""Largest deviation of a unit vector's length, and of its right angles, from 1 and 0."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A straight rail along which points may be grasped, ends in [m]."""
+
+    id: str
+    face: str
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    width: float = 0.0256
+    thickness: float = 0.013
+
+
+@dataclass(frozen=True)
+class Handrail:
+    """A handrail: its bounding box with posts, and the bar alone, in [m]."""
+
+    id: str
+    face: str
+    min: tuple[float, float, float]
+    max: tuple[float, float, float]
+    axis: str = "x"
+    bar_min: tuple[float, float, float] | None = None
+    bar_max: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class GraspMap:
+    """Graspable points and the surroundings they belong to.
+
+    Attributes:
+        ids: m point ids, for example `"D4a:3"`.
+        positions: Shape (m, 3), in the JEM frame [m].
+        rotations: Shape (m, 3, 3); columns are x along the rail, y, and z the outward surface normal.
+        faces: m names out of `FACES`.
+        cabin: Shape (2, 3); lower and upper corner of the space a base may be in [m].
+        name: Short name of the map.
+        segments: Rails that the points lie on, for pictures and the scene.
+        handrails: Handrails, for pictures and the scene.
+        scene: Further measured figures that only the scene uses.
+    """
+
+    ids: tuple[str, ...]
+    positions: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    faces: tuple[str, ...]
+    cabin: NDArray[np.float64]
+    name: str = "map"
+    segments: tuple[Segment, ...] = ()
+    handrails: tuple[Handrail, ...] = ()
+    scene: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check shapes and values, and freeze the arrays."""
+        m = len(self.ids)
+        if m == 0:
+            raise MapError(f"map {self.name!r} has no graspable point")
+        object.__setattr__(self, "_index", {point: i for i, point in enumerate(self.ids)})
+        if len(self._index) != m:
+            double = next(p for i, p in enumerate(self.ids) if p in self.ids[:i])
+            raise MapError(f"point {double!r} appears more than once")
+        for attribute, shape in (("positions", (m, 3)), ("rotations", (m, 3, 3)), ("cabin", (2, 3))):
+            array = np.array(getattr(self, attribute), dtype=np.float64)
+            if array.shape != shape:
+                raise MapError(f"{attribute} must have shape {shape}, not {array.shape}")
+            array.setflags(write=False)
+            object.__setattr__(self, attribute, array)
+        for point, face, position, rotation in zip(
+            self.ids, self.faces, self.positions, self.rotations, strict=True
+        ):
+            _check_point(point, face, position, rotation)
+        if not (np.isfinite(self.cabin).all() and (self.cabin[0] < self.cabin[1]).all()):
+            raise MapError(f"cabin {self.cabin.tolist()} must be finite, with min below max")
+
+    _index: dict[str, int] = field(init=False, repr=False, compare=False, default_factory=dict)
+
+    def __len__(self) -> int:
+        """Number of points."""
+        return len(self.ids)
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """Outward surface normals, shape (m, 3)."""
+        return self.rotations[:, :, 2]
+
+    def index(self, point: str | int) -> int:
+        """Index of a point given by id (or by index, which is checked).
+
+        Raises:
+            UnknownPointError: If there is no such point.
+        """
+        if isinstance(point, str):
+            if point in self._index:
+                return self._index[point]
+        elif isinstance(point, (int, np.integer)) and 0 <= point < len(self.ids):
+            return int(point)
+        raise UnknownPointError(point, self.ids)
+
+    def subset(self, keep: NDArray[np.bool_], name: str | None = None) -> GraspMap:
+        """Map with only the points where `keep`, shape (m,), is true."""
+        chosen = np.flatnonzero(keep)
+        return GraspMap(
+            ids=tuple(self.ids[i] for i in chosen),
+            positions=self.positions[chosen],
+            rotations=self.rotations[chosen],
+            faces=tuple(self.faces[i] for i in chosen),
+            cabin=self.cabin,
+            name=name or self.name,
+            segments=self.segments,
+            handrails=self.handrails,
+            scene=self.scene,
+        )
+
+    def sparse(self, seed: int, keep: tuple[str, ...] = (), clear_deck: tuple[float, float] | None = None) -> GraspMap:
+        """Half of the points by a seeded draw: the map of the paper's Case 4.
+
+        Args:
+            seed: Seed of the draw.
+            keep: Ids that stay in any case (the start stance).
+            clear_deck: Range of x [m] in which every deck point is dropped.
+        """
+        kept = np.zeros(len(self), dtype=bool)
+        kept[np.random.default_rng(seed).permutation(len(self))[: len(self) // 2]] = True
+        if clear_deck is not None:
+            low, high = sorted(clear_deck)
+            x = self.positions[:, 0]
+            kept &= ~((np.array(self.faces) == "deck") & (x > low) & (x < high))
+        kept[[self.index(point) for point in keep]] = True
+        return self.subset(kept, name=f"{self.name}-sparse-{seed}")
+
+    def check_goal(self, goal: Any) -> NDArray[np.float64]:
+        """Return `goal` as an array of shape (3,) [m].
+
+        Raises:
+            GoalError: If it is not three finite numbers inside the cabin.
+        """
+        try:
+            array = np.array(goal, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise GoalError(f"goal {goal!r} must be three numbers x, y, z in metres") from None
+        if array.shape != (3,) or not np.isfinite(array).all():
+            raise GoalError(f"goal {array.tolist()} must be three finite numbers x, y, z in metres")
+        low, high = self.cabin
+        if (array < low).any() or (array > high).any():
+            raise GoalError(
+                f"goal {array.tolist()} lies outside the cabin, which reaches from {low.tolist()} to {high.tolist()}"
+            )
+        return array
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of the points: plans carry it, so that they are not used on another map."""
+        digest = hashlib.sha256("\n".join(self.ids).encode())
+        for array in (self.positions, self.rotations):
+            digest.update((np.round(array, 9) + 0.0).tobytes())
+        return digest.hexdigest()[:16]
+
+    @classmethod
+    def load(cls, path: str | Path, spacing: float | None = None, clearance: float | None = None) -> GraspMap:
+        """Read a map from a JSON file; see `from_dict` for its fields.
+
+        Raises:
+            MapError: If the file cannot be read or any entry is faulty; the message names the entry.
+        """
+        try:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise MapError(f"cannot read map {str(path)!r}: {error}") from None
+        try:
+            return cls.from_dict(data, spacing, clearance, name=Path(path).stem)
+        except MlivrError as error:
+            raise type(error)(f"map {str(path)!r}: {error}") from None
+
+    @classmethod
+    def from_dict(
+        cls, data: Any, spacing: float | None = None, clearance: float | None = None, name: str = "map"
+    ) -> GraspMap:
+        """Build a map from parsed JSON.
+
+        Fields (all lengths in [m]): `points` (list of `id`, `face`, `position`,
+        `normal`, `rail`), `segments` (list of `id`, `face`, `start`, `end`,
+        `normal`), `spacing` of points along segments (0.2), `handrails` (list
+        of `id`, `face`, `min`, `max`), `clearance` round handrails inside which
+        points are left out (0.03), `cabin` (`min`, `max`; by default the points'
+        bounding box), `name`.
+        A point of a segment counts with the rail's width.
+
+        Args:
+            data: The parsed JSON object.
+            spacing: Overrides the file's spacing [m].
+            clearance: Overrides the file's clearance [m].
+            name: Used when the data names none.
+        """
+        if not isinstance(data, dict):
+            raise MapError("a map is a JSON object with 'points' or 'segments'")
+        spacing = _number(data, "spacing", 0.2) if spacing is None else float(spacing)
+        if not 0.0 < spacing < float("inf"):
+            raise SettingError(f"spacing is {spacing!r}; it must be finite and above 0")
+        clearance = nonnegative("clearance", _number(data, "clearance", 0.03) if clearance is None else clearance)
+        segments = tuple(_segment(entry, i) for i, entry in enumerate(_list(data, "segments")))
+        handrails = tuple(_handrail(entry, i) for i, entry in enumerate(_list(data, "handrails")))
+        rows = [_point(entry, i) for i, entry in enumerate(_list(data, "points"))]
+        for segment in segments:
+            rows.extend(_discretise(segment, spacing))
+        rows = [row for row in rows if not _blocked(row, handrails, clearance)]
+        if not rows:
+            raise MapError("the map has no graspable point")
+        ids, faces, positions, rotations, _ = zip(*rows, strict=True)
+        box = data.get("cabin")
+        if box is None:
+            cabin = np.array([np.min(positions, axis=0), np.max(positions, axis=0)])
+            flat = cabin[1] - cabin[0] < 1e-9
+            cabin[0, flat] -= 1.0
+            cabin[1, flat] += 1.0
+        else:
+            if not isinstance(box, dict):
+                raise MapError("cabin must be an object with 'min' and 'max'")
+            cabin = np.array([_vector(box, "min", "cabin"), _vector(box, "max", "cabin")])
+        return cls(
+            ids=ids,
+            positions=np.array(positions),
+            rotations=np.array(rotations),
+            faces=faces,
+            cabin=cabin,
+            name=str(data.get("name", name)),
+            segments=segments,
+            handrails=handrails,
+            scene=data.get("scene", {}) | {"racks": data.get("racks", [])},
+        )
+
+
+def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
+    """Measured seat tracks of the JEM: 331 points with the default arguments."""
+    return GraspMap.load(asset_path("jem.json"), spacing, clearance)
+
+
+_Row = tuple[str, str, NDArray[np.float64], NDArray[np.float64], float]
+"""Id, face, position, rotation, width of the rail across [m]."""
+
+
+def _check_point(point: str, face: str, position: NDArray[np.float64], rotation: NDArray[np.float64]) -> None:
+    if face not in FACES:
+        raise MapError(f"point {point!r}: unknown face {face!r}; valid faces are {', '.join(FACES)}")
+    if not (np.isfinite(position).all() and np.isfinite(rotation).all()):
+        raise MapError(f"point {point!r}: position and rotation must be finite")
+    if np.abs(rotation.T @ rotation - np.eye(3)).max() > 1e-5 or np.linalg.det(rotation) < 0.0:
+        raise MapError(f"point {point!r}: rotation must be a right-handed rotation matrix")
+
+
+def _frame(where: str, rail: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = float(np.linalg.norm(normal))
+    if abs(length - 1.0) > UNIT_TOLERANCE:
+        raise MapError(f"{where}: normal {normal.tolist()} has length {length:.6g}; it must be 1")
+    if not np.linalg.norm(rail) > 1e-9:
+        raise MapError(f"{where}: the rail has no direction")
+    rail = rail / np.linalg.norm(rail)
+    if abs(float(rail @ normal)) > UNIT_TOLERANCE:
+        raise MapError(f"{where}: the rail must be at right angles to normal {normal.tolist()}")
+    return np.column_stack([rail, np.cross(normal, rail), normal])
+
+
+def _discretise(segment: Segment, spacing: float) -> list[_Row]:
+    """Points at multiples of `spacing` either side of the segment's middle."""
+    start, end = np.array(segment.start), np.array(segment.end)
+    length = float(np.linalg.norm(end - start))
+    rotation = _frame(f"segment {segment.id!r}", end - start, np.array(segment.normal))
+    half = int(np.floor(0.5 * length / spacing + 1e-9))
+    middle = 0.5 * (start + end)
+    return [
+        (f"{segment.id}:{k + half}", segment.face, middle + k * spacing * rotation[:, 0], rotation, segment.width)
+        for k in range(-half, half + 1)
+    ]
+
+
+def _blocked(row: _Row, handrails: tuple[Handrail, ...], clearance: float) -> bool:
+    """Whether the rail's strip at a point comes within `clearance` of a handrail's footprint."""
+    _, face, position, rotation, width = row
+    reach = clearance + 0.5 * width * np.abs(rotation[:, 1])
+    plane = np.abs(rotation[:, 2]) < 0.5
+    return any(
+        rail.face == face
+        and bool(
+            ((np.array(rail.min) - reach <= position) & (position <= np.array(rail.max) + reach))[plane].all()
+        )
+        for rail in handrails
+    )
+
+
+def _list(data: dict[str, Any], key: str) -> list[Any]:
+    value = data.get(key, [])
+    if not isinstance(value, list):
+        raise MapError(f"{key} must be a list")
+    return value
+
+
+def _number(data: dict[str, Any], key: str, default: float) -> float:
+    value = data.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise MapError(f"{key} is {value!r}; it must be a number")
+    return float(value)
+
+
+def _vector(entry: dict[str, Any], key: str, where: str) -> NDArray[np.float64]:
+    try:
+        vector = np.array(entry[key], dtype=np.float64)
+    except KeyError:
+        raise MapError(f"{where}: {key!r} is missing") from None
+    except (TypeError, ValueError):
+        raise MapError(f"{where}: {key} {entry[key]!r} must be three numbers") from None
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise MapError(f"{where}: {key} {entry[key]!r} must be three finite numbers")
+    return vector
+
+
+def _triple(entry: dict[str, Any], key: str, where: str) -> tuple[float, float, float]:
+    x, y, z = _vector(entry, key, where).tolist()
+    return (x, y, z)
+
+
+def _header(entry: Any, kind: str, i: int) -> tuple[str, str, str]:
+    if not isinstance(entry, dict):
+        raise MapError(f"{kind} number {i} must be an object")
+    if not isinstance(entry.get("id"), str) or not entry["id"]:
+        raise MapError(f"{kind} number {i}: 'id' must be a non-empty string")
+    where = f"{kind} {entry['id']!r}"
+    face = entry.get("face")
+    if face not in FACES:
+        raise MapError(f"{where}: unknown face {face!r}; valid faces are {', '.join(FACES)}")
+    return entry["id"], face, where
+
+
+def _point(entry: Any, i: int) -> _Row:
+    point, face, where = _header(entry, "point", i)
+    rotation = _frame(where, _vector(entry, "rail", where), _vector(entry, "normal", where))
+    return point, face, _vector(entry, "position", where), rotation, 0.0
+
+
+def _segment(entry: Any, i: int) -> Segment:
+    segment, face, where = _header(entry, "segment", i)
+    return Segment(
+        id=segment,
+        face=face,
+        start=_triple(entry, "start", where),
+        end=_triple(entry, "end", where),
+        normal=_triple(entry, "normal", where),
+        width=_number(entry, "width", 0.0256),
+        thickness=_number(entry, "thickness", 0.013),
+    )
+
+
+def _handrail(entry: Any, i: int) -> Handrail:
+    rail, face, where = _header(entry, "handrail", i)
+    bar = "bar_min" in entry and "bar_max" in entry
+    return Handrail(
+        id=rail,
+        face=face,
+        min=_triple(entry, "min", where),
+        max=_triple(entry, "max", where),
+        axis=str(entry.get("axis", "x")),
+        bar_min=_triple(entry, "bar_min", where) if bar else None,
+        bar_max=_triple(entry, "bar_max", where) if bar else None,
+    )

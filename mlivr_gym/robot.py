@@ -1,0 +1,216 @@
+"""The robot: a body with N equal limbs of the UR family.
+
+Figures of the default robots: the manufacturer's UR5e kinematics and the body
+of the published two-limb model, see `envs_assets/ur5e.json`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.errors import RobotError
+
+
+@cache
+def ur5e_data() -> dict[str, Any]:
+    """Figures of the UR5e with their sources, as shipped."""
+    data: dict[str, Any] = json.loads(asset_path("ur5e.json").read_text(encoding="utf-8"))
+    return data
+
+
+@dataclass(frozen=True)
+class Limb:
+    """A six-joint arm of the UR family, standard DH convention `Rz(theta) Tz(d) Tx(a) Rx(alpha)`.
+
+    The default lengths [m] are the UR5e's, published by the manufacturer.
+    """
+
+    d1: float = 0.1625
+    a2: float = -0.425
+    a3: float = -0.3922
+    d4: float = 0.1333
+    d5: float = 0.0997
+    d6: float = 0.0996
+    joint_limits: tuple[tuple[float, float], ...] = ((-2 * np.pi, 2 * np.pi),) * 6
+    """Lower and upper limit of each joint [rad]."""
+
+    def __post_init__(self) -> None:
+        """Check lengths and limits."""
+        lengths = self.lengths
+        if not np.isfinite(lengths).all() or self.a2 == 0.0 or self.a3 == 0.0 or self.d4 == 0.0:
+            raise RobotError(f"limb lengths {lengths.tolist()} must be finite, with a2, a3 and d4 not 0")
+        limits = np.asarray(self.joint_limits, dtype=np.float64)
+        if limits.shape != (6, 2) or not (limits[:, 0] < limits[:, 1]).all():
+            raise RobotError(f"joint_limits {limits.tolist()} must be six pairs, lower below upper")
+        object.__setattr__(self, "joint_limits", tuple((float(a), float(b)) for a, b in limits))
+
+    @property
+    def lengths(self) -> NDArray[np.float64]:
+        """The six lengths d1, a2, a3, d4, d5, d6 [m], shape (6,)."""
+        return np.array([self.d1, self.a2, self.a3, self.d4, self.d5, self.d6], dtype=np.float64)
+
+    @property
+    def limits(self) -> NDArray[np.float64]:
+        """Joint limits [rad], shape (6, 2)."""
+        return np.array(self.joint_limits)
+
+    @property
+    def reach(self) -> float:
+        """An upper bound of the flange's distance from the mount [m]."""
+        return float(np.abs(self.lengths).sum())
+
+
+@dataclass(frozen=True)
+class RobotSpec:
+    """A body with `limbs` equal limbs, mounted at equal angles about the body's z axis.
+
+    The first joint axis of each limb is radial; limb 0 points along the body's +x axis.
+
+    Attributes:
+        name: Short name.
+        limbs: Number of limbs N, at least 2.
+        limb: Kinematics of one limb.
+        mount_radius: Distance of a limb's base from the body's z axis [m].
+        tool_length: Distance from the flange to the grasp along the flange normal [m].
+        characteristic_length: l_c, which makes lengths and angles comparable in the Jacobian [m].
+        grasp_separation: Least distance of two points held at once [m] (gripper width).
+        span: Greatest distance of two points held at once that is tried [m].
+        heights: Heights of the base over the grasps' centroid that are tried [m].
+        rolls: Rolls about the line through the grasps that are tried [rad].
+        lift: How far a gripper departs along the surface normal before it swings [m].
+        body_size: Edge of the body [m], for the scene.
+        body_mass: Mass of the body [kg].
+        gripper_mass: Mass of a gripper [kg].
+    """
+
+    name: str = "mlivr2"
+    limbs: int = 2
+    limb: Limb = field(default_factory=Limb)
+    mount_radius: float = 0.1
+    tool_length: float = 0.05
+    characteristic_length: float = 0.87
+    grasp_separation: float = 0.1
+    span: float = 2.4
+    heights: tuple[float, ...] = (0.60, 0.65, 0.70, 0.75)
+    rolls: tuple[float, ...] = tuple(np.deg2rad([0.0, -15.0, 15.0, -30.0, 30.0]).tolist())
+    lift: float = 0.1
+    body_size: float = 0.2
+    body_mass: float = 20.0
+    gripper_mass: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Check every figure."""
+        if isinstance(self.limbs, bool) or not isinstance(self.limbs, int) or not 2 <= self.limbs <= 8:
+            raise RobotError(f"limbs is {self.limbs!r}; it must be a whole number from 2 to 8")
+        if not isinstance(self.limb, Limb):
+            raise RobotError(f"limb is {self.limb!r}; it must be a Limb")
+        for name in ("heights", "rolls"):
+            values = tuple(float(v) for v in getattr(self, name))
+            if not values or not np.isfinite(values).all():
+                raise RobotError(f"{name} {values} must be one or more finite numbers")
+            object.__setattr__(self, name, values)
+        for name in ("mount_radius", "tool_length", "grasp_separation", "lift"):
+            self._check(name, getattr(self, name) >= 0.0)
+        for name in ("characteristic_length", "span", "body_size", "body_mass", "gripper_mass"):
+            self._check(name, getattr(self, name) > 0.0)
+        if self.span <= self.grasp_separation:
+            raise RobotError(f"span is {self.span!r}; it must exceed grasp_separation {self.grasp_separation!r}")
+
+    def _check(self, name: str, valid: bool) -> None:
+        value = getattr(self, name)
+        if not (valid and np.isfinite(value)):
+            raise RobotError(f"{name} of robot {self.name!r} is {value!r}; it must be finite and not negative")
+
+    @property
+    def mount_rotations(self) -> NDArray[np.float64]:
+        """Shape (N, 3, 3): limb base axes in the body frame; z is radial, x is the body's z axis."""
+        azimuth = 2.0 * np.pi * np.arange(self.limbs) / self.limbs
+        c, s, zero, one = np.cos(azimuth), np.sin(azimuth), np.zeros(self.limbs), np.ones(self.limbs)
+        return np.stack(
+            [np.stack([zero, s, c], -1), np.stack([zero, -c, s], -1), np.stack([one, zero, zero], -1)], axis=1
+        )
+
+    @property
+    def mount_positions(self) -> NDArray[np.float64]:
+        """Shape (N, 3): limb base origins in the body frame [m]."""
+        return self.mount_radius * self.mount_rotations[:, :, 2]
+
+    @property
+    def full_turn(self) -> bool:
+        """Whether every joint turns by 720 degrees or more, so that limits never rule out a posture."""
+        limits = self.limb.limits
+        return bool((limits[:, 1] - limits[:, 0] >= 4.0 * np.pi - 1e-9).all())
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of the description, but for its name."""
+        return hashlib.sha256(json.dumps(self.to_dict() | {"name": ""}, sort_keys=True).encode()).hexdigest()[:16]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The description as plain data for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: Any) -> RobotSpec:
+        """Build a robot from plain data, the inverse of `to_dict`; missing fields keep their defaults.
+
+        Raises:
+            RobotError: naming an unknown field or a faulty value.
+        """
+        try:
+            if not isinstance(data, dict):
+                raise RobotError("a robot is a JSON object")
+            for kind, given in ((cls, data), (Limb, data.get("limb", {}))):
+                known = [f.name for f in fields(kind)]
+                for name in given:
+                    if name not in known:
+                        raise RobotError(f"unknown robot field {name!r}; valid fields are {', '.join(known)}")
+            return cls(**{**data, "limb": Limb(**data.get("limb", {}))})
+        except (TypeError, ValueError) as error:
+            if isinstance(error, RobotError):
+                raise
+            raise RobotError(f"faulty robot description: {error}") from None
+
+    @classmethod
+    def load(cls, path: str | Path) -> RobotSpec:
+        """Read a robot from a JSON file.
+
+        Raises:
+            RobotError: If the file cannot be read or a field is faulty.
+        """
+        try:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise RobotError(f"cannot read robot {str(path)!r}: {error}") from None
+        return cls.from_dict(data)
+
+
+MLIVR2 = RobotSpec()
+"""Two UR5e on opposite faces of a 0.2 m cube of 20 kg."""
+
+ROBOTS = {f"mlivr{n}": replace(MLIVR2, name=f"mlivr{n}", limbs=n) for n in (2, 3, 4)}
+"""The robots that ship with the package."""
+
+
+def robot_spec(robot: str | RobotSpec) -> RobotSpec:
+    """A robot by name, by path of a JSON file, or as it is.
+
+    Raises:
+        RobotError: If the name is unknown and no such file exists.
+    """
+    if isinstance(robot, RobotSpec):
+        return robot
+    if robot in ROBOTS:
+        return ROBOTS[robot]
+    if isinstance(robot, str) and Path(robot).is_file():
+        return RobotSpec.load(robot)
+    raise RobotError(f"unknown robot {robot!r}; valid names are {', '.join(ROBOTS)}, or give the path of a JSON file")

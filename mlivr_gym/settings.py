@@ -1,0 +1,54 @@
+"""Thresholds and switches of the stance graph."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mlivr_gym.errors import nonnegative
+
+LIMB_THRESHOLD = 0.1
+"""The paper's least limb manipulability."""
+
+BASE_THRESHOLD = 0.001
+"""The paper's least base manipulability, for two limbs."""
+
+PATH_FLOOR = 0.03
+"""Least limb manipulability of a holding limb between two stances."""
+
+
+def base_threshold(limbs: int) -> float:
+    """Default threshold of `w_b`: `||qdot||` is shared among more joints as N grows, so it falls as `N^-3`."""
+    return BASE_THRESHOLD * (2.0 / limbs) ** 3
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What makes a stance a node and a step an edge.
+
+    Attributes:
+        manipulability: Whether stances must meet both thresholds.
+        transitions: Whether a step must be shown to be possible without letting go.
+        limb_threshold: Least `w_m` of each limb.
+        base_threshold: Least `w_b`; by default `0.001 (2/N)^3`.
+        path_floor: Least `w_m` of a holding limb between stances.
+    """
+
+    manipulability: bool = True
+    transitions: bool = True
+    limb_threshold: float = LIMB_THRESHOLD
+    base_threshold: float | None = None
+    path_floor: float = PATH_FLOOR
+
+    def __post_init__(self) -> None:
+        """Check the thresholds."""
+        for name in ("limb_threshold", "path_floor"):
+            object.__setattr__(self, name, nonnegative(name, getattr(self, name)))
+        if self.base_threshold is not None:
+            object.__setattr__(self, "base_threshold", nonnegative("base_threshold", self.base_threshold))
+
+    def thresholds(self, limbs: int) -> tuple[float, float]:
+        """Least `w_m` and `w_b` that a stance of `limbs` limbs must reach; zeros without manipulability."""
+        if not self.manipulability:
+            return 0.0, 0.0
+        w_b = base_threshold(limbs) if self.base_threshold is None else self.base_threshold
+        return self.limb_threshold, w_b
