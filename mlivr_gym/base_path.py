@@ -37,8 +37,11 @@ PATH_KINDS = ("straight", "arc")
 DEPTH = 12
 """Number of halvings after which an interval counts as failed."""
 
-LIMIT_SAMPLES = 32
-"""Intervals at which joint angles are formed where joint limits are narrower than two turns."""
+FIRST_INTERVAL = 0.2
+"""Wrist travel that an interval of the first division covers [m]; a matter of speed only."""
+
+SAMPLES = 32
+"""Intervals over which joint angles are followed along a path."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -102,9 +105,8 @@ def angle_about(t0, t1, pivot):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def turn(axis, angle, x, y, z):  # type: ignore[no-untyped-def]
-    """A vector turned by `angle` about the unit `axis` (Rodrigues)."""
-    c, s = np.cos(angle), np.sin(angle)
+def turn(axis, c, s, x, y, z):  # type: ignore[no-untyped-def]
+    """A vector turned about the unit `axis` by an angle of cosine `c` and sine `s` (Rodrigues)."""
     kx, ky, kz = axis[0], axis[1], axis[2]
     dot = (kx * x + ky * y + kz * z) * (1.0 - c)
     return (
@@ -138,8 +140,9 @@ def flange_in_limb(grip, approach, position, r0, axis, angle, mount_rotation, mo
     cy = r0[0, 1] * approach[0] + r0[1, 1] * approach[1] + r0[2, 1] * approach[2]
     cz = r0[0, 2] * approach[0] + r0[1, 2] * approach[1] + r0[2, 2] * approach[2]
     if angle != 0.0:
-        bx, by, bz = turn(axis, -angle, bx, by, bz)
-        cx, cy, cz = turn(axis, -angle, cx, cy, cz)
+        c, s = np.cos(angle), -np.sin(angle)
+        bx, by, bz = turn(axis, c, s, bx, by, bz)
+        cx, cy, cz = turn(axis, c, s, cx, cy, cz)
     bx -= mount_position[0]
     by -= mount_position[1]
     bz -= mount_position[2]
@@ -198,14 +201,21 @@ def certify(
     k2 = a2 * a2 + a3 * a3
     terms = np.empty((4, 4))
     position, p, z = np.empty(3), np.empty(3), np.empty(3)
-    stack_s = np.empty(2 * DEPTH + 4)
-    stack_half = np.empty(2 * DEPTH + 4)
-    stack_s[0], stack_half[0] = 0.5, 0.5
-    top = 1
+    # The first intervals are about as long as the bounds can usually settle.
+    pieces = min(max(int(np.ceil(sigma / FIRST_INTERVAL)), 1), 1 << DEPTH)
+    shortest = 0.5 ** (DEPTH + 1)
+    stack_s = np.empty(DEPTH + 2)
+    stack_half = np.empty(DEPTH + 2)
+    piece = top = 0
     alive = classes
-    while top > 0 and alive:
-        top -= 1
-        s, half = stack_s[top], stack_half[top]
+    while alive and (top > 0 or piece < pieces):
+        if top > 0:
+            top -= 1
+            s, half = stack_s[top], stack_half[top]
+        else:
+            half = 0.5 / pieces
+            s = (2 * piece + 1) * half
+            piece += 1
         position_on_path(t0, t1, kind, pivot, s, position)
         flange_in_limb(grip, approach, position, r0, axis, s * omega, mount_rotation, mount_position, p, z)
         branch_terms(p, z, lengths, terms)
@@ -233,7 +243,7 @@ def certify(
             if not (s3_2_min > 0.0 and u2_min * s5_min * s5_min * s3_2_min >= floor):
                 undecided |= 1 << c
         if undecided:
-            if half < 0.5 ** (DEPTH + 1):
+            if half < shortest:
                 alive &= ~undecided
                 continue
             for side in (-0.5, 0.5):
@@ -244,54 +254,83 @@ def certify(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def within_limits(
-    grip, tool_x, tool_z, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, limits, mask
+def follow(
+    grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, branch, q, low, high
 ):  # type: ignore[no-untyped-def]
-    """Those of the branches and flips in `mask` whose joint angles stay inside the limits along a path.
+    """Joint angles of a holding limb along a base path, continuous from `q`.
 
-    Angles are followed continuously over `LIMIT_SAMPLES` intervals; a joint may start on any
-    winding. Bit `branch + 8 * flip`; the flip is a half turn of joint 6.
+    Args:
+        grip: Flange position in the world [m], shape (3,).
+        tool: Flange rotation in the world, shape (3, 3).
+        t0: Base position at the start [m].
+        r0: Base rotation at the start, shape (3, 3).
+        t1: Base position at the end [m].
+        r1: Base rotation at the end, shape (3, 3).
+        kind: `STRAIGHT` or `ARC`.
+        pivot: Centre of the arc [m], shape (3,).
+        mount_rotation: Shape (3, 3).
+        mount_position: Shape (3,) [m].
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        branch: Branch label.
+        q: Angles near the start, shape (6,), moved to the end; NaN at first to start in (-pi, pi] [rad].
+        low: Least angles so far, shape (6,), lowered.
+        high: Largest angles so far, shape (6,), raised.
+
+    Returns:
+        Whether the branch exists all along.
     """
     axis = np.empty(3)
     omega = relative_rotation(r0, r1, axis)
-    position, p, z, x = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    rotation = np.empty((3, 3))
-    q = np.empty((8, 6))
-    last, low, high = np.empty((8, 6)), np.empty((8, 6)), np.empty((8, 6))
-    for sample in range(LIMIT_SAMPLES + 1):
-        s = sample / LIMIT_SAMPLES
+    position, p, column, z = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    rotation, solutions = np.empty((3, 3)), np.empty((8, 6))
+    for sample in range(SAMPLES + 1):
+        s = sample / SAMPLES
         position_on_path(t0, t1, kind, pivot, s, position)
-        flange_in_limb(
-            grip, tool_z, position, r0, axis, s * omega, mount_rotation, mount_position, p, z
-        )
-        flange_in_limb(
-            grip, tool_x, position, r0, axis, s * omega, mount_rotation, mount_position, p, x
-        )
-        for k in range(3):
-            rotation[k, 0], rotation[k, 2] = x[k], z[k]
-        rotation[0, 1] = z[1] * x[2] - z[2] * x[1]
-        rotation[1, 1] = z[2] * x[0] - z[0] * x[2]
-        rotation[2, 1] = z[0] * x[1] - z[1] * x[0]
-        found = inverse_kinematics(p, rotation, lengths, q)
-        mask &= found | found << 8
-        for branch in range(8):
+        for c in range(3):
+            for k in range(3):
+                column[k] = tool[k, c]
+            flange_in_limb(grip, column, position, r0, axis, s * omega, mount_rotation, mount_position, p, z)
+            for k in range(3):
+                rotation[k, c] = z[k]
+        if not inverse_kinematics(p, rotation, lengths, solutions) >> branch & 1:
+            return False
+        for joint in range(6):
+            angle = solutions[branch, joint]
+            if q[joint] == q[joint]:
+                angle += 2.0 * np.pi * np.round((q[joint] - angle) / (2.0 * np.pi))
+            q[joint] = angle
+            low[joint] = min(low[joint], angle)
+            high[joint] = max(high[joint], angle)
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def within_limits(
+    grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, limits, mask
+):  # type: ignore[no-untyped-def]
+    """Those of the branches and flips in `mask` whose joint angles stay inside the limits along a path.
+
+    A joint may start on any winding. Bit `branch + 8 * flip`; the flip is a half turn of joint 6. Other
+    arguments as in `follow`; `limits` has shape (6, 2) [rad].
+    """
+    q, low, high = np.empty(6), np.empty(6), np.empty(6)
+    for branch in range(8):
+        both = 0x0101 << branch
+        if not mask & both:
+            continue
+        for joint in range(6):
+            q[joint], low[joint], high[joint] = np.nan, np.inf, -np.inf
+        if not follow(
+            grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, branch, q, low, high
+        ):
+            mask &= ~both
+            continue
+        for flip in range(2):
             for joint in range(6):
-                angle = q[branch, joint]
-                if sample == 0:
-                    low[branch, joint] = high[branch, joint] = last[branch, joint] = angle
-                else:
-                    angle += 2.0 * np.pi * np.round((last[branch, joint] - angle) / (2.0 * np.pi))
-                    last[branch, joint] = angle
-                    low[branch, joint] = min(low[branch, joint], angle)
-                    high[branch, joint] = max(high[branch, joint], angle)
-    for bit in range(16):
-        if mask >> bit & 1:
-            branch = bit & 7
-            for joint in range(6):
-                shift = np.pi if bit >= 8 and joint == 5 else 0.0
-                turns = np.ceil((limits[joint, 0] - low[branch, joint] - shift) / (2.0 * np.pi) - 1e-12)
-                if high[branch, joint] + shift + 2.0 * np.pi * turns > limits[joint, 1] + 1e-9:
-                    mask &= ~(1 << bit)
+                shift = np.pi if flip == 1 and joint == 5 else 0.0
+                turns = np.ceil((limits[joint, 0] - low[joint] - shift) / (2.0 * np.pi) - 1e-12)
+                if high[joint] + shift + 2.0 * np.pi * turns > limits[joint, 1] + 1e-9:
+                    mask &= ~(1 << (branch + 8 * flip))
                     break
     return mask
 

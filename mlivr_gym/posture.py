@@ -132,6 +132,49 @@ def _across(vectors: Array, axes: Array) -> Array:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def limb_choices(
+    grasps, normals, tool_length, position, rotation, mount_rotations, mount_positions, lengths, l_c, p, z, w
+):  # type: ignore[no-untyped-def]
+    """Flange poses in the limb frames and `w_m` of the four shoulder and wrist choices, for one base pose.
+
+    Args:
+        grasps: Shape (N, 3) [m].
+        normals: Shape (N, 3).
+        tool_length: Flange to grasp [m].
+        position: Base position [m], shape (3,).
+        rotation: Shape (3, 3).
+        mount_rotations: Shape (N, 3, 3).
+        mount_positions: Shape (N, 3) [m].
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        l_c: Characteristic length [m].
+        p: Filled with flange positions [m], shape (N, 3).
+        z: Filled with flange axes, shape (N, 3).
+        w: Filled, shape (N, 4); 0 out of reach.
+
+    Returns:
+        The least over the limbs of the best choice.
+    """
+    unit = abs(lengths[1] * lengths[2]) / l_c**3
+    terms = np.empty((4, 4))
+    grip, approach = np.empty(3), np.empty(3)
+    least = np.inf
+    for i in range(grasps.shape[0]):
+        for axis in range(3):
+            approach[axis] = -normals[i, axis]
+            grip[axis] = grasps[i, axis] + tool_length * normals[i, axis]
+        flange_in_limb(
+            grip, approach, position, rotation, approach, 0.0, mount_rotations[i], mount_positions[i], p[i], z[i]
+        )
+        branch_terms(p[i], z[i], lengths, terms)
+        best = 0.0
+        for c in range(4):
+            w[i, c] = unit * np.sqrt(terms[c, 3]) if terms[c, 3] > 0.0 else 0.0
+            best = max(best, w[i, c])
+        least = min(least, best)
+    return least
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _best_branches(
     p, z, w_class, mount_rotations, mount_positions, lengths, l_c, scale_m, scale_b, floor, info, branch, best_wb
 ):  # type: ignore[no-untyped-def]
@@ -227,14 +270,11 @@ def solve_geometries(
         branch: Filled, shape (k, N).
     """
     count = grasps.shape[1]
-    unit = abs(lengths[1] * lengths[2]) / l_c**3
     most = max(len(heights) * len(rolls), len(wide_heights) * len(wide_rolls))
     w_class = np.empty((most, count, 4))
     bounds = np.empty(most)
     p, z = np.empty((most, count, 3)), np.empty((most, count, 3))
     turned, origins = np.empty((most, 3, 3)), np.empty((most, 3))
-    terms = np.empty((4, 4))
-    grip, approach = np.empty(3), np.empty(3)
     info = np.empty((count, 8, 6, 6))
     found_branch = np.zeros(count, dtype=np.int64)
     found_wb = np.zeros(1)
@@ -245,31 +285,18 @@ def solve_geometries(
         for c in range(candidates):
             roll = try_rolls[c // len(try_heights)]
             height = try_heights[c % len(try_heights)]
+            cosine, sine = np.cos(roll), np.sin(roll)
             for col in range(3):
                 turned[c, 0, col], turned[c, 1, col], turned[c, 2, col] = turn(
-                    lines[g], roll, frames[g, 0, col], frames[g, 1, col], frames[g, 2, col]
+                    lines[g], cosine, sine, frames[g, 0, col], frames[g, 1, col], frames[g, 2, col]
                 )
-            up = turn(lines[g], roll, outs[g, 0], outs[g, 1], outs[g, 2])
+            up = turn(lines[g], cosine, sine, outs[g, 0], outs[g, 1], outs[g, 2])
             for axis in range(3):
                 origins[c, axis] = height * up[axis]
-            bounds[c] = np.inf
-            for i in range(count):
-                for axis in range(3):
-                    approach[axis] = -normals[g, i, axis]
-                    grip[axis] = grasps[g, i, axis] + tool_length * normals[g, i, axis]
-                flange_in_limb(
-                    grip, approach, origins[c], turned[c], lines[g], 0.0,
-                    mount_rotations[i], mount_positions[i], p[c, i], z[c, i],
-                )  # fmt: skip
-                branch_terms(p[c, i], z[c, i], lengths, terms)
-                best = 0.0
-                for row in range(4):
-                    w = unit * np.sqrt(terms[row, 3]) if terms[row, 3] > 0.0 else 0.0
-                    w_class[c, i, row] = w
-                    best = max(best, w)
-                bounds[c] = min(bounds[c], best / scale_m)
-                if best == 0.0:
-                    break
+            bounds[c] = limb_choices(
+                grasps[g], normals[g], tool_length, origins[c], turned[c], mount_rotations, mount_positions,
+                lengths, l_c, p[c], z[c], w_class[c],
+            ) / scale_m  # fmt: skip
         margin = 0.0
         w_b[g] = 0.0
         for i in range(count):
@@ -300,7 +327,7 @@ def solve_geometries(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def branch_masks(
-    start, stop, grasps, tools, position, rotation, branch, mount_rotations, mount_positions, lengths,
+    start, stop, grasps, normals, position, rotation, branch, mount_rotations, mount_positions, lengths,
     limited, tool_length, lift, l_c, w_m_min, w_b_min, floor, mask,
 ):  # type: ignore[no-untyped-def]  # fmt: skip
     """Branches and flips on which each limb may hold at a posture, a product set.
@@ -313,7 +340,7 @@ def branch_masks(
         start: First stance.
         stop: One past the last.
         grasps: Shape (k, N, 3) [m].
-        tools: Flange rotations at the grasps, flip 0, shape (k, N, 3, 3).
+        normals: Shape (k, N, 3).
         position: Base positions, shape (k, 3) [m].
         rotation: Shape (k, 3, 3).
         branch: The postures' own branches, shape (k, N).
@@ -330,34 +357,28 @@ def branch_masks(
         mask: Filled, shape (k, N); 0 for every limb if the posture's own branches do not belong.
     """
     count = grasps.shape[1]
-    volume = l_c**3
-    unit = abs(lengths[1] * lengths[2]) / volume
-    p, z = np.empty((count, 3)), np.empty((count, 3))
-    terms = np.empty((4, 4))
+    p, z, w = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 4))
     grip, approach, lifted = np.empty(3), np.empty(3), np.empty(3)
     info = np.empty((count, 8, 6, 6))
     allowed, kept = np.empty((count, 8), dtype=np.bool_), np.empty((count, 8), dtype=np.bool_)
     for g in range(start, stop):
+        limb_choices(
+            grasps[g], normals[g], tool_length, position[g], rotation[g], mount_rotations, mount_positions,
+            lengths, l_c, p, z, w,
+        )  # fmt: skip
         for i in range(count):
-            for axis in range(3):
-                approach[axis] = tools[g, i, axis, 2]
-                grip[axis] = grasps[g, i, axis] - tool_length * approach[axis]
-                lifted[axis] = position[g, axis] + lift * approach[axis]
-            flange_in_limb(
-                grip, approach, position[g], rotation[g], approach, 0.0,
-                mount_rotations[i], mount_positions[i], p[i], z[i],
-            )  # fmt: skip
-            branch_terms(p[i], z[i], lengths, terms)
             classes = np.int64(0)
             for c in range(4):
-                if terms[c, 3] > 0.0:
-                    w = unit * np.sqrt(terms[c, 3])
-                    if w >= w_m_min and w >= floor:
-                        classes |= 1 << c
+                if w[i, c] >= w_m_min and w[i, c] >= floor and w[i, c] > 0.0:
+                    classes |= 1 << c
+            for axis in range(3):
+                approach[axis] = -normals[g, i, axis]
+                grip[axis] = grasps[g, i, axis] + tool_length * normals[g, i, axis]
+                lifted[axis] = position[g, axis] - lift * normals[g, i, axis]
             if classes:
                 classes = certify(
                     grip, approach, position[g], rotation[g], lifted, rotation[g], STRAIGHT, position[g],
-                    mount_rotations[i], mount_positions[i], lengths, floor * volume, classes,
+                    mount_rotations[i], mount_positions[i], lengths, floor * l_c**3, classes,
                 )  # fmt: skip
             bits = expand_classes(classes)
             if limited:
@@ -433,9 +454,9 @@ def departure_limits(
     """Branches and flips on which each limb can depart inside its joint limits, into `mask`, shape (k, N)."""
     for g in range(grasps.shape[0]):
         for i in range(grasps.shape[1]):
-            x, z = tools[g, i, :, 0].copy(), tools[g, i, :, 2].copy()
+            z = tools[g, i, :, 2].copy()
             mask[g, i] = within_limits(
-                grasps[g, i] - tool_length * z, x, z, position[g], rotation[g], position[g] + lift * z, rotation[g],
+                grasps[g, i] - tool_length * z, tools[g, i], position[g], rotation[g], position[g] + lift * z, rotation[g],
                 STRAIGHT, position[g], mount_rotations[i], mount_positions[i], lengths, limits, 0xFFFF,
             )  # fmt: skip
 
@@ -539,7 +560,7 @@ class PostureSolver:
                     self.mount_positions, self.lengths, robot.limb.limits, robot.tool_length, robot.lift, mask,
                 )  # fmt: skip
             in_parallel(
-                len(nodes), branch_masks, grasps[nodes], tools[nodes], out.position[nodes], out.rotation[nodes],
+                len(nodes), branch_masks, grasps[nodes], normals[nodes], out.position[nodes], out.rotation[nodes],
                 out.branch[nodes], self.mount_rotations, self.mount_positions, self.lengths, not robot.full_turn,
                 robot.tool_length, robot.lift, robot.characteristic_length, w_m_min, w_b_min,
                 settings.path_floor, mask,

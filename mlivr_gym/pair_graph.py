@@ -1,0 +1,235 @@
+"""Stance graph of two limbs: the whole feasible set at once.
+
+The neighbours of a stance (a, b) are the other stances of row a (limb 0 holds) and of row b
+(limb 1 holds), so no edge list is stored. What is stored, once known, is the set of branches the holding limb
+can keep on a step: one entry for each ordered pair of stances of a row, filled on demand.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mlivr_gym.base_path import ARC, STRAIGHT, within_limits
+from mlivr_gym.grasp_map import GraspMap
+from mlivr_gym.posture import Postures
+from mlivr_gym.robot import RobotSpec
+from mlivr_gym.settings import Settings
+from mlivr_gym.stance_graph import Array, IntArray, StanceGraph, State, Successors
+from mlivr_gym.transitions import hold_mask
+
+KNOWN = 1 << 16
+"""Bit of an edge entry: the entry is filled."""
+LIMITED = 1 << 17
+"""Bit of an edge entry: joint limits are taken into account."""
+NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def edge_mask(
+    held, s0, s1, points, local, degree, offset, table, position, rotation, mask,
+    mount_rotations, mount_positions, lengths, grips, approaches, pivots, determinant_floor,
+):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Branches that limb `held` can keep on the step from stance `s0` to `s1`, looked up or worked out.
+
+    Every array is a field of `PairGraph` of the same name; `determinant_floor` is in [m^3]. Both directions of
+    the step are entered.
+    """
+    point = points[s0, held]
+    here = offset[held, point] + local[held, s0] * degree[held, point] + local[held, s1]
+    entry = table[here]
+    if entry & KNOWN:
+        return entry & 0xFFFF
+    wanted = mask[s0, held] & mask[s1, held]
+    found = np.int64(0)
+    for kind in range(2):
+        rest = wanted & ~found
+        if rest:
+            found |= hold_mask(
+                kind, pivots[point], grips[point], approaches[point], position[s0], rotation[s0],
+                position[s1], rotation[s1], mount_rotations[held], mount_positions[held], lengths,
+                determinant_floor, rest,
+            )  # fmt: skip
+    there = offset[held, point] + local[held, s1] * degree[held, point] + local[held, s0]
+    table[here] = table[there] = found | KNOWN
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_row(start, stop, held, s0, row, out, edges):  # type: ignore[no-untyped-def]
+    """`edge_mask` from `s0` to `row[start:stop]`, into `out`; `edges` are its further arguments."""
+    for k in range(start, stop):
+        out[k] = edge_mask(held, s0, row[k], *edges)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def longest_step(start, stop, held, rows, row_start, position, out):  # type: ignore[no-untyped-def]
+    """Largest squared base displacement [m^2] within each row from `start` to `stop`, into `out`."""
+    for point in range(start, stop):
+        for i in range(row_start[held, point], row_start[held, point + 1]):
+            for j in range(row_start[held, point], i):
+                a, b = rows[held, i], rows[held, j]
+                square = 0.0
+                for axis in range(3):
+                    square += (position[a, axis] - position[b, axis]) ** 2
+                out[point] = max(out[point], square)
+
+
+class PairGraph(StanceGraph):
+    """All stances of a two-limb robot that are nodes, and the steps between them.
+
+    Attributes:
+        points: Point indices of each stance, shape (n, 2), in lexical order.
+        position: Base positions [m], shape (n, 3).
+        rotation: Base rotations, shape (n, 3, 3).
+        w_m: Limb manipulability, shape (n, 2).
+        w_b: Base manipulability, shape (n,).
+        mask: Branches and flips each limb may hold on, shape (n, 2).
+        rows: Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n).
+        row_start: Where the row of each point begins in `rows`, shape (2, m + 1).
+        considered: Ordered pairs of points that were looked at.
+        reachable: How many of them inverse kinematics can hold.
+    """
+
+    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
+        """Work out every stance."""
+        super().__init__(grasp_map, robot, settings)
+        postures = self.postures(self.pairs)
+        node = self.is_node(postures)
+        self.considered, self.reachable = len(self.pairs), int(postures.reachable.sum())
+        self.points = np.ascontiguousarray(self.pairs[node])
+        chosen = postures.take(node)
+        self.position, self.rotation, self.w_m, self.w_b = (
+            chosen.position,
+            chosen.rotation,
+            chosen.w_m,
+            chosen.w_b,
+        )
+        self.branch, self.mask = chosen.branch, chosen.mask
+        n, m = len(self.points), len(grasp_map)
+        by_second = np.lexsort((self.points[:, 0], self.points[:, 1]))
+        self.rows: IntArray = np.stack([np.arange(n), by_second]).astype(np.int64)
+        ordered = np.take_along_axis(self.points.T, self.rows, axis=1)
+        self.row_position: Array = self.position[self.rows]
+        """Base positions in the order of `rows` [m], shape (2, n, 3)."""
+        self.row_start: IntArray = np.stack([np.searchsorted(row, np.arange(m + 1)) for row in ordered])
+        self.degree: IntArray = np.diff(self.row_start, axis=1)
+        self.offset: IntArray = np.cumsum(self.degree.ravel() ** 2).reshape(2, m) - self.degree**2
+        self.local: IntArray = np.empty((2, n), dtype=np.int64)
+        for limb in range(2):
+            self.local[limb, self.rows[limb]] = np.arange(n) - self.row_start[limb, ordered[limb]]
+        self.table = np.zeros(int((self.degree**2).sum()) if settings.transitions else 1, dtype=np.int32)
+        """Edge entries, zero where not known yet."""
+        self._keys = self.points[:, 0] * m + self.points[:, 1]
+        self._max_step: float | None = None
+        self.approaches: Array = np.ascontiguousarray(self.solver.tools[:, :, 2])
+        self.edges = (
+            self.points, self.local, self.degree, self.offset, self.table, self.position, self.rotation, self.mask,
+            self.solver.mount_rotations, self.solver.mount_positions, self.solver.lengths, self.grips,
+            self.approaches, self.grasp_map.positions.copy(),
+            settings.path_floor * robot.characteristic_length**3,
+        )  # fmt: skip
+        """Further arguments of `edge_mask`."""
+
+    def __len__(self) -> int:
+        """Number of stances."""
+        return len(self.points)
+
+    def find(self, stance: tuple[int, ...]) -> int:
+        """Index of a stance given by point indices, or -1 if it is no node."""
+        key = stance[0] * len(self.grasp_map) + stance[1]
+        k = int(np.searchsorted(self._keys, key))
+        return k if k < len(self._keys) and self._keys[k] == key else -1
+
+    def row(self, held: int, s: int) -> IntArray:
+        """The other stances that limb `held` of stance `s` shares its point with."""
+        point = self.points[s, held]
+        row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
+        return row[row != s]
+
+    def edge_masks(self, held: int, s: int, row: IntArray) -> IntArray:
+        """Branches that limb `held` can keep on the steps from `s` to each stance of `row`, joint limits included."""
+        out = np.full(len(row), 0xFFFF, dtype=np.int64)
+        if not self.settings.transitions:
+            return out
+        fill_row(0, len(row), held, s, row, out, self.edges)
+        if not self.robot.full_turn:
+            for k in range(len(row)):
+                out[k] = self._apply_limits(held, s, int(row[k]))
+        return out
+
+    def _apply_limits(self, held: int, s0: int, s1: int) -> int:
+        """Edge entry with the joint limits taken into account, stored for both directions."""
+        point = int(self.points[s0, held])
+        base, step = self.offset[held, point], self.degree[held, point]
+        here = base + self.local[held, s0] * step + self.local[held, s1]
+        there = base + self.local[held, s1] * step + self.local[held, s0]
+        entry = int(self.table[here])
+        if entry & LIMITED:
+            return entry & 0xFFFF
+        left, found = entry & 0xFFFF, 0
+        ends = (self.position[s0], self.rotation[s0], self.position[s1], self.rotation[s1])
+        mount = (self.solver.mount_rotations[held], self.solver.mount_positions[held], self.solver.lengths)
+        tool, grip, pivot = self.solver.tools[point], self.grips[point], self.grasp_map.positions[point]
+        for kind in (STRAIGHT, ARC):
+            mask = hold_mask(kind, pivot, grip, self.approaches[point], *ends, *mount, self.edges[-1], left & ~found)
+            if mask:
+                found |= within_limits(grip, tool, *ends, kind, pivot, *mount, self.robot.limb.limits, mask)
+        self.table[here] = self.table[there] = found | KNOWN | LIMITED
+        return found
+
+    def limits_hold(self, held: int, s0: int, s1: int) -> bool:
+        """Take the joint limits of one step into account; False if that took branches away."""
+        before = int(self.edge_masks_unlimited(held, s0, s1))
+        return self._apply_limits(held, s0, s1) == before
+
+    def edge_masks_unlimited(self, held: int, s0: int, s1: int) -> int:
+        """The edge entry as the search sees it."""
+        return int(edge_mask(held, s0, s1, *self.edges))
+
+    def successors(self, state: State) -> Successors:
+        """All steps that leave a state."""
+        s = self.find(state.stance)
+        if s < 0:
+            return Successors(NO_POINTS, NO_POINTS, np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64))
+        parts = []
+        for limb in range(2):
+            held = 1 - limb
+            row = self.row(held, s)
+            masks = self.mask[row]
+            masks[:, held] &= self.edge_masks(held, s, row) & state.masks[held]
+            keep = masks[:, held] > 0
+            row = row[keep]
+            parts.append(
+                (np.full(len(row), limb, dtype=np.int64), self.points[row, limb], self.position[row], masks[keep])
+            )
+        limb_, point, position, masks = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return Successors(limb_, point, position, masks)
+
+    @property
+    def max_step(self) -> float:
+        """Largest base displacement of one step [m], over all pairs of stances that share a point."""
+        if self._max_step is None:
+            out = np.zeros(len(self.grasp_map))
+            for held in range(2):
+                longest_step(0, len(out), held, self.rows, self.row_start, self.position, out)
+            self._max_step = float(np.sqrt(out.max()))
+        return self._max_step
+
+    def components(self) -> tuple[int, NDArray[np.int32]]:
+        """Number of connected parts of the graph before steps are checked, and the part of each stance, shape (n,)."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        m = len(self.grasp_map)
+        links = coo_array((np.ones(len(self)), (self.points[:, 0], m + self.points[:, 1])), shape=(2 * m, 2 * m))
+        _, label = connected_components(links, directed=False)
+        parts, part = np.unique(label[self.points[:, 0]], return_inverse=True)
+        return len(parts), part.astype(np.int32)
+
+    def posture(self, s: int) -> Postures:
+        """Posture of one stance."""
+        return Postures(
+            *(a[[s]] for a in (self.position, self.rotation, self.w_m, self.w_b, self.branch, self.mask))
+        )

@@ -1,0 +1,303 @@
+"""The stance graph: which stances a robot can hold on a map, and which steps join them.
+
+`stance_graph(...)` is the way in. For two limbs it returns a `PairGraph`, which holds the whole feasible
+set; for more a `LazyGraph`, which works neighbours out when they are asked for.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mlivr_gym.base_path import ARC, STRAIGHT, within_limits
+from mlivr_gym.errors import RobotError, StanceError
+from mlivr_gym.grasp_map import GraspMap, jem_map
+from mlivr_gym.posture import Postures, PostureSolver
+from mlivr_gym.robot import RobotSpec, robot_spec
+from mlivr_gym.settings import Settings
+from mlivr_gym.transitions import hold_mask
+
+if TYPE_CHECKING:
+    from mlivr_gym.pair_graph import PairGraph
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class State(NamedTuple):
+    """A stance and, for each limb, the branches and flips it may still be on.
+
+    A limb that holds keeps its branch, so every step takes branches away from the limbs that hold;
+    a limb that lands has all of them again.
+    """
+
+    stance: tuple[int, ...]
+    """Point index of each limb."""
+    masks: tuple[int, ...]
+    """16-bit mask of each limb, bit `branch + 8 * flip`."""
+
+
+class Successors(NamedTuple):
+    """The k steps that leave a state, ordered by limb and point."""
+
+    limb: IntArray
+    """Limb that moves, shape (k,)."""
+    point: IntArray
+    """Point it moves to, shape (k,)."""
+    position: Array
+    """Base position after the step [m], shape (k, 3)."""
+    masks: IntArray
+    """Masks of all limbs after the step, shape (k, N)."""
+
+
+@dataclass(frozen=True)
+class Transition:
+    """How the base moves in one step.
+
+    Attributes:
+        kind: `STRAIGHT` or `ARC`.
+        pivot: Centre of the arc: the centroid of the held points [m], shape (3,).
+        masks: Branches left to each limb after the step.
+    """
+
+    kind: int
+    pivot: Array
+    masks: tuple[int, ...]
+
+
+class StanceGraph(ABC):
+    """Stances and steps of one robot on one map under one set of thresholds."""
+
+    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
+        """Prepare the solver and the pairs of points close enough to be held at once."""
+        self.grasp_map, self.robot, self.settings = grasp_map, robot, settings
+        self.solver = PostureSolver(grasp_map, robot, settings)
+        self.limb_threshold, self.base_threshold = settings.thresholds(robot.limbs)
+        positions = grasp_map.positions
+        pairs = cKDTree(positions).query_pairs(robot.span + 1e-9, output_type="ndarray").astype(np.int64)
+        distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
+        pairs = pairs[distance >= robot.grasp_separation - 1e-9]
+        both = np.concatenate([pairs, pairs[:, ::-1]])
+        self.pairs: IntArray = both[np.lexsort((both[:, 1], both[:, 0]))]
+        """Ordered pairs of points that may be held at once, shape (p, 2)."""
+        self.partner_start: IntArray = np.searchsorted(self.pairs[:, 0], np.arange(len(grasp_map) + 1))
+        self.grips: Array = positions + robot.tool_length * grasp_map.normals
+        """Flange position at each grasp [m], shape (m, 3)."""
+
+    @property
+    def limbs(self) -> int:
+        """Number of limbs."""
+        return self.robot.limbs
+
+    def partners(self, point: int) -> IntArray:
+        """Points that may be held together with `point`."""
+        return self.pairs[self.partner_start[point] : self.partner_start[point + 1], 1]
+
+    def indices(self, stance: Sequence[str | int]) -> tuple[int, ...]:
+        """Point indices of a stance given by ids or indices.
+
+        Raises:
+            StanceError: If the number of points, an id, or the points' distance is wrong.
+        """
+        if isinstance(stance, str) or len(stance) != self.limbs:
+            raise StanceError(
+                f"stance {stance!r} must name {self.limbs} points, one for each limb of {self.robot.name!r}"
+            )
+        points = tuple(self.grasp_map.index(point) for point in stance)
+        for i, a in enumerate(points):
+            for b in points[i + 1 :]:
+                distance = float(np.linalg.norm(self.grasp_map.positions[a] - self.grasp_map.positions[b]))
+                names = f"{self.grasp_map.ids[a]!r} and {self.grasp_map.ids[b]!r}"
+                if distance < self.robot.grasp_separation - 1e-9:
+                    raise StanceError(
+                        f"points {names} are {distance:.3f} m apart; two grippers need "
+                        f"{self.robot.grasp_separation:g} m"
+                    )
+                if distance > self.robot.span + 1e-9:
+                    raise StanceError(
+                        f"points {names} are {distance:.3f} m apart; robot {self.robot.name!r} spans "
+                        f"{self.robot.span:g} m"
+                    )
+        return points
+
+    def ids(self, stance: Sequence[int]) -> tuple[str, ...]:
+        """Point ids of a stance."""
+        return tuple(self.grasp_map.ids[p] for p in stance)
+
+    def postures(self, stances: IntArray) -> Postures:
+        """Postures of stances, shape (k, N), feasible or not."""
+        return self.solver.solve(np.asarray(stances, dtype=np.int64).reshape(-1, self.limbs))
+
+    def is_node(self, postures: Postures) -> NDArray[np.bool_]:
+        """Which of some stances are nodes of the graph, shape (k,)."""
+        node: NDArray[np.bool_] = (postures.mask > 0).all(axis=1)
+        return node
+
+    def state(self, stance: Sequence[str | int]) -> State:
+        """The state of a robot that takes hold of a stance.
+
+        Raises:
+            StanceError: If the stance cannot be held; the message says why.
+        """
+        points = self.indices(stance)
+        posture = self.postures(np.array([points]))
+        if not self.is_node(posture)[0]:
+            raise StanceError(f"stance {self.ids(points)} cannot be held: {self._fault(posture)}")
+        return State(points, tuple(int(m) for m in posture.mask[0]))
+
+    def _fault(self, posture: Postures) -> str:
+        w_m, w_b = posture.w_m[0], float(posture.w_b[0])
+        if not posture.reachable[0]:
+            return "the points are out of reach from every base pose tried"
+        low = int(np.argmin(w_m))
+        if w_m[low] < self.limb_threshold:
+            return f"limb manipulability {w_m[low]:.4f} of limb {low} is below the threshold {self.limb_threshold:g}"
+        if w_b < self.base_threshold:
+            return f"base manipulability {w_b:.6f} is below the threshold {self.base_threshold:g}"
+        return (
+            f"a limb could not depart along the surface normal with limb manipulability above "
+            f"{self.settings.path_floor:g} and inside its joint limits"
+        )
+
+    @abstractmethod
+    def successors(self, state: State) -> Successors:
+        """All steps that leave a state."""
+
+    @property
+    @abstractmethod
+    def max_step(self) -> float:
+        """An upper bound of the base displacement of one step [m]."""
+
+    def transition(self, state: State, after: Sequence[int], posture: Postures) -> Transition | None:
+        """The base path from a state to a neighbouring stance, or None if the holding limbs cannot follow.
+
+        Args:
+            state: Where the step departs.
+            after: Point index of each limb after the step.
+            posture: Postures of the two stances, in this order.
+        """
+        held = [i for i in range(self.limbs) if state.stance[i] == after[i]]
+        pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
+        masks = [int(m) for m in posture.mask[1]]
+        if not self.settings.transitions:
+            return Transition(STRAIGHT, pivot, tuple(masks))
+        for kind in (STRAIGHT, ARC):
+            left = {i: self._hold(kind, pivot, after[i], i, posture, state.masks[i] & masks[i]) for i in held}
+            if all(left.values()):
+                return Transition(kind, pivot, tuple(left.get(i, masks[i]) for i in range(self.limbs)))
+        return None
+
+    def _hold(self, kind: int, pivot: Array, point: int, limb: int, posture: Postures, mask: int) -> int:
+        solver, robot = self.solver, self.robot
+        tool = solver.tools[point]
+        ends = (posture.position[0], posture.rotation[0], posture.position[1], posture.rotation[1])
+        mount = (solver.mount_rotations[limb], solver.mount_positions[limb])
+        floor = self.settings.path_floor * robot.characteristic_length**3
+        grip = self.grips[point]
+        mask = hold_mask(
+            kind, pivot, grip, np.ascontiguousarray(tool[:, 2]), *ends, *mount, solver.lengths, floor, mask
+        )
+        if mask and not robot.full_turn:
+            mask = within_limits(grip, tool, *ends, kind, pivot, *mount, solver.lengths, robot.limb.limits, mask)
+        return int(mask)
+
+
+class LazyGraph(StanceGraph):
+    """Stance graph of any number of limbs, whose neighbours are worked out when asked for."""
+
+    def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+        """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
+        limbs, points = [], []
+        for limb in range(self.limbs):
+            near = [self.partners(p) for i, p in enumerate(stance) if i != limb]
+            common = near[0]
+            for other in near[1:]:
+                common = np.intersect1d(common, other, assume_unique=True)
+            common = common[common != stance[limb]]
+            limbs.append(np.full(len(common), limb))
+            points.append(common)
+        limb, point = np.concatenate(limbs).astype(np.int64), np.concatenate(points).astype(np.int64)
+        if not len(limb):
+            return limb, point, self.postures(np.zeros((0, self.limbs), dtype=np.int64))
+        stances = np.tile(np.array(stance, dtype=np.int64), (len(limb), 1))
+        stances[np.arange(len(limb)), limb] = point
+        postures = self.postures(stances)
+        node = self.is_node(postures)
+        return limb[node], point[node], postures.take(node)
+
+    def successors(self, state: State) -> Successors:
+        """All steps that leave a state."""
+        limb, point, postures = self.candidates(state.stance)
+        here = self.postures(np.array([state.stance]))
+        keep, masks = [], []
+        for k in range(len(limb)):
+            after = list(state.stance)
+            after[limb[k]] = int(point[k])
+            step = self.transition(state, after, join(here, postures.take(np.array([k]))))
+            if step is not None:
+                keep.append(k)
+                masks.append(step.masks)
+        chosen = np.array(keep, dtype=np.int64)
+        return Successors(
+            limb[chosen],
+            point[chosen],
+            postures.position[chosen],
+            np.array(masks, dtype=np.int64).reshape(-1, self.limbs),
+        )
+
+    @property
+    def max_step(self) -> float:
+        """An upper bound of the base displacement of one step [m].
+
+        The held grasps stay where they are and each lies within reach of the base before and after.
+        """
+        robot = self.robot
+        return 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
+
+
+def join(first: Postures, second: Postures) -> Postures:
+    """Postures of two groups one after the other."""
+    return Postures(
+        *(
+            np.concatenate([getattr(first, name), getattr(second, name)])
+            for name in ("position", "rotation", "w_m", "w_b", "branch", "mask")
+        )
+    )
+
+
+def stance_graph(
+    grasp_map: GraspMap | None = None, robot: str | RobotSpec = "mlivr2", settings: Settings | None = None
+) -> PairGraph | LazyGraph:
+    """Stance graph of a robot on a map.
+
+    Args:
+        grasp_map: By default the measured JEM.
+        robot: Name, path of a JSON file, or description.
+        settings: Thresholds and switches; by default the paper's, with steps checked.
+
+    Raises:
+        RobotError: If the robot cannot hold any stance on the map.
+
+    Example:
+        >>> graph = stance_graph()
+        >>> len(graph.grasp_map)
+        331
+    """
+    from mlivr_gym.pair_graph import PairGraph
+
+    grasp_map, robot, settings = grasp_map or jem_map(), robot_spec(robot), settings or Settings()
+    if robot.limbs > 2:
+        return LazyGraph(grasp_map, robot, settings)
+    graph = PairGraph(grasp_map, robot, settings)
+    if not len(graph):
+        raise RobotError(
+            f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: no base pose at heights "
+            f"{robot.heights} m lets limbs mounted {robot.mount_radius:g} m from the axis reach two points"
+        )
+    return graph

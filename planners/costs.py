@@ -1,0 +1,72 @@
+"""Costs of a step.
+
+The paper has two: the base displacement, and one for each step. Their weighted sum charges a price in
+metres for every regrasp, so that steps can be bought with translation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.errors import SettingError, choice, nonnegative
+
+NAMES = ("base", "steps", "weighted")
+"""Names of the costs."""
+
+HEURISTICS = ("consistent", "paper", "zero", "cost_to_go")
+"""Names of the heuristics; `cost_to_go` is the exact one without step checks."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Cost `base_weight * displacement + step_weight` of one step.
+
+    Attributes:
+        name: One of `NAMES`.
+        base_weight: Weight of the base displacement [1/m].
+        step_weight: Charge for each step.
+    """
+
+    name: str = "base"
+    base_weight: float = 1.0
+    step_weight: float = 0.0
+
+    @classmethod
+    def named(cls, name: str, regrasp_price: float | None = None) -> Cost:
+        """A cost by name.
+
+        Args:
+            name: `"base"` [m], `"steps"`, or `"weighted"` [m].
+            regrasp_price: Metres charged for a regrasp; only for `"weighted"`.
+
+        Raises:
+            SettingError: If the name is unknown or the price is missing, misplaced or below zero.
+        """
+        choice("cost", name, NAMES)
+        if (name == "weighted") != (regrasp_price is not None):
+            raise SettingError(f"regrasp_price is {regrasp_price!r}; it goes with cost 'weighted' and only with it")
+        if regrasp_price is not None:
+            return cls(name, 1.0, nonnegative("regrasp_price", regrasp_price))
+        return cls(name, float(name == "base"), float(name == "steps"))
+
+    def heuristic(self, name: str, distance: NDArray[np.float64], tolerance: float, max_step: float) -> NDArray[np.float64]:
+        """Estimate of the cost from base positions to the goal.
+
+        `"consistent"` uses `max(0, d - tolerance)` and `ceil(max(0, d - tolerance) / max_step)`, which never
+        overestimate since the goal is a ball. `"paper"` uses `d` and `d / max_step`, which may.
+
+        Args:
+            name: `"consistent"`, `"paper"` or `"zero"`.
+            distance: Distances to the goal [m], any shape.
+            tolerance: Radius of the goal region [m].
+            max_step: Bound of one step's base displacement [m].
+        """
+        if name == "zero":
+            return np.zeros_like(distance)
+        if name == "paper":
+            return self.base_weight * distance + self.step_weight * distance / max_step
+        short = np.maximum(distance - tolerance, 0.0)
+        return self.base_weight * short + self.step_weight * np.ceil(short / max_step - 1e-9)

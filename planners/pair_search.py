@@ -1,0 +1,305 @@
+"""Best-first search over the stances of a two-limb robot (compiled).
+
+A search state is (stance, limb that moved last, branches left to the other limb): the limb that landed
+has all its branches. Edges are checked when a state is taken from the queue, not when it is
+put there, so only edges the search wants to use are worked out. For each (stance, limb) one mask says which
+branches were expanded already; a state with nothing new is dropped, which is exact because the cost
+of going on is the least over the branches left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mlivr_gym.pair_graph import KNOWN, edge_mask
+
+FOUND, EXHAUSTED, LIMIT = 0, 1, 2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _grown(old):  # type: ignore[no-untyped-def]
+    new = np.empty(2 * len(old), old.dtype)
+    new[: len(old)] = old
+    return new
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sift_up(heap, size, f, g):  # type: ignore[no-untyped-def]
+    """Move the last of `size` entries to its place: smaller f first, then larger g, then earlier entry."""
+    place = size - 1
+    item = heap[place]
+    while place > 0:
+        parent = (place - 1) >> 1
+        other = heap[parent]
+        if f[item] > f[other] or (f[item] == f[other] and (g[item] < g[other] or (g[item] == g[other] and item > other))):
+            break
+        heap[place] = other
+        place = parent
+    heap[place] = item
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sift_down(heap, size, f, g):  # type: ignore[no-untyped-def]
+    """Restore the order after the first entry was replaced."""
+    place = 0
+    item = heap[0]
+    while True:
+        child = 2 * place + 1
+        if child >= size:
+            break
+        best = heap[child]
+        if child + 1 < size:
+            other = heap[child + 1]
+            if f[other] < f[best] or (
+                f[other] == f[best] and (g[other] > g[best] or (g[other] == g[best] and other < best))
+            ):
+                child += 1
+                best = other
+        if f[item] < f[best] or (f[item] == f[best] and (g[item] > g[best] or (g[item] == g[best] and item < best))):
+            break
+        heap[place] = best
+        place = child
+    heap[place] = item
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def search(start, goal, h, base_weight, step_weight, g_weight, limit, check, rows, row_start, row_position, edges):  # type: ignore[no-untyped-def]
+    """Best-first search from one stance to any goal stance.
+
+    Args:
+        start: Stance index.
+        goal: Which stances are goals, shape (n,).
+        h: Heuristic of each stance, shape (n,).
+        base_weight: Weight of the base displacement [1/m].
+        step_weight: Charge for each step.
+        g_weight: 1 for A*, 0 for greedy best-first.
+        limit: Most expansions.
+        check: Whether steps are checked.
+        rows: `PairGraph.rows`.
+        row_start: `PairGraph.row_start`.
+        row_position: `PairGraph.row_position`.
+        edges: `PairGraph.edges`.
+
+    Returns:
+        Status, number generated, and for each expanded state its stance, moved limb (2 at the start), mask of the limb
+        that held, parent, and cost so far. If found, the last one is the goal.
+    """
+    points, position, mask = edges[0], edges[5], edges[7]
+    local, degree, offset, table = edges[1], edges[2], edges[3], edges[4]
+    n = len(h)
+    closed = np.zeros((n, 2), np.int64)
+    best = np.full((n, 2), np.inf)
+    size_pool = 1 << 14
+    f, g = np.empty(size_pool), np.empty(size_pool)
+    node, parent, heap = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
+    size_out = 1 << 10
+    out_node, out_mask = np.empty(size_out, np.int64), np.empty(size_out, np.int64)
+    out_parent, out_g = np.empty(size_out, np.int64), np.empty(size_out)
+    f[0], g[0], node[0], parent[0], heap[0] = h[start], 0.0, 3 * start + 2, -1, 0
+    used, size, expanded = 1, 1, 0
+    status = EXHAUSTED
+    while size > 0:
+        item = heap[0]
+        size -= 1
+        if size > 0:
+            heap[0] = heap[size]
+            _sift_down(heap, size, f, g)
+        s, moved = node[item] // 3, node[item] % 3
+        above = parent[item]
+        if moved == 2:
+            left = np.int64(0)
+            full = True
+        else:
+            held = 1 - moved
+            left = mask[s, held]
+            if check:
+                if closed[s, moved] & left == left:
+                    continue
+                before = out_node[above]
+                if before % 3 != 2 and before % 3 == moved:
+                    left &= out_mask[above]
+                left &= edge_mask(held, before // 3, s, *edges)
+            if left & ~closed[s, moved] == 0:
+                continue
+            full = left == mask[s, held]
+            closed[s, moved] |= left
+        if full:
+            closed[s, 0], closed[s, 1] = mask[s, 1], mask[s, 0]
+        if expanded == size_out:
+            out_node, out_mask = _grown(out_node), _grown(out_mask)
+            out_parent, out_g = _grown(out_parent), _grown(out_g)
+            size_out *= 2
+        here = expanded
+        cost = g[item]
+        out_node[here], out_mask[here], out_parent[here], out_g[here] = 3 * s + moved, left, above, cost
+        expanded += 1
+        if goal[s]:
+            status = FOUND
+            break
+        if expanded >= limit:
+            status = LIMIT
+            break
+        x, y, z = position[s, 0], position[s, 1], position[s, 2]
+        for limb in range(2):
+            if limb == moved and not check:
+                # Moving one limb twice in a row never pays where every step is possible.
+                continue
+            holds = 1 - limb
+            point = points[s, holds]
+            mine = mask[s, holds]
+            if moved == limb:
+                mine = left
+            first = offset[holds, point] + local[holds, s] * degree[holds, point]
+            for k in range(row_start[holds, point], row_start[holds, point + 1]):
+                s2 = rows[holds, k]
+                theirs = mask[s2, holds]
+                if closed[s2, limb] & theirs == theirs:
+                    continue
+                dx = row_position[holds, k, 0] - x
+                dy = row_position[holds, k, 1] - y
+                dz = row_position[holds, k, 2] - z
+                cost2 = cost + base_weight * np.sqrt(dx * dx + dy * dy + dz * dz) + step_weight
+                if cost2 >= best[s2, limb]:
+                    continue
+                after = mine & theirs
+                if check:
+                    entry = table[first + local[holds, s2]]
+                    if entry & KNOWN:
+                        after &= entry
+                        if after & ~closed[s2, limb] == 0:
+                            continue
+                        if after == theirs:
+                            best[s2, limb] = cost2
+                else:
+                    # Without checks it does not matter which limb moved.
+                    best[s2, 0] = best[s2, 1] = cost2
+                if used == size_pool:
+                    f, g, node, parent = _grown(f), _grown(g), _grown(node), _grown(parent)
+                    heap = _grown(heap)
+                    size_pool *= 2
+                f[used] = g_weight * cost2 + h[s2]
+                g[used] = cost2
+                node[used] = 3 * s2 + limb
+                parent[used] = here
+                heap[size] = used
+                used += 1
+                size += 1
+                _sift_up(heap, size, f, g)
+    return (
+        status,
+        used,
+        out_node[:expanded] // 3,
+        out_node[:expanded] % 3,
+        out_mask[:expanded],
+        out_parent[:expanded],
+        out_g[:expanded],
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def steps_to_goal(goal, rows, row_start, points):  # type: ignore[no-untyped-def]
+    """Fewest steps from every stance to the goal region when steps are not checked, shape (n,); inf where none.
+
+    A breadth-first search in which each row is opened once: all its stances are one step from the first of them
+    that was reached.
+    """
+    n = len(goal)
+    value = np.full(n, np.inf)
+    opened = np.zeros((2, row_start.shape[1] - 1), np.bool_)
+    queue = np.empty(n, np.int64)
+    head = tail = 0
+    for s in range(n):
+        if goal[s]:
+            value[s] = 0.0
+            queue[tail] = s
+            tail += 1
+    while head < tail:
+        s = queue[head]
+        head += 1
+        for held in range(2):
+            point = points[s, held]
+            if opened[held, point]:
+                continue
+            opened[held, point] = True
+            for k in range(row_start[held, point], row_start[held, point + 1]):
+                s2 = rows[held, k]
+                if value[s2] == np.inf:
+                    value[s2] = value[s] + 1.0
+                    queue[tail] = s2
+                    tail += 1
+    return value
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def distance_to_goal(
+    goal, start, toward, base_weight, step_weight, rows, row_start, points, position, row_position
+):  # type: ignore[no-untyped-def]
+    """Exact cost from stances to the goal region when steps are not checked, by search backward from the goal.
+
+    Moving one limb twice in a row never pays here, so a stance reached along a row does not open that row again.
+
+    Args:
+        goal: Which stances are goals, shape (n,).
+        start: Stance at which to stop, or -1 to go on to the end.
+        toward: Lower bound of the cost between each stance and the start, shape (n,); zeros without one.
+        base_weight: Weight of the base displacement [1/m].
+        step_weight: Charge for each step.
+        rows: `PairGraph.rows`.
+        row_start: `PairGraph.row_start`.
+        points: `PairGraph.points`.
+        position: `PairGraph.position`.
+        row_position: `PairGraph.row_position`.
+
+    Returns:
+        Cost of each stance that was settled, inf elsewhere, shape (n,).
+    """
+    n = len(goal)
+    value, settled = np.full(n, np.inf), np.full(n, np.inf)
+    along = np.full(n, -1, np.int64)
+    size_pool = max(1024, n)
+    f, g = np.empty(size_pool), np.empty(size_pool)
+    node, heap = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
+    used = size = 0
+    for s in range(n):
+        if goal[s]:
+            value[s] = g[used] = 0.0
+            f[used], node[used], heap[size] = toward[s], s, used
+            used += 1
+            size += 1
+            _sift_up(heap, size, f, g)
+    while size > 0:
+        item = heap[0]
+        size -= 1
+        if size > 0:
+            heap[0] = heap[size]
+            _sift_down(heap, size, f, g)
+        s = node[item]
+        if settled[s] < np.inf:
+            continue
+        cost = value[s]
+        settled[s] = cost
+        if s == start:
+            break
+        x, y, z = position[s, 0], position[s, 1], position[s, 2]
+        for held in range(2):
+            if held == along[s]:
+                continue
+            point = points[s, held]
+            for k in range(row_start[held, point], row_start[held, point + 1]):
+                s2 = rows[held, k]
+                dx = row_position[held, k, 0] - x
+                dy = row_position[held, k, 1] - y
+                dz = row_position[held, k, 2] - z
+                cost2 = cost + base_weight * np.sqrt(dx * dx + dy * dy + dz * dz) + step_weight
+                if cost2 < value[s2]:
+                    value[s2] = cost2
+                    along[s2] = held
+                    if used == size_pool:
+                        f, g, node, heap = _grown(f), _grown(g), _grown(node), _grown(heap)
+                        size_pool *= 2
+                    f[used], g[used], node[used], heap[size] = cost2 + toward[s2], cost2, s2, used
+                    used += 1
+                    size += 1
+                    _sift_up(heap, size, f, g)
+    return settled
