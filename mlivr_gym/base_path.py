@@ -255,7 +255,7 @@ def certify(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def follow(
-    grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, branch, q, low, high
+    grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, branch, samples, q, low, high
 ):  # type: ignore[no-untyped-def]
     """Joint angles of a holding limb along a base path, continuous from `q`.
 
@@ -272,6 +272,7 @@ def follow(
         mount_position: Shape (3,) [m].
         lengths: d1, a2, a3, d4, d5, d6 [m].
         branch: Branch label.
+        samples: Intervals, or 0 for the start alone.
         q: Angles near the start, shape (6,), moved to the end; NaN at first to start in (-pi, pi] [rad].
         low: Least angles so far, shape (6,), lowered.
         high: Largest angles so far, shape (6,), raised.
@@ -283,8 +284,8 @@ def follow(
     omega = relative_rotation(r0, r1, axis)
     position, p, column, z = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     rotation, solutions = np.empty((3, 3)), np.empty((8, 6))
-    for sample in range(SAMPLES + 1):
-        s = sample / SAMPLES
+    for sample in range(samples + 1):
+        s = sample / samples if samples else 0.0
         position_on_path(t0, t1, kind, pivot, s, position)
         for c in range(3):
             for k in range(3):
@@ -321,7 +322,7 @@ def within_limits(
         for joint in range(6):
             q[joint], low[joint], high[joint] = np.nan, np.inf, -np.inf
         if not follow(
-            grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, branch, q, low, high
+            grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, branch, SAMPLES, q, low, high
         ):
             mask &= ~both
             continue

@@ -7,13 +7,16 @@ can keep on a step: one entry for each ordered pair of stances of a row, filled 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from mlivr_gym.base_path import ARC, STRAIGHT, within_limits
 from mlivr_gym.grasp_map import GraspMap
-from mlivr_gym.posture import Postures
+from mlivr_gym.posture import Postures, in_parallel
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stance_graph import Array, IntArray, StanceGraph, State, Successors
@@ -76,6 +79,35 @@ def longest_step(start, stop, held, rows, row_start, position, out):  # type: ig
                 out[point] = max(out[point], square)
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill_points(start, stop, held, rows, row_start, edges):  # type: ignore[no-untyped-def]
+    for point in range(start, stop):
+        for i in range(row_start[held, point], row_start[held, point + 1]):
+            for j in range(row_start[held, point], i):
+                edge_mask(held, rows[held, i], rows[held, j], *edges)
+
+
+def fill_rows(graph: PairGraph, progress: Callable[[int, int], None] | None = None) -> None:
+    """Check every step of a graph, once; `progress` is called with rows done and rows in all."""
+    if graph.complete:
+        return
+    m = len(graph.grasp_map)
+    chunk = max(1, m // 16)
+    for held in range(2):
+        for begin in range(0, m, chunk):
+            in_parallel(
+                min(chunk, m - begin), _fill_points, held, graph.rows, graph.row_start, graph.edges,
+                first=begin, least=2,
+            )  # fmt: skip
+            if progress is not None:
+                progress(held * m + min(begin + chunk, m), 2 * m)
+    if not graph.robot.full_turn:
+        for s in range(len(graph)):
+            for held in range(2):
+                graph.edge_masks(held, s, graph.row(held, s))
+    graph.complete = True
+
+
 class PairGraph(StanceGraph):
     """All stances of a two-limb robot that are nodes, and the steps between them.
 
@@ -121,8 +153,9 @@ class PairGraph(StanceGraph):
             self.local[limb, self.rows[limb]] = np.arange(n) - self.row_start[limb, ordered[limb]]
         self.table = np.zeros(int((self.degree**2).sum()) if settings.transitions else 1, dtype=np.int32)
         """Edge entries, zero where not known yet."""
+        self.complete = False
+        """Whether every edge entry is known."""
         self._keys = self.points[:, 0] * m + self.points[:, 1]
-        self._max_step: float | None = None
         self.approaches: Array = np.ascontiguousarray(self.solver.tools[:, :, 2])
         self.edges = (
             self.points, self.local, self.degree, self.offset, self.table, self.position, self.rotation, self.mask,
@@ -141,6 +174,14 @@ class PairGraph(StanceGraph):
         key = stance[0] * len(self.grasp_map) + stance[1]
         k = int(np.searchsorted(self._keys, key))
         return k if k < len(self._keys) and self._keys[k] == key else -1
+
+    def state(self, stance: Sequence[str | int]) -> State:
+        """The state of a robot that takes hold of a stance; see `StanceGraph.state`."""
+        points = self.indices(stance)
+        s = self.find(points)
+        if s < 0:
+            return super().state(points)
+        return State(points, tuple(self.mask[s].tolist()))
 
     def row(self, held: int, s: int) -> IntArray:
         """The other stances that limb `held` of stance `s` shares its point with."""
@@ -207,16 +248,15 @@ class PairGraph(StanceGraph):
         limb_, point, position, masks = (np.concatenate(part) for part in zip(*parts, strict=True))
         return Successors(limb_, point, position, masks)
 
-    @property
+    @cached_property
     def max_step(self) -> float:
         """Largest base displacement of one step [m], over all pairs of stances that share a point."""
-        if self._max_step is None:
-            out = np.zeros(len(self.grasp_map))
-            for held in range(2):
-                longest_step(0, len(out), held, self.rows, self.row_start, self.position, out)
-            self._max_step = float(np.sqrt(out.max()))
-        return self._max_step
+        out = np.zeros(len(self.grasp_map))
+        for held in range(2):
+            longest_step(0, len(out), held, self.rows, self.row_start, self.position, out)
+        return float(np.sqrt(out.max()))
 
+    @cached_property
     def components(self) -> tuple[int, NDArray[np.int32]]:
         """Number of connected parts of the graph before steps are checked, and the part of each stance, shape (n,)."""
         from scipy.sparse import coo_array

@@ -28,7 +28,7 @@ from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.ur_kinematics import branch_terms
+from mlivr_gym.ur_kinematics import SINGULAR, branch_terms
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -168,72 +168,56 @@ def limb_choices(
         branch_terms(p[i], z[i], lengths, terms)
         best = 0.0
         for c in range(4):
-            w[i, c] = unit * np.sqrt(terms[c, 3]) if terms[c, 3] > 0.0 else 0.0
+            w[i, c] = unit * np.sqrt(terms[c, 3]) if terms[c, 3] > SINGULAR * SINGULAR else 0.0
             best = max(best, w[i, c])
         least = min(least, best)
     return least
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _best_branches(
-    p, z, w_class, mount_rotations, mount_positions, lengths, l_c, scale_m, scale_b, floor, info, branch, best_wb
-):  # type: ignore[no-untyped-def]
-    """Branches of the largest margin above `floor` for one base pose; returns the margin, or `floor`.
+def combined(information, branch, scratch):  # type: ignore[no-untyped-def]
+    """`w_b` of one branch for each limb from their `K^-1`, shape (N, 8, 6, 6); `scratch` has shape (2, 6, 6)."""
+    for row in range(6):
+        for col in range(row + 1):
+            total = 0.0
+            for i in range(len(branch)):
+                total += information[i, branch[i], row, col]
+            scratch[0, row, col] = total
+    return inverse_root_determinant(scratch[0], scratch[1])
 
-    Combinations are tried in falling order of each limb's `w_m`, and `w_b` is formed only where `w_m` leaves
-    room for a better margin.
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scratch):  # type: ignore[no-untyped-def]
+    """Branches of the largest margin above `floor` for one base pose; returns the margin and its `w_b`.
+
+    `w_b` is formed only where `w_m` leaves room for a better margin; `trial` has shape (N,).
     """
-    count = p.shape[0]
-    order = np.empty((count, 4), dtype=np.int64)
+    count = len(branch)
+    best, best_wb = floor, 0.0
+    top = np.inf
     for i in range(count):
+        largest = 0.0
         for c in range(4):
-            place = c
-            while place > 0 and w_class[i, order[i, place - 1]] < w_class[i, c]:
-                order[i, place] = order[i, place - 1]
-                place -= 1
-            order[i, place] = c
-    state = np.zeros((count, 8), dtype=np.int64)
-    scratch, total = np.empty((6, 6)), np.empty((6, 6))
-    chosen = np.empty(count, dtype=np.int64)
-    best = floor
-    for combination in range(4**count):
+            largest = max(largest, w[i, c])
+        top = min(top, largest / scale_m)
+    for combination in range(2 * 8**count):
+        # The first round takes those whose least `w_m` is the largest there is.
+        least = top * (1.0 - TIE) if combination < 8**count else 0.0
         bound = np.inf
         rest = combination
         for i in range(count):
-            c = order[i, rest & 3]
-            rest >>= 2
-            chosen[i] = 2 * c
-            bound = min(bound, w_class[i, c] / scale_m)
-        if bound <= best * (1.0 + TIE) or bound <= 0.0:
-            continue
-        for elbows in range(1 << count):
-            valid = True
-            for i in range(count):
-                b = chosen[i] + (elbows >> i & 1)
-                if state[i, b] == 0:
-                    found = limb_information(
-                        p[i], z[i], lengths, b, mount_rotations[i], mount_positions[i], l_c, info[i, b]
-                    )
-                    state[i, b] = 1 if found else 2
-                valid = valid and state[i, b] == 1
-            if not valid:
-                continue
-            for row in range(6):
-                for col in range(row + 1):
-                    value = 0.0
-                    for i in range(count):
-                        value += info[i, chosen[i] + (elbows >> i & 1), row, col]
-                    total[row, col] = value
-            w_b = inverse_root_determinant(total, scratch)
+            trial[i] = rest & 7
+            rest >>= 3
+            bound = min(bound, w[i, trial[i] >> 1])
+        bound /= scale_m
+        if bound > best * (1.0 + TIE) and bound >= least:
+            w_b = combined(information, trial, scratch)
             margin = min(bound, w_b / scale_b)
             if margin > best * (1.0 + TIE):
-                best = margin
-                best_wb[0] = w_b
+                best, best_wb = margin, w_b
                 for i in range(count):
-                    branch[i] = chosen[i] + (elbows >> i & 1)
-                if margin == bound:
-                    break
-    return best
+                    branch[i] = trial[i]
+    return best, best_wb
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -275,9 +259,8 @@ def solve_geometries(
     bounds = np.empty(most)
     p, z = np.empty((most, count, 3)), np.empty((most, count, 3))
     turned, origins = np.empty((most, 3, 3)), np.empty((most, 3))
-    info = np.empty((count, 8, 6, 6))
-    found_branch = np.zeros(count, dtype=np.int64)
-    found_wb = np.zeros(1)
+    information, scratch = np.empty((count, 8, 6, 6)), np.empty((2, 6, 6))
+    found, trial = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     for g in range(start, stop):
         try_rolls = wide_rolls if opposed[g] else rolls
         try_heights = wide_heights if opposed[g] else heights
@@ -309,20 +292,26 @@ def solve_geometries(
             if bounds[c] <= margin * (1.0 + TIE) or bounds[c] <= 0.0:
                 break
             bounds[c] = 0.0
-            better = _best_branches(
-                p[c], z[c], w_class[c], mount_rotations, mount_positions, lengths, l_c,
-                scale_m, scale_b, margin, info, found_branch, found_wb,
-            )  # fmt: skip
+            for i in range(count):
+                for b in range(8):
+                    if w_class[c, i, b >> 1] > margin * scale_m:
+                        limb_information(
+                            p[c, i], z[c, i], lengths, b, mount_rotations[i], mount_positions[i], l_c,
+                            information[i, b],
+                        )  # fmt: skip
+            better, better_wb = _best_branches(
+                w_class[c], information, scale_m, scale_b, margin, found, trial, scratch
+            )
             if better > margin:
                 margin = better
-                w_b[g] = found_wb[0]
+                w_b[g] = better_wb
                 for axis in range(3):
                     position[g, axis] = origins[c, axis]
                     for col in range(3):
                         rotation[g, axis, col] = turned[c, axis, col]
                 for i in range(count):
-                    branch[g, i] = found_branch[i]
-                    w_m[g, i] = w_class[c, i, found_branch[i] >> 1]
+                    branch[g, i] = found[i]
+                    w_m[g, i] = w_class[c, i, found[i] >> 1]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -359,7 +348,9 @@ def branch_masks(
     count = grasps.shape[1]
     p, z, w = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 4))
     grip, approach, lifted = np.empty(3), np.empty(3), np.empty(3)
-    info = np.empty((count, 8, 6, 6))
+    information, scratch = np.empty((count, 8, 6, 6)), np.empty((2, 6, 6))
+    members = np.empty((8**count, count), dtype=np.int64)
+    kind = np.int64(STRAIGHT)
     allowed, kept = np.empty((count, 8), dtype=np.bool_), np.empty((count, 8), dtype=np.bool_)
     for g in range(start, stop):
         limb_choices(
@@ -377,7 +368,7 @@ def branch_masks(
                 lifted[axis] = position[g, axis] - lift * normals[g, i, axis]
             if classes:
                 classes = certify(
-                    grip, approach, position[g], rotation[g], lifted, rotation[g], STRAIGHT, position[g],
+                    grip, approach, position[g], rotation[g], lifted, rotation[g], kind, position[g],
                     mount_rotations[i], mount_positions[i], lengths, floor * l_c**3, classes,
                 )  # fmt: skip
             bits = expand_classes(classes)
@@ -387,9 +378,11 @@ def branch_masks(
             for b in range(8):
                 allowed[i, b] = (bits | bits >> 8) >> b & 1
                 kept[i, b] = False
-        _grow(
-            p, z, allowed, branch[g], mount_rotations, mount_positions, lengths, l_c, w_b_min, info, kept
-        )
+                if allowed[i, b]:
+                    limb_information(
+                        p[i], z[i], lengths, b, mount_rotations[i], mount_positions[i], l_c, information[i, b]
+                    )
+        _grow(allowed, information, branch[g], w_b_min, members, scratch, kept)
         for i in range(count):
             bits = 0
             for b in range(8):
@@ -399,52 +392,36 @@ def branch_masks(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _grow(p, z, allowed, own, mount_rotations, mount_positions, lengths, l_c, w_b_min, info, kept):  # type: ignore[no-untyped-def]
-    """Product set reached from `own` by adding branches one at a time, every combination at or above `w_b_min`."""
-    count = p.shape[0]
-    scratch, total = np.empty((6, 6)), np.empty((6, 6))
+def _grow(allowed, information, own, w_b_min, members, scratch, kept):  # type: ignore[no-untyped-def]
+    """Product set reached from `own` by adding branches one at a time, every combination at or above `w_b_min`.
+
+    `members`, shape (8^N, N), takes the combinations of the set; `kept`, shape (N, 8), says which branches are in it.
+    """
+    count = len(own)
     for i in range(count):
+        members[0, i] = own[i]
         if not allowed[i, own[i]]:
             return
-        for b in range(8):
-            if allowed[i, b] and w_b_min > 0.0:
-                allowed[i, b] = limb_information(
-                    p[i], z[i], lengths, b, mount_rotations[i], mount_positions[i], l_c, info[i, b]
-                )
     for i in range(count):
         kept[i, own[i]] = True
-    index = np.zeros(count, dtype=np.int64)
+    size = 1
     for i in range(count):
         for b in range(8):
-            if kept[i, b] or not allowed[i, b]:
+            if not allowed[i, b] or kept[i, b]:
                 continue
-            valid = True
-            index.fill(0)
-            running = w_b_min > 0.0
-            while running and valid:
-                member = True
-                for j in range(count):
-                    if j != i and not kept[j, index[j]]:
-                        member = False
-                if member:
-                    for row in range(6):
-                        for col in range(row + 1):
-                            value = info[i, b, row, col]
-                            for j in range(count):
-                                if j != i:
-                                    value += info[j, index[j], row, col]
-                            total[row, col] = value
-                    valid = inverse_root_determinant(total, scratch) >= w_b_min
-                running = False
-                for j in range(count):
-                    if j == i:
-                        continue
-                    index[j] += 1
-                    if index[j] < 8:
-                        running = True
+            end = size
+            for k in range(size):
+                if members[k, i] == own[i]:
+                    for j in range(count):
+                        members[end, j] = members[k, j]
+                    members[end, i] = b
+                    if combined(information, members[end], scratch) < w_b_min:
+                        end = -1
                         break
-                    index[j] = 0
-            kept[i, b] = valid
+                    end += 1
+            if end > 0:
+                size = end
+                kept[i, b] = True
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -572,14 +549,16 @@ class PostureSolver:
         self._solved.append(out)
 
 
-def in_parallel(count: int, kernel: Callable[..., None], *args: object) -> None:
-    """Call a compiled `kernel(start, stop, *args)` over `range(count)`, in two threads where it pays."""
-    workers = min(os.cpu_count() or 1, 8) if count >= 2000 else 1
+def in_parallel(
+    count: int, kernel: Callable[..., None], *args: object, first: int = 0, least: int = 2000
+) -> None:
+    """Call a compiled `kernel(start, stop, *args)` over `count` items from `first`, in threads from `least` items on."""
+    workers = min(os.cpu_count() or 1, 8) if count >= least else 1
     if workers == 1:
-        kernel(0, count, *args)
+        kernel(first, first + count, *args)
         return
-    kernel(0, 0, *args)
-    edges = [count * w // workers for w in range(workers + 1)]
+    kernel(first, first, *args)
+    edges = [first + count * w // workers for w in range(workers + 1)]
     with ThreadPoolExecutor(workers) as pool:
         for job in [pool.submit(kernel, edges[w], edges[w + 1], *args) for w in range(workers)]:
             job.result()

@@ -20,7 +20,8 @@ FOUND, EXHAUSTED, LIMIT = 0, 1, 2
 @njit(cache=True, nogil=True, error_model="numpy")
 def _grown(old):  # type: ignore[no-untyped-def]
     new = np.empty(2 * len(old), old.dtype)
-    new[: len(old)] = old
+    for k in range(len(old)):
+        new[k] = old[k]
     return new
 
 
@@ -64,7 +65,7 @@ def _sift_down(heap, size, f, g):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def search(start, goal, h, base_weight, step_weight, g_weight, limit, check, rows, row_start, row_position, edges):  # type: ignore[no-untyped-def]
+def search(start, goal, h, base_weight, step_weight, g_weight, limit, check, rows, row_start, row_position, edges, closed, best):  # type: ignore[no-untyped-def]  # fmt: skip
     """Best-first search from one stance to any goal stance.
 
     Args:
@@ -80,16 +81,15 @@ def search(start, goal, h, base_weight, step_weight, g_weight, limit, check, row
         row_start: `PairGraph.row_start`.
         row_position: `PairGraph.row_position`.
         edges: `PairGraph.edges`.
+        closed: Zeros, shape (n, 2); branches of the other limb with which a stance was expanded, by limb moved last.
+        best: Infinities, shape (n, 2); least cost known to lead to a stance with nothing taken away.
 
     Returns:
-        Status, number generated, and for each expanded state its stance, moved limb (2 at the start), mask of the limb
-        that held, parent, and cost so far. If found, the last one is the goal.
+        Status, number generated, and for each expanded state `3 * stance + limb moved` (2 at the start), mask
+        of the limb that held, parent, and cost so far. If found, the last one is the goal.
     """
     points, position, mask = edges[0], edges[5], edges[7]
     local, degree, offset, table = edges[1], edges[2], edges[3], edges[4]
-    n = len(h)
-    closed = np.zeros((n, 2), np.int64)
-    best = np.full((n, 2), np.inf)
     size_pool = 1 << 14
     f, g = np.empty(size_pool), np.empty(size_pool)
     node, parent, heap = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
@@ -186,27 +186,25 @@ def search(start, goal, h, base_weight, step_weight, g_weight, limit, check, row
                 used += 1
                 size += 1
                 _sift_up(heap, size, f, g)
-    return (
-        status,
-        used,
-        out_node[:expanded] // 3,
-        out_node[:expanded] % 3,
-        out_mask[:expanded],
-        out_parent[:expanded],
-        out_g[:expanded],
-    )
+    return status, used, out_node[:expanded], out_mask[:expanded], out_parent[:expanded], out_g[:expanded]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def steps_to_goal(goal, rows, row_start, points):  # type: ignore[no-untyped-def]
-    """Fewest steps from every stance to the goal region when steps are not checked, shape (n,); inf where none.
+def steps_to_goal(goal, rows, row_start, points, value, opened):  # type: ignore[no-untyped-def]
+    """Fewest steps from every stance to the goal region when steps are not checked.
 
     A breadth-first search in which each row is opened once: all its stances are one step from the first of them
     that was reached.
+
+    Args:
+        goal: Which stances are goals, shape (n,).
+        rows: `PairGraph.rows`.
+        row_start: `PairGraph.row_start`.
+        points: `PairGraph.points`.
+        value: Infinities, shape (n,), filled with the steps; inf stays where there is no way.
+        opened: False, shape (2, m).
     """
     n = len(goal)
-    value = np.full(n, np.inf)
-    opened = np.zeros((2, row_start.shape[1] - 1), np.bool_)
     queue = np.empty(n, np.int64)
     head = tail = 0
     for s in range(n):
@@ -228,12 +226,11 @@ def steps_to_goal(goal, rows, row_start, points):  # type: ignore[no-untyped-def
                     value[s2] = value[s] + 1.0
                     queue[tail] = s2
                     tail += 1
-    return value
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def distance_to_goal(
-    goal, start, toward, base_weight, step_weight, rows, row_start, points, position, row_position
+    goal, start, toward, base_weight, step_weight, rows, row_start, points, position, row_position, value, settled, along
 ):  # type: ignore[no-untyped-def]
     """Exact cost from stances to the goal region when steps are not checked, by search backward from the goal.
 
@@ -250,14 +247,12 @@ def distance_to_goal(
         points: `PairGraph.points`.
         position: `PairGraph.position`.
         row_position: `PairGraph.row_position`.
-
-    Returns:
-        Cost of each stance that was settled, inf elsewhere, shape (n,).
+        value: Infinities, shape (n,); least costs found.
+        settled: Infinities, shape (n,), filled with the cost of each stance that was settled.
+        along: Minus ones, shape (n,); the limb that held when a stance was reached.
     """
     n = len(goal)
-    value, settled = np.full(n, np.inf), np.full(n, np.inf)
-    along = np.full(n, -1, np.int64)
-    size_pool = max(1024, n)
+    size_pool = n + 1
     f, g = np.empty(size_pool), np.empty(size_pool)
     node, heap = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
     used = size = 0
@@ -302,4 +297,3 @@ def distance_to_goal(
                     used += 1
                     size += 1
                     _sift_up(heap, size, f, g)
-    return settled

@@ -1,0 +1,179 @@
+"""From a sequence of stances to a plan: branches, joint angles and base paths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.base_path import ARC, PATH_KINDS, SAMPLES, STRAIGHT, follow
+from mlivr_gym.manipulability import inverse_root_determinant, limb_information
+from mlivr_gym.planners.plan import Step
+from mlivr_gym.posture import Postures, limb_choices
+from mlivr_gym.stance_graph import StanceGraph, State
+from mlivr_gym.transitions import hold_mask
+
+Array = NDArray[np.float64]
+
+
+class Assembly(NamedTuple):
+    """Branches (K, N), joint angles (K, N, 6) [rad], `w_m` (K, N), `w_b` (K,), steps, and whether limits hold."""
+
+    branches: NDArray[np.int64]
+    joints: Array
+    w_m: Array
+    w_b: Array
+    steps: tuple[Step, ...]
+    inside_limits: bool
+
+
+def holds(states: Sequence[State], limb: int) -> list[tuple[int, int]]:
+    """First and last stance of each time `limb` holds one point."""
+    spans, first = [], 0
+    for k in range(1, len(states) + 1):
+        if k == len(states) or states[k].stance[limb] != states[first].stance[limb]:
+            spans.append((first, k - 1))
+            first = k
+    return spans
+
+
+def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) -> Assembly:
+    """Complete a sequence of states.
+
+    For each time a limb holds, the branch is the one left at its end that has the largest least `w_m`
+    over the hold; of equal ones the first. Joint angles are continuous over a hold, on the winding
+    inside the limits that is nearest to where the limb was before.
+
+    Args:
+        graph: The stance graph.
+        states: K states, each with the branches left.
+        postures: Their K postures.
+    """
+    count, limbs = len(states), graph.limbs
+    checked = graph.settings.transitions
+    solver, robot = graph.solver, graph.robot
+    points = np.array([state.stance for state in states])
+    normals = graph.grasp_map.normals
+    p, z, w = np.empty((count, limbs, 3)), np.empty((count, limbs, 3)), np.empty((count, limbs, 4))
+    for k in range(count):
+        limb_choices(
+            graph.grasp_map.positions[points[k]], normals[points[k]], robot.tool_length, postures.position[k],
+            postures.rotation[k], solver.mount_rotations, solver.mount_positions, solver.lengths,
+            robot.characteristic_length, p[k], z[k], w[k],
+        )  # fmt: skip
+    branches = postures.branch.copy()
+    flips = np.zeros((count, limbs), dtype=np.int64)
+    if checked:
+        for limb in range(limbs):
+            for first, last in holds(states, limb):
+                mask = states[last].masks[limb]
+                least = w[first : last + 1, limb].min(axis=0)
+                bits = [bit for bit in range(16) if mask >> bit & 1]
+                bit = max(bits, key=lambda b: (round(float(least[(b & 7) >> 1]), 12), -b))
+                branches[first : last + 1, limb], flips[first : last + 1, limb] = bit & 7, bit >> 3
+    kinds = _path_kinds(graph, points, postures, branches) if checked else []
+    joints, inside = _joint_angles(graph, states, points, postures, branches, flips, kinds)
+    w_m = np.take_along_axis(w, branches[..., None] >> 1, axis=2)[..., 0]
+    w_b = np.empty(count)
+    info, total, scratch = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+    for k in range(count):
+        total[:] = 0.0
+        for i in range(limbs):
+            limb_information(
+                p[k, i], z[k, i], solver.lengths, branches[k, i], solver.mount_rotations[i],
+                solver.mount_positions[i], robot.characteristic_length, info,
+            )  # fmt: skip
+            total += info
+        w_b[k] = inverse_root_determinant(total, scratch)
+    steps = []
+    for k in range(count - 1):
+        limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
+        x, y, height = _pivot(graph, points, k).tolist()
+        steps.append(
+            Step(
+                limb=limb,
+                departs=graph.grasp_map.ids[points[k, limb]],
+                lands=graph.grasp_map.ids[points[k + 1, limb]],
+                path=PATH_KINDS[kinds[k]] if checked else "unchecked",
+                pivot=(x, y, height),
+                displacement=float(np.linalg.norm(postures.position[k + 1] - postures.position[k])),
+            )
+        )
+    return Assembly(branches, joints, w_m, w_b, tuple(steps), inside)
+
+
+def _pivot(graph: StanceGraph, points: NDArray[np.int64], k: int) -> Array:
+    held = points[k][points[k] == points[k + 1]]
+    centre: Array = graph.grasp_map.positions[held].mean(axis=0)
+    return centre
+
+
+def _path_kinds(
+    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, branches: NDArray[np.int64]
+) -> list[int]:
+    """Straight where every holding limb can keep its branch on it, else an arc."""
+    solver = graph.solver
+    floor = graph.settings.path_floor * graph.robot.characteristic_length**3
+    kinds = []
+    for k in range(len(points) - 1):
+        pivot = _pivot(graph, points, k)
+        straight = True
+        for i in np.flatnonzero(points[k] == points[k + 1]):
+            bit = 1 << int(branches[k, i])
+            straight = straight and bool(
+                hold_mask(
+                    STRAIGHT, pivot, graph.grips[points[k, i]], -graph.grasp_map.normals[points[k, i]],
+                    postures.position[k], postures.rotation[k], postures.position[k + 1], postures.rotation[k + 1],
+                    solver.mount_rotations[i], solver.mount_positions[i], solver.lengths, floor, bit,
+                )  # fmt: skip
+            )
+        kinds.append(STRAIGHT if straight else ARC)
+    return kinds
+
+
+def _joint_angles(
+    graph: StanceGraph,
+    states: Sequence[State],
+    points: NDArray[np.int64],
+    postures: Postures,
+    branches: NDArray[np.int64],
+    flips: NDArray[np.int64],
+    kinds: list[int],
+) -> tuple[Array, bool]:
+    """Joint angles at every stance (K, N, 6) [rad] and whether each hold fits inside the joint limits."""
+    solver, limits = graph.solver, graph.robot.limb.limits
+    joints = np.empty((len(states), graph.limbs, 6))
+    inside = True
+    for limb in range(graph.limbs):
+        mount = (solver.mount_rotations[limb], solver.mount_positions[limb], solver.lengths)
+        before = np.zeros(6)
+        for first, last in holds(states, limb):
+            grip, tool = graph.grips[points[first, limb]], solver.tools[points[first, limb]]
+            low, high = np.full(6, np.inf), np.full(6, -np.inf)
+            q = np.full(6, np.nan)
+            for k in range(first, last + 1):
+                if not kinds:
+                    q[:] = np.nan
+                here = (postures.position[k], postures.rotation[k])
+                follow(
+                    grip, tool, *here, *here, STRAIGHT, here[0], *mount, branches[k, limb], 0, q, low, high
+                )  # fmt: skip
+                joints[k, limb] = q
+                if kinds and k < last:
+                    follow(
+                        grip, tool, *here, postures.position[k + 1], postures.rotation[k + 1], kinds[k],
+                        _pivot(graph, points, k), *mount, branches[k, limb], SAMPLES, q, low, high,
+                    )  # fmt: skip
+            joints[first : last + 1, limb, 5] += np.pi * flips[first, limb]
+            low[5] += np.pi * flips[first, limb]
+            high[5] += np.pi * flips[first, limb]
+            fewest = np.ceil((limits[:, 0] - low) / (2.0 * np.pi) - 1e-12)
+            most = np.floor((limits[:, 1] - high) / (2.0 * np.pi) + 1e-12)
+            inside = inside and bool((fewest <= most).all())
+            nearest = np.rint((before - joints[first, limb]) / (2.0 * np.pi))
+            joints[first : last + 1, limb] += 2.0 * np.pi * np.clip(nearest, fewest, np.maximum(fewest, most))
+            before = joints[last, limb]
+    return joints, inside
+

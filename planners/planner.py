@@ -1,0 +1,381 @@
+"""The planner: from a start stance and a goal position to a plan."""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.errors import PlanError, SettingError, StanceError, choice, nonnegative
+from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.planners.assemble import assemble
+from mlivr_gym.planners.cost_to_go import CostToGo
+from mlivr_gym.planners.costs import HEURISTICS, Cost
+from mlivr_gym.planners.lazy_search import lazy_search
+from mlivr_gym.planners.pair_search import FOUND, LIMIT, distance_to_goal, search, steps_to_goal
+from mlivr_gym.planners.plan import Plan
+from mlivr_gym.posture import Postures
+from mlivr_gym.stance_graph import LazyGraph, StanceGraph, State, join
+
+Array = NDArray[np.float64]
+
+METHODS = ("astar", "dijkstra", "greedy")
+"""Names of the search methods."""
+
+GOAL_TOLERANCE = 0.2
+"""Radius of the goal region in the paper [m]."""
+
+CACHED_TABLES = 16
+"""Cost-to-go tables a planner keeps."""
+
+
+@dataclass(frozen=True)
+class PlanningResult:
+    """Outcome of a query.
+
+    Attributes:
+        plan: The plan, or None.
+        reason: `""`, or why there is none: `"start infeasible"`, `"goal outside the reachable set"`,
+            `"search exhausted"`, `"limit reached"`, `"joint limits"`.
+        message: One sentence for people.
+        expanded: States expanded.
+        generated: States generated.
+        feasibility_time: Time spent on postures and stances for this query [s].
+        search_time: Time spent on search and step checks [s].
+        tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+    """
+
+    plan: Plan | None
+    reason: str
+    message: str
+    expanded: int
+    generated: int
+    feasibility_time: float
+    search_time: float
+    tree: Array
+
+    def __bool__(self) -> bool:
+        """Whether there is a plan."""
+        return self.plan is not None
+
+    def unwrap(self) -> Plan:
+        """The plan.
+
+        Raises:
+            PlanError: If there is none; the message says why.
+        """
+        if self.plan is None:
+            raise PlanError(self.message)
+        return self.plan
+
+
+class _Path:
+    """A path found by either search: states, postures, counts and the explored tree."""
+
+    def __init__(
+        self, status: int, states: list[State], postures: Postures, cost: float, counts: tuple[int, int], tree: Array
+    ) -> None:
+        self.status, self.states, self.postures, self.cost, self.tree = status, states, postures, cost, tree
+        self.expanded, self.generated = counts
+
+
+class Planner:
+    """Plans on one stance graph.
+
+    Example:
+        >>> from mlivr_gym import stance_graph
+        >>> from mlivr_gym.planners import Planner
+        >>> planner = Planner(stance_graph())
+        >>> plan = planner.plan(("D1a:4", "D1b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
+        >>> len(plan.steps)
+        5
+    """
+
+    def __init__(self, graph: PairGraph | LazyGraph) -> None:
+        """Plan on `graph`."""
+        self.graph = graph
+        self._relaxed: OrderedDict[tuple[Any, ...], Array] = OrderedDict()
+        self._exact: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
+
+    def plan(
+        self,
+        start: Sequence[str | int],
+        goal: Sequence[float],
+        cost: str = "base",
+        *,
+        regrasp_price: float | None = None,
+        method: str = "astar",
+        heuristic: str | None = None,
+        goal_tolerance: float = GOAL_TOLERANCE,
+        limit: int = 10_000_000,
+        progress: Callable[[int], None] | None = None,
+    ) -> PlanningResult:
+        """Plan from a stance to a goal position of the base.
+
+        Args:
+            start: Point id (or index) of each limb.
+            goal: x, y, z in the JEM frame [m].
+            cost: `"base"` (displacement), `"steps"` or `"weighted"` (displacement plus a price a step).
+            regrasp_price: Metres charged for a regrasp, with `cost="weighted"`.
+            method: `"astar"` (optimal), `"dijkstra"` (optimal, no heuristic) or `"greedy"` (best-first by heuristic).
+            heuristic: `"cost_to_go"` (exact cost when steps are not checked; default for two limbs), `"consistent"`,
+                `"paper"` (may lose optimality) or `"zero"`.
+            goal_tolerance: Radius of the goal region [m].
+            limit: Most expansions.
+            progress: Called with the number of expansions now and then (more than two limbs).
+
+        Returns:
+            The plan, or why there is none. A start that cannot be held is such a reason; ids that do not
+            exist, points too close or too far apart and goals outside the cabin raise.
+
+        Raises:
+            MlivrError: If an argument cannot be used; the message names it.
+        """
+        pair = isinstance(self.graph, PairGraph)
+        priced = Cost.named(cost, regrasp_price)
+        choice("method", method, METHODS)
+        heuristic = heuristic or ("cost_to_go" if pair else "consistent")
+        choice("heuristic", heuristic, HEURISTICS)
+        if method == "dijkstra":
+            heuristic = "zero"
+        if method == "greedy" and heuristic == "zero":
+            raise SettingError("method 'greedy' needs a heuristic other than 'zero'")
+        if heuristic == "cost_to_go" and not pair:
+            raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {self.graph.robot.name!r} has more")
+        if limit < 1:
+            raise SettingError(f"limit is {limit!r}; it must be at least 1")
+        tolerance = nonnegative("goal_tolerance", goal_tolerance)
+        target = self.graph.grasp_map.check_goal(goal)
+        began = time.perf_counter()
+        points = self.graph.indices(start)
+        try:
+            first = self.graph.state(points)
+        except StanceError as error:
+            return self._failure("start infeasible", str(error), time.perf_counter() - began)
+        feasibility = time.perf_counter() - began
+        g_weight = 0.0 if method == "greedy" else 1.0
+        began = time.perf_counter()
+        while True:
+            if isinstance(self.graph, PairGraph):
+                path = self._pair_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit)
+            else:
+                path = self._lazy_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress)
+            # Joint limits narrower than two turns are looked at on the path alone, and again after a change.
+            if path is None or path.status != FOUND or self.graph.robot.full_turn or not pair:
+                break
+            if _limits_settled(self.graph, path.states):
+                break
+        elapsed = time.perf_counter() - began
+        if path is None:
+            message = (
+                f"no stance that can be reached from the start has its base within {tolerance:g} m of goal "
+                f"{target.tolist()}"
+            )
+            return self._failure("goal outside the reachable set", message, feasibility, elapsed)
+        numbers = (path.expanded, path.generated, feasibility, elapsed, path.tree)
+        if path.status != FOUND:
+            reason = "limit reached" if path.status == LIMIT else "search exhausted"
+            told = f"after {path.expanded} expansions, no way from {self.graph.ids(points)} to {target.tolist()}"
+            return PlanningResult(None, reason, f"{reason} {told}", *numbers)
+        parts = assemble(self.graph, path.states, path.postures)
+        if not parts.inside_limits:
+            message = "a limb that holds through several steps would leave its joint limits"
+            return PlanningResult(None, "joint limits", message, *numbers)
+        ids = self.graph.ids
+        quaternions = Rotation.from_matrix(path.postures.rotation).as_quat(canonical=True, scalar_first=True)
+        plan = Plan(
+            stances=tuple(ids(state.stance) for state in path.states),
+            actions=tuple((step.limb, step.lands) for step in parts.steps),
+            steps=parts.steps,
+            base_positions=path.postures.position,
+            base_quaternions=quaternions,
+            joint_positions=parts.joints,
+            branches=parts.branches,
+            w_m=parts.w_m,
+            w_b=parts.w_b,
+            goal=(float(target[0]), float(target[1]), float(target[2])),
+            goal_tolerance=tolerance,
+            cost_name=priced.name,
+            cost=path.cost,
+            regrasp_price=regrasp_price,
+            method=method,
+            heuristic=heuristic,
+            expanded=path.expanded,
+            generated=path.generated,
+            feasibility_time=feasibility,
+            search_time=elapsed,
+            map_name=self.graph.grasp_map.name,
+            map_fingerprint=self.graph.grasp_map.fingerprint,
+            robot=self.graph.robot,
+            settings=self.graph.settings,
+        )
+        return PlanningResult(plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m", *numbers)
+
+    def _failure(self, reason: str, message: str, feasibility: float, elapsed: float = 0.0) -> PlanningResult:
+        return PlanningResult(None, reason, message, 0, 0, feasibility, elapsed, np.zeros((0, 2, 3)))
+
+    def prepare(
+        self,
+        goal: Sequence[float],
+        cost: str = "base",
+        *,
+        regrasp_price: float | None = None,
+        goal_tolerance: float = GOAL_TOLERANCE,
+    ) -> None:
+        """Work the `"cost_to_go"` heuristic out for all stances, so that further plans to this goal are fast."""
+        graph = self._two_limbs()
+        priced = Cost.named(cost, regrasp_price)
+        target, tolerance = graph.grasp_map.check_goal(goal), nonnegative("goal_tolerance", goal_tolerance)
+        self._relaxed_table(graph, target, tolerance, priced, -1)
+
+    def cost_to_go(
+        self,
+        goal: Sequence[float],
+        cost: str = "base",
+        *,
+        regrasp_price: float | None = None,
+        goal_tolerance: float = GOAL_TOLERANCE,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> CostToGo:
+        """Exact cost from every state to a goal, steps checked: the oracle and expert. Two limbs only.
+
+        Raises:
+            SettingError: If the robot has more than two limbs.
+        """
+        graph = self._two_limbs()
+        priced = Cost.named(cost, regrasp_price)
+        target, tolerance = graph.grasp_map.check_goal(goal), nonnegative("goal_tolerance", goal_tolerance)
+        key = (*target.tolist(), tolerance, priced)
+        if key not in self._exact:
+            self._exact[key] = CostToGo(graph, target, tolerance, priced, progress)
+            if len(self._exact) > CACHED_TABLES:
+                self._exact.popitem(last=False)
+        return self._exact[key]
+
+    def _two_limbs(self) -> PairGraph:
+        if not isinstance(self.graph, PairGraph):
+            raise SettingError(f"cost-to-go tables need two limbs; robot {self.graph.robot.name!r} has more")
+        return self.graph
+
+    def _relaxed_table(
+        self, graph: PairGraph, target: Array, tolerance: float, cost: Cost, start: int
+    ) -> Array:
+        """Lower bound of the cost to the goal, exact where it was settled; kept if it covers all stances."""
+        key = (*target.tolist(), tolerance, cost)
+        if key in self._relaxed:
+            self._relaxed.move_to_end(key)
+            return self._relaxed[key]
+        distance = np.linalg.norm(graph.position - target, axis=1)
+        goal = distance <= tolerance
+        if cost.base_weight == 0.0:
+            table = np.full(len(graph), np.inf)
+            opened = np.zeros(graph.degree.shape, dtype=np.bool_)
+            steps_to_goal(goal, graph.rows, graph.row_start, graph.points, table, opened)
+            table *= cost.step_weight
+        else:
+            toward = np.zeros(len(graph))
+            if start >= 0:
+                away = np.linalg.norm(graph.position - graph.position[start], axis=1)
+                toward = cost.heuristic("consistent", away, 0.0, graph.max_step)
+            table = np.full(len(graph), np.inf)
+            distance_to_goal(
+                goal, start, toward, cost.base_weight, cost.step_weight, graph.rows, graph.row_start,
+                graph.points, graph.position, graph.row_position, np.full(len(graph), np.inf), table,
+                np.full(len(graph), -1),
+            )  # fmt: skip
+            if start >= 0:
+                # Stances that the backward search left out cost at least what it had reached.
+                rest = np.isinf(table)
+                bound = cost.heuristic("consistent", distance, tolerance, graph.max_step)
+                table[rest] = np.maximum(bound, table[start] - toward)[rest]
+                return table
+        self._relaxed[key] = table
+        if len(self._relaxed) > CACHED_TABLES:
+            self._relaxed.popitem(last=False)
+        return table
+
+    def _pair_path(
+        self, graph: PairGraph, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
+        g_weight: float, limit: int,
+    ) -> _Path | None:  # fmt: skip
+        start = graph.find(first.stance)
+        distance = np.linalg.norm(graph.position - target, axis=1)
+        goal = distance <= tolerance
+        _, part = graph.components
+        if not (goal & (part == part[start])).any():
+            return None
+        if heuristic == "cost_to_go":
+            h = self._relaxed_table(graph, target, tolerance, cost, start)
+        else:
+            h = cost.heuristic(heuristic, distance, tolerance, graph.max_step)
+        status, generated, node, mask, parent, g = search(
+            start, goal, h, cost.base_weight, cost.step_weight, g_weight, limit, graph.settings.transitions,
+            graph.rows, graph.row_start, graph.row_position, graph.edges, np.zeros((len(graph), 2), dtype=np.int64),
+            np.full((len(graph), 2), np.inf),
+        )  # fmt: skip
+        stance, moved = node // 3, node % 3
+        chain = _chain(parent)
+        states = []
+        for k in chain:
+            masks = graph.mask[stance[k]].tolist()
+            if moved[k] < 2:
+                masks[1 - moved[k]] = int(mask[k])
+            a, b = graph.points[stance[k]].tolist()
+            states.append(State((a, b), (masks[0], masks[1])))
+        path = stance[chain]
+        postures = Postures(
+            graph.position[path], graph.rotation[path], graph.w_m[path], graph.w_b[path], graph.branch[path],
+            graph.mask[path],
+        )  # fmt: skip
+        tree = np.stack([graph.position[stance[parent[1:]]], graph.position[stance[1:]]], axis=1)
+        return _Path(int(status), states, postures, float(g[-1]), (len(stance), int(generated)), tree)
+
+    def _lazy_path(
+        self, graph: LazyGraph, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
+        g_weight: float, limit: int, progress: Callable[[int], None] | None,
+    ) -> _Path | None:  # fmt: skip
+        max_step = graph.max_step
+
+        def is_goal(position: Array) -> NDArray[np.bool_]:
+            near: NDArray[np.bool_] = np.linalg.norm(position - target, axis=1) <= tolerance
+            return near
+
+        def estimate(position: Array) -> Array:
+            return cost.heuristic(heuristic, np.linalg.norm(position - target, axis=1), tolerance, max_step)
+
+        found = lazy_search(graph, first, is_goal, estimate, cost, g_weight, limit, progress)
+        chain = _chain(np.array(found.parents))
+        postures = found.postures[chain[0]]
+        for k in chain[1:]:
+            postures = join(postures, found.postures[k])
+        position = np.concatenate([p.position for p in found.postures])
+        parents = np.array(found.parents[1:], dtype=np.int64)
+        tree = np.stack([position[parents], position[1:]], axis=1)
+        states = [found.states[k] for k in chain]
+        return _Path(
+            found.status, states, postures, found.costs[-1], (len(found.states), found.generated), tree
+        )
+
+
+def _chain(parent: NDArray[np.int64]) -> list[int]:
+    """Indices from the first to the last entry along the parents."""
+    chain = [len(parent) - 1]
+    while parent[chain[-1]] >= 0:
+        chain.append(int(parent[chain[-1]]))
+    return chain[::-1]
+
+
+def _limits_settled(graph: StanceGraph, states: list[State]) -> bool:
+    """Whether joint limits were known on every step of a path; takes them into account where not."""
+    assert isinstance(graph, PairGraph)
+    settled = True
+    for before, after in zip(states, states[1:], strict=False):
+        held = 0 if before.stance[0] == after.stance[0] else 1
+        settled = graph.limits_hold(held, graph.find(before.stance), graph.find(after.stance)) and settled
+    return settled
