@@ -1,8 +1,27 @@
 """Planning and learning for robots that climb hand over hand inside space stations."""
 
+from gymnasium.envs.registration import register
+
+from mlivr_gym._version import __version__
+from mlivr_gym.errors import MlivrError
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.robot import Limb, RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stance_graph import State, stance_graph
 
-__all__ = ["GraspMap", "Limb", "RobotSpec", "Settings", "State", "jem_map", "robot_spec", "stance_graph"]
+
+
+__all__ = [
+    "GraspMap",
+    "Limb",
+    "MlivrError",
+    "RobotSpec",
+    "Settings",
+    "State",
+    "__version__",
+    "jem_map",
+    "robot_spec",
+    "stance_graph",
+]
+
+register(id="MLIVR-JEM-v0", entry_point="mlivr_gym.env:MlivrEnv", max_episode_steps=100)

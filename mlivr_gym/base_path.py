@@ -44,7 +44,7 @@ SAMPLES = 32
 """Intervals over which joint angles are followed along a path."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def relative_rotation(r0, r1, axis):  # type: ignore[no-untyped-def]
     """Angle of `r0^T r1` in [0, pi] [rad]; its unit axis (in frame 0) is written into `axis`."""
     x = y = z = trace = 0.0
@@ -72,7 +72,7 @@ def relative_rotation(r0, r1, axis):  # type: ignore[no-untyped-def]
     return angle
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def position_on_path(t0, t1, kind, pivot, s, out):  # type: ignore[no-untyped-def]
     """Base position at `s`, written into `out`, shape (3,) [m]."""
     if kind == STRAIGHT:
@@ -95,7 +95,7 @@ def position_on_path(t0, t1, kind, pivot, s, out):  # type: ignore[no-untyped-de
         out[k] = pivot[k] + length * (f0 * (t0[k] - pivot[k]) / len0 + f1 * (t1[k] - pivot[k]) / len1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def angle_about(t0, t1, pivot):  # type: ignore[no-untyped-def]
     """Angle between `t0` and `t1` seen from `pivot` [rad]."""
     ax, ay, az = t0[0] - pivot[0], t0[1] - pivot[1], t0[2] - pivot[2]
@@ -104,7 +104,7 @@ def angle_about(t0, t1, pivot):  # type: ignore[no-untyped-def]
     return np.arctan2(np.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def turn(axis, c, s, x, y, z):  # type: ignore[no-untyped-def]
     """A vector turned about the unit `axis` by an angle of cosine `c` and sine `s` (Rodrigues)."""
     kx, ky, kz = axis[0], axis[1], axis[2]
@@ -116,7 +116,7 @@ def turn(axis, c, s, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def flange_in_limb(grip, approach, position, r0, axis, angle, mount_rotation, mount_position, p, z):  # type: ignore[no-untyped-def]
     """Flange pose in the limb base frame for a base at `position`, turned by `angle` about `axis` from `r0`.
 
@@ -151,7 +151,7 @@ def flange_in_limb(grip, approach, position, r0, axis, angle, mount_rotation, mo
         z[k] = mount_rotation[0, k] * cx + mount_rotation[1, k] * cy + mount_rotation[2, k] * cz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def certify(
     grip, approach, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, determinant_floor, classes
 ):  # type: ignore[no-untyped-def]
@@ -253,7 +253,7 @@ def certify(
     return alive
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def follow(
     grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, branch, samples, q, low, high
 ):  # type: ignore[no-untyped-def]
@@ -305,7 +305,7 @@ def follow(
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def within_limits(
     grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, limits, mask
 ):  # type: ignore[no-untyped-def]
@@ -336,7 +336,7 @@ def within_limits(
     return mask
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def expand_classes(classes):  # type: ignore[no-untyped-def]
     """16-bit mask of branches and flips that share the shoulder and wrist choices in `classes`."""
     mask = 0

@@ -62,7 +62,7 @@ def base_manipulability(limb_jacobians: Array, grasps_from_base: Array, characte
     return limb_manipulability(j_equivalent, characteristic_length)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def limb_information(p, z, lengths, branch, mount_rotation, mount_position, l_c, out):  # type: ignore[no-untyped-def]
     """`K^-1` of one limb in base axes, written into `out`, shape (6, 6).
 
@@ -129,7 +129,7 @@ def limb_information(p, z, lengths, branch, mount_rotation, mount_position, l_c,
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def inverse_root_determinant(m, scratch):  # type: ignore[no-untyped-def]
     """`det(m)^(-1/2)` of a symmetric positive definite matrix, shape (6, 6), by Cholesky."""
     product = 1.0

@@ -29,7 +29,7 @@ LIMITED = 1 << 17
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def edge_mask(
     held, s0, s1, points, local, degree, offset, table, position, rotation, mask,
     mount_rotations, mount_positions, lengths, grips, approaches, pivots, determinant_floor,
@@ -59,14 +59,36 @@ def edge_mask(
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def fill_row(start, stop, held, s0, row, out, edges):  # type: ignore[no-untyped-def]
     """`edge_mask` from `s0` to `row[start:stop]`, into `out`; `edges` are its further arguments."""
     for k in range(start, stop):
         out[k] = edge_mask(held, s0, row[k], *edges)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+def pair_successors(s, mask0, mask1, check, rows, row_start, limb, stance, left, edges):  # type: ignore[no-untyped-def]
+    """Steps that leave stance `s`: limb, stance reached and branches left to the limb that holds; returns their number."""
+    points, mask = edges[0], edges[7]
+    count = 0
+    for moving in range(2):
+        held = 1 - moving
+        mine = mask1 if held else mask0
+        point = points[s, held]
+        for k in range(row_start[held, point], row_start[held, point + 1]):
+            s2 = rows[held, k]
+            if s2 == s:
+                continue
+            after = mine & mask[s2, held]
+            if check and after:
+                after &= edge_mask(held, s, s2, *edges)
+            if after:
+                limb[count], stance[count], left[count] = moving, s2, after
+                count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def longest_step(start, stop, held, rows, row_start, position, out):  # type: ignore[no-untyped-def]
     """Largest squared base displacement [m^2] within each row from `start` to `stop`, into `out`."""
     for point in range(start, stop):
@@ -79,7 +101,7 @@ def longest_step(start, stop, held, rows, row_start, position, out):  # type: ig
                 out[point] = max(out[point], square)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def _fill_points(start, stop, held, rows, row_start, edges):  # type: ignore[no-untyped-def]
     for point in range(start, stop):
         for i in range(row_start[held, point], row_start[held, point + 1]):
@@ -183,6 +205,16 @@ class PairGraph(StanceGraph):
             return super().state(points)
         return State(points, tuple(self.mask[s].tolist()))
 
+    def posture(self, stance: Sequence[int]) -> Postures:
+        """Posture of one stance given by point indices, every array with a leading 1."""
+        s = self.find((stance[0], stance[1]))
+        if s < 0:
+            return super().posture(stance)
+        at = slice(s, s + 1)
+        return Postures(
+            self.position[at], self.rotation[at], self.w_m[at], self.w_b[at], self.branch[at], self.mask[at]
+        )
+
     def row(self, held: int, s: int) -> IntArray:
         """The other stances that limb `held` of stance `s` shares its point with."""
         point = self.points[s, held]
@@ -234,19 +266,20 @@ class PairGraph(StanceGraph):
         s = self.find(state.stance)
         if s < 0:
             return Successors(NO_POINTS, NO_POINTS, np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64))
-        parts = []
-        for limb in range(2):
-            held = 1 - limb
-            row = self.row(held, s)
-            masks = self.mask[row]
-            masks[:, held] &= self.edge_masks(held, s, row) & state.masks[held]
-            keep = masks[:, held] > 0
-            row = row[keep]
-            parts.append(
-                (np.full(len(row), limb, dtype=np.int64), self.points[row, limb], self.position[row], masks[keep])
-            )
-        limb_, point, position, masks = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return Successors(limb_, point, position, masks)
+        for held in range(2):
+            if self.settings.transitions and not self.robot.full_turn:
+                self.edge_masks(held, s, self.row(held, s))
+        size = int(self.degree[0, state.stance[0]] + self.degree[1, state.stance[1]])
+        limb, stance, left = (np.empty(size, dtype=np.int64) for _ in range(3))
+        count = pair_successors(
+            s, state.masks[0], state.masks[1], self.settings.transitions, self.rows, self.row_start,
+            limb, stance, left, self.edges,
+        )  # fmt: skip
+        limb, stance, left = limb[:count], stance[:count], left[:count]
+        index = np.arange(count)
+        masks = self.mask[stance]
+        masks[index, 1 - limb] = left
+        return Successors(limb, self.points[stance, limb], self.position[stance], masks)
 
     @cached_property
     def max_step(self) -> float:
@@ -267,9 +300,3 @@ class PairGraph(StanceGraph):
         _, label = connected_components(links, directed=False)
         parts, part = np.unique(label[self.points[:, 0]], return_inverse=True)
         return len(parts), part.astype(np.int32)
-
-    def posture(self, s: int) -> Postures:
-        """Posture of one stance."""
-        return Postures(
-            *(a[[s]] for a in (self.position, self.rotation, self.w_m, self.w_b, self.branch, self.mask))
-        )

@@ -131,7 +131,7 @@ def _across(vectors: Array, axes: Array) -> Array:
     return vectors - axes * (vectors * axes).sum(axis=1, keepdims=True)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def limb_choices(
     grasps, normals, tool_length, position, rotation, mount_rotations, mount_positions, lengths, l_c, p, z, w
 ):  # type: ignore[no-untyped-def]
@@ -174,7 +174,7 @@ def limb_choices(
     return least
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def combined(information, branch, scratch):  # type: ignore[no-untyped-def]
     """`w_b` of one branch for each limb from their `K^-1`, shape (N, 8, 6, 6); `scratch` has shape (2, 6, 6)."""
     for row in range(6):
@@ -186,7 +186,7 @@ def combined(information, branch, scratch):  # type: ignore[no-untyped-def]
     return inverse_root_determinant(scratch[0], scratch[1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scratch):  # type: ignore[no-untyped-def]
     """Branches of the largest margin above `floor` for one base pose; returns the margin and its `w_b`.
 
@@ -220,7 +220,7 @@ def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scrat
     return best, best_wb
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def solve_geometries(
     start, stop, grasps, normals, frames, outs, lines, opposed, mount_rotations, mount_positions, lengths,
     tool_length, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b, position, rotation, w_m, w_b, branch,
@@ -314,7 +314,7 @@ def solve_geometries(
                     w_m[g, i] = w_class[c, i, found[i] >> 1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def branch_masks(
     start, stop, grasps, normals, position, rotation, branch, mount_rotations, mount_positions, lengths,
     limited, tool_length, lift, l_c, w_m_min, w_b_min, floor, mask,
@@ -391,7 +391,7 @@ def branch_masks(
             mask[g, i] &= bits
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def _grow(allowed, information, own, w_b_min, members, scratch, kept):  # type: ignore[no-untyped-def]
     """Product set reached from `own` by adding branches one at a time, every combination at or above `w_b_min`.
 
@@ -424,7 +424,7 @@ def _grow(allowed, information, own, w_b_min, members, scratch, kept):  # type: 
                 kept[i, b] = True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def departure_limits(
     grasps, tools, position, rotation, mount_rotations, mount_positions, lengths, limits, tool_length, lift, mask
 ):  # type: ignore[no-untyped-def]

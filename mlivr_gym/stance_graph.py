@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
-from mlivr_gym.base_path import ARC, STRAIGHT, within_limits
+from mlivr_gym.base_path import ARC, STRAIGHT, follow, within_limits
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.grasp_map import GraspMap, jem_map
-from mlivr_gym.posture import Postures, PostureSolver
+from mlivr_gym.posture import OPPOSED_HEIGHTS, Postures, PostureSolver
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.transitions import hold_mask
@@ -134,6 +135,10 @@ class StanceGraph(ABC):
         """Postures of stances, shape (k, N), feasible or not."""
         return self.solver.solve(np.asarray(stances, dtype=np.int64).reshape(-1, self.limbs))
 
+    def posture(self, stance: Sequence[int]) -> Postures:
+        """Posture of one stance given by point indices, every array with a leading 1."""
+        return self.postures(np.array([stance], dtype=np.int64))
+
     def is_node(self, postures: Postures) -> NDArray[np.bool_]:
         """Which of some stances are nodes of the graph, shape (k,)."""
         node: NDArray[np.bool_] = (postures.mask > 0).all(axis=1)
@@ -146,7 +151,7 @@ class StanceGraph(ABC):
             StanceError: If the stance cannot be held; the message says why.
         """
         points = self.indices(stance)
-        posture = self.postures(np.array([points]))
+        posture = self.posture(points)
         if not self.is_node(posture)[0]:
             raise StanceError(f"stance {self.ids(points)} cannot be held: {self._fault(posture)}")
         return State(points, tuple(int(m) for m in posture.mask[0]))
@@ -164,6 +169,27 @@ class StanceGraph(ABC):
             f"a limb could not depart along the surface normal with limb manipulability above "
             f"{self.settings.path_floor:g} and inside its joint limits"
         )
+
+    def configuration(self, state: State) -> tuple[Array, Array, Array]:
+        """A configuration of a state: base position [m], base quaternion w, x, y, z, joint angles (N, 6) [rad].
+
+        Each limb is on the first branch and flip that its mask allows, with angles in (-pi, pi].
+        """
+        posture = self.posture(state.stance)
+        here = (posture.position[0], posture.rotation[0])
+        joints = np.full((self.limbs, 6), np.nan)
+        for i, point in enumerate(state.stance):
+            bit = (state.masks[i] & -state.masks[i]).bit_length() - 1
+            branch = bit & 7 if self.settings.transitions else int(posture.branch[0, i])
+            follow(
+                self.grips[point], self.solver.tools[point], *here, *here, STRAIGHT, here[0],
+                self.solver.mount_rotations[i], self.solver.mount_positions[i], self.solver.lengths, branch, 0,
+                joints[i], np.full(6, np.inf), np.full(6, -np.inf),
+            )  # fmt: skip
+            if self.settings.transitions and bit >= 8:
+                joints[i, 5] += np.pi
+        quaternion = Rotation.from_matrix(here[1]).as_quat(canonical=True, scalar_first=True)
+        return here[0], quaternion, joints
 
     @abstractmethod
     def successors(self, state: State) -> Successors:
@@ -234,7 +260,7 @@ class LazyGraph(StanceGraph):
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
         limb, point, postures = self.candidates(state.stance)
-        here = self.postures(np.array([state.stance]))
+        here = self.posture(state.stance)
         keep, masks = [], []
         for k in range(len(limb)):
             after = list(state.stance)
@@ -255,10 +281,13 @@ class LazyGraph(StanceGraph):
     def max_step(self) -> float:
         """An upper bound of the base displacement of one step [m].
 
-        The held grasps stay where they are and each lies within reach of the base before and after.
+        The held grasps stay where they are and each lies within reach of the base before and after. Also the grasps'
+        centroid moves at most `2 span / N`, and the base lies at most the largest height from it.
         """
         robot = self.robot
-        return 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
+        height = max(max(map(abs, robot.heights)), max(OPPOSED_HEIGHTS))
+        by_reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
+        return min(by_reach, 2.0 * robot.span / self.limbs + 2.0 * height)
 
 
 def join(first: Postures, second: Postures) -> Postures:

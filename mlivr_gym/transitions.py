@@ -21,7 +21,7 @@ from mlivr_gym.base_path import (
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def hold_mask(
     kind, pivot, grip, approach, t0, r0, t1, r1, mount_rotation, mount_position, lengths, determinant_floor, mask
 ):  # type: ignore[no-untyped-def]

@@ -29,7 +29,7 @@ SINGULAR = 1e-9
 """Squared sines and lengths [m^2] within this of zero count as zero."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def branch_terms(p, z, lengths, out):  # type: ignore[no-untyped-def]
     """Squares that decide reach and singularity of the four shoulder and wrist choices.
 
@@ -71,7 +71,7 @@ def branch_terms(p, z, lengths, out):  # type: ignore[no-untyped-def]
             out[row, 3] = (1.0 - c3 * c3) * s5_2 * u2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def limb_axes(p, z, lengths, branch, axes, origins):  # type: ignore[no-untyped-def]
     """Joint axes of one branch, without forming joint angles.
 
@@ -128,12 +128,12 @@ def limb_axes(p, z, lengths, branch, axes, origins):  # type: ignore[no-untyped-
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def _wrap(angle):  # type: ignore[no-untyped-def]
     return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def inverse_kinematics(p, r, lengths, out):  # type: ignore[no-untyped-def]
     """All closed-form joint solutions of a flange pose.
 

@@ -21,7 +21,7 @@ from mlivr_gym.stance_graph import State, Successors
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def backward(goal, base_weight, step_weight, check, rows, row_start, row_position, edges, value, done, best):  # type: ignore[no-untyped-def]
     """Fill the table by best-first search backward from the goal stances.
 

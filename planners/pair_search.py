@@ -17,7 +17,7 @@ from mlivr_gym.pair_graph import KNOWN, edge_mask
 FOUND, EXHAUSTED, LIMIT = 0, 1, 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def _grown(old):  # type: ignore[no-untyped-def]
     new = np.empty(2 * len(old), old.dtype)
     for k in range(len(old)):
@@ -25,7 +25,7 @@ def _grown(old):  # type: ignore[no-untyped-def]
     return new
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def _sift_up(heap, size, f, g):  # type: ignore[no-untyped-def]
     """Move the last of `size` entries to its place: smaller f first, then larger g, then earlier entry."""
     place = size - 1
@@ -40,7 +40,7 @@ def _sift_up(heap, size, f, g):  # type: ignore[no-untyped-def]
     heap[place] = item
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def _sift_down(heap, size, f, g):  # type: ignore[no-untyped-def]
     """Restore the order after the first entry was replaced."""
     place = 0
@@ -64,7 +64,7 @@ def _sift_down(heap, size, f, g):  # type: ignore[no-untyped-def]
     heap[place] = item
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def search(start, goal, h, base_weight, step_weight, g_weight, limit, check, rows, row_start, row_position, edges, closed, best):  # type: ignore[no-untyped-def]  # fmt: skip
     """Best-first search from one stance to any goal stance.
 
@@ -153,6 +153,8 @@ def search(start, goal, h, base_weight, step_weight, g_weight, limit, check, row
             first = offset[holds, point] + local[holds, s] * degree[holds, point]
             for k in range(row_start[holds, point], row_start[holds, point + 1]):
                 s2 = rows[holds, k]
+                if s2 == s:
+                    continue
                 theirs = mask[s2, holds]
                 if closed[s2, limb] & theirs == theirs:
                     continue
@@ -189,7 +191,7 @@ def search(start, goal, h, base_weight, step_weight, g_weight, limit, check, row
     return status, used, out_node[:expanded], out_mask[:expanded], out_parent[:expanded], out_g[:expanded]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def steps_to_goal(goal, rows, row_start, points, value, opened):  # type: ignore[no-untyped-def]
     """Fewest steps from every stance to the goal region when steps are not checked.
 
@@ -228,7 +230,7 @@ def steps_to_goal(goal, rows, row_start, points, value, opened):  # type: ignore
                     tail += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def distance_to_goal(
     goal, start, toward, base_weight, step_weight, rows, row_start, points, position, row_position, value, settled, along
 ):  # type: ignore[no-untyped-def]

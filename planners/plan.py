@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.errors import PlanError
+from mlivr_gym.files import write_whole
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
@@ -129,7 +128,7 @@ class Plan:
         """Write the plan as JSON, whole or not at all.
 
         Raises:
-            PlanError: If the file cannot be written.
+            FileError: If the file cannot be written.
         """
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
@@ -197,25 +196,3 @@ class Plan:
             raise PlanError(f"cannot read plan {str(path)!r}: {error}") from None
         return cls.from_dict(data, grasp_map)
 
-
-def write_whole(path: str | Path, content: str | bytes) -> None:
-    """Write a file by renaming a finished temporary one, so that no half-written file is ever seen.
-
-    Raises:
-        PlanError: If the file cannot be written.
-    """
-    target = Path(path)
-    try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    except OSError as error:
-        raise PlanError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content.encode() if isinstance(content, str) else content)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        os.replace(name, target)
-    except OSError as error:
-        Path(name).unlink(missing_ok=True)
-        raise PlanError(f"cannot write {str(path)!r}: {error.strerror or error}") from None

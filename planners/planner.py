@@ -112,6 +112,7 @@ class Planner:
         regrasp_price: float | None = None,
         method: str = "astar",
         heuristic: str | None = None,
+        inflation: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,
         limit: int = 10_000_000,
         progress: Callable[[int], None] | None = None,
@@ -126,6 +127,8 @@ class Planner:
             method: `"astar"` (optimal), `"dijkstra"` (optimal, no heuristic) or `"greedy"` (best-first by heuristic).
             heuristic: `"cost_to_go"` (exact cost when steps are not checked; default for two limbs), `"consistent"`,
                 `"paper"` (may lose optimality) or `"zero"`.
+            inflation: Factor on the heuristic, at least 1; the plan costs at most this many times the least. By default 1
+                for two limbs, and 2 for more, where the search for the least would take long.
             goal_tolerance: Radius of the goal region [m].
             limit: Most expansions.
             progress: Called with the number of expansions now and then (more than two limbs).
@@ -150,6 +153,9 @@ class Planner:
             raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {self.graph.robot.name!r} has more")
         if limit < 1:
             raise SettingError(f"limit is {limit!r}; it must be at least 1")
+        inflation = (1.0 if pair else 2.0) if inflation is None else inflation
+        if not 1.0 <= inflation < float("inf"):
+            raise SettingError(f"inflation is {inflation!r}; it must be finite and at least 1")
         tolerance = nonnegative("goal_tolerance", goal_tolerance)
         target = self.graph.grasp_map.check_goal(goal)
         began = time.perf_counter()
@@ -159,7 +165,8 @@ class Planner:
         except StanceError as error:
             return self._failure("start infeasible", str(error), time.perf_counter() - began)
         feasibility = time.perf_counter() - began
-        g_weight = 0.0 if method == "greedy" else 1.0
+        # The order of the queue depends on the ratio of the two weights alone.
+        g_weight = 0.0 if method == "greedy" else 1.0 / inflation
         began = time.perf_counter()
         while True:
             if isinstance(self.graph, PairGraph):

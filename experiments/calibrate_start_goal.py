@@ -1,0 +1,111 @@
+"""Find a start and a goal for which the four cases come closest to the paper's Table I.
+
+The paper's map, start and goal are not public. Its figures speak of a walk from the deck to the
+overhead whose base goes about 4.4 m. Starts are stances on the deck with the base within 0.6 m of (1.84, 0, -0.35);
+goals are base positions of stances on the overhead within 0.6 m of (6.0, 0, 0.42), rounded to 0.05 m. Each pair is planned for Cases 1 to 3,
+and Case 4's seed of the sparse map is chosen last. The mismatch adds relative errors of base translation, steps and the
+least manipulabilities.
+
+    python experiments/calibrate_start_goal.py [--pairs 3000]
+
+writes `envs_assets/table1_setup.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from mlivr_gym import Settings, jem_map, stance_graph
+from mlivr_gym.files import write_whole
+from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.table1 import CASES, PAPER, SETUP, case_graph, relations
+
+START_NEAR, GOAL_NEAR, RADIUS = (1.84, 0.0, -0.35), (6.0, 0.0, 0.42), 0.6
+SEEDS = range(60)
+FINALISTS = 40
+
+
+def mismatch(case: int, plan: Plan) -> float:
+    """Sum of relative errors of one case against the paper's row."""
+    row = PAPER[case]
+    return (
+        abs(plan.base_translation / row["base_translation"] - 1.0) * 2.0
+        + abs(len(plan.steps) - row["steps"]) * 0.15
+        + 0.1 * abs(plan.w_m_min / row["w_m_min"] - 1.0)
+        + 0.1 * abs(plan.w_b_min / row["w_b_min"] - 1.0)
+    )
+
+
+def evaluate(
+    planners: dict[bool, Planner], start: tuple[str, ...], goal: tuple[float, ...], heuristic: str
+) -> tuple[float, dict[int, Plan]]:
+    """Mismatch and plans of Cases 1 to 3; infinite where one has no plan."""
+    plans, total = {}, 0.0
+    for case in (1, 2, 3):
+        result = planners[CASES[case].manipulability].plan(start, goal, CASES[case].cost, heuristic=heuristic)
+        if result.plan is None:
+            return np.inf, plans
+        plans[case] = result.plan
+        total += mismatch(case, result.plan)
+    return total, plans
+
+
+def main() -> None:
+    """Search over pairs and seeds, and write the best."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pairs", type=int, default=3000, help="start and goal pairs tried")
+    pairs = parser.parse_args().pairs
+    graphs = {flag: stance_graph(jem_map(), settings=Settings(manipulability=flag)) for flag in (False, True)}
+    planners = {flag: Planner(graph) for flag, graph in graphs.items()}
+    graph = graphs[True]
+    assert isinstance(graph, PairGraph)
+    faces = np.array(graph.grasp_map.faces)[graph.points]
+    near = np.linalg.norm(graph.position - START_NEAR, axis=1) < RADIUS
+    starts = np.flatnonzero((faces == "deck").all(axis=1) & near)
+    over = np.linalg.norm(graph.position - GOAL_NEAR, axis=1) < RADIUS
+    goals = np.unique(np.round(graph.position[(faces == "overhead").all(axis=1) & over] / 0.05) * 0.05, axis=0)
+    rng = np.random.default_rng(0)
+    tried = []
+    for _ in tqdm(range(pairs), desc="pairs", mininterval=2.0):
+        start = graph.ids(graph.points[int(rng.choice(starts))])
+        goal = tuple(np.round(goals[int(rng.integers(len(goals)))], 3).tolist())
+        total, plans = evaluate(planners, start, goal, "cost_to_go")
+        if np.isfinite(total) and all(relations(plans).values()):
+            tried.append((total, start, goal))
+    tried.sort(key=lambda entry: entry[0])
+    again = []
+    for _, start, goal in tqdm(tried[:FINALISTS], desc="finalists, with the table's heuristic", mininterval=2.0):
+        total, plans = evaluate(planners, start, goal, "consistent")
+        if np.isfinite(total) and all(relations(plans).values()):
+            again.append((total, start, goal, plans))
+    if not again:
+        raise SystemExit("no pair meets the relations of the paper's first three cases; try more pairs")
+    best, start, goal, plans = min(again, key=lambda entry: entry[0])
+    best_seed, best_case = None, np.inf
+    for seed in tqdm(SEEDS, desc="seeds of the sparse map", mininterval=2.0):
+        setup = {"start": list(start), "goal": list(goal), "sparse_seed": seed}
+        result = Planner(case_graph(4, setup)).plan(start, goal, CASES[4].cost, heuristic="consistent")
+        if result.plan is not None and all(relations(plans | {4: result.plan}).values()):
+            value = mismatch(4, result.plan)
+            if value < best_case:
+                best_seed, best_case = seed, value
+    if best_seed is None:
+        raise SystemExit("no seed of the sparse map meets the relations of the paper's fourth case")
+    found = {
+        "source": "experiments/calibrate_start_goal.py",
+        "start": list(start),
+        "goal": list(goal),
+        "sparse_seed": best_seed,
+    }
+    write_whole(SETUP, json.dumps(found, indent=1) + "\n")
+    print(f"mismatch {best:.3f} + {best_case:.3f}: {found} written to {Path(SETUP).name}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,292 @@
+"""The command `mlivr-gym`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from mlivr_gym.errors import MlivrError, RenderError, SettingError
+
+EXAMPLES = """examples:
+  mlivr-gym plan
+  mlivr-gym plan --start D1a:4 D1b:4 --goal 6.0 0 0.42 --cost steps --out plan.json --picture plan.png
+  mlivr-gym plan --cost weighted --regrasp-price 0.1 --no-manipulability
+  mlivr-gym plan --robot mlivr3 --goal 2.5 -0.4 -0.3 --cost steps
+  mlivr-gym table1 --out results
+  mlivr-gym info --map my_map.json
+  mlivr-gym render --start D1a:4 D1b:4 --out start.png
+"""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one sentence and exits with 2."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"mlivr-gym: {message}\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    from mlivr_gym import __version__
+
+    formatter = argparse.RawDescriptionHelpFormatter
+    parser = _Parser(
+        prog="mlivr-gym", description="Plan hand-over-hand motion through a space station module.",
+        epilog=EXAMPLES, formatter_class=formatter,
+    )  # fmt: skip
+    parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="{plan,table1,info,render}")
+
+    world = argparse.ArgumentParser(add_help=False)
+    world.add_argument("--robot", default="mlivr2", help="mlivr2, mlivr3, mlivr4 or a JSON file (default: %(default)s)")
+    world.add_argument("--map", metavar="FILE", help="map as a JSON file (default: the measured JEM)")
+    world.add_argument("--no-manipulability", action="store_true", help="do without both thresholds")
+    world.add_argument("--no-transitions", action="store_true", help="do not check that steps can be carried out")
+    world.add_argument("--limb-threshold", type=float, default=0.1, metavar="W", help="least w_m (default: %(default)s)")
+    world.add_argument("--base-threshold", type=float, metavar="W", help="least w_b (default: 0.001 (2/N)^3)")
+
+    plan = commands.add_parser(
+        "plan", parents=[world], help="plan from a stance to a goal", epilog=EXAMPLES, formatter_class=formatter,
+        description="Plan from a start stance to a goal position of the base. Start and goal have defaults.",
+    )  # fmt: skip
+    plan.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
+    plan.add_argument("--goal", nargs=3, type=float, metavar=("X", "Y", "Z"), help="goal position of the base [m]")
+    plan.add_argument("--cost", default="base", help="base, steps or weighted (default: %(default)s)")
+    plan.add_argument("--regrasp-price", type=float, metavar="M", help="metres charged for a regrasp, with weighted")
+    plan.add_argument("--method", default="astar", help="astar, dijkstra or greedy (default: %(default)s)")
+    plan.add_argument("--heuristic", help="cost_to_go, consistent, paper or zero")
+    plan.add_argument("--inflation", type=float, metavar="E", help="factor on the heuristic: faster, cost at most E times the least (default: 1 for two limbs, 2 for more)")
+    plan.add_argument("--tolerance", type=float, default=0.2, metavar="M", help="radius of the goal [m] (default: %(default)s)")
+    plan.add_argument("--limit", type=int, default=200_000, help="most states explored (default: %(default)s)")
+    plan.add_argument("--out", metavar="FILE", help="write the plan as JSON")
+    plan.add_argument("--picture", metavar="FILE", help="draw the plan as PNG")
+    plan.set_defaults(run=_plan)
+
+    table = commands.add_parser(
+        "table1", help="the four cases of the paper's Table I", description="Plan the four cases, draw and tabulate them."
+    )
+    table.add_argument("--out", default="results", metavar="FOLDER", help="where results go (default: %(default)s)")
+    table.set_defaults(run=_table1)
+
+    info = commands.add_parser(
+        "info", parents=[world], help="what map, robot and stance graph hold", epilog=EXAMPLES, formatter_class=formatter
+    )
+    info.set_defaults(run=_info)
+
+    render = commands.add_parser(
+        "render", parents=[world], help="picture of the scene", epilog=EXAMPLES, formatter_class=formatter,
+        description="Picture of the MuJoCo scene with the robot in a stance, or in the stances of a plan.",
+    )  # fmt: skip
+    render.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
+    render.add_argument("--plan", metavar="FILE", help="a plan; its start and goal stance are drawn")
+    render.add_argument("--out", default="scene.png", metavar="FILE", help="PNG file (default: %(default)s)")
+    render.add_argument("--size", nargs=2, type=int, default=(1280, 640), metavar=("W", "H"), help="pixels")
+    render.add_argument("--mjcf", metavar="FILE", help="also export the scene as MJCF")
+    render.set_defaults(run=_render)
+    return parser
+
+
+def _graph(args: argparse.Namespace) -> Any:
+    from mlivr_gym import GraspMap, Settings, jem_map, robot_spec, stance_graph
+
+    settings = Settings(
+        manipulability=not args.no_manipulability, transitions=not args.no_transitions,
+        limb_threshold=args.limb_threshold, base_threshold=args.base_threshold,
+    )  # fmt: skip
+    grasp_map = GraspMap.load(args.map) if args.map else jem_map()
+    return stance_graph(grasp_map, robot_spec(args.robot), settings)
+
+
+def _default_task(graph: Any, args: argparse.Namespace) -> tuple[Any, Any]:
+    """Start and goal: as given, else the calibrated ones on the JEM with two limbs, else a seeded draw."""
+    import numpy as np
+
+    from mlivr_gym.table1 import default_setup
+    from mlivr_gym.tasks import sample_task
+
+    start, goal = args.start, args.goal
+    if start is None or goal is None:
+        setup = default_setup()
+        if graph.limbs == 2 and args.map is None:
+            start, goal = start or setup["start"], goal or setup["goal"]
+        else:
+            given = graph.state(start) if start is not None else None
+            state, target = sample_task(graph, np.random.default_rng(0), args.tolerance, given)
+            start, goal = start or graph.ids(state.stance), goal or target.tolist()
+    return tuple(start), tuple(float(v) for v in goal)
+
+
+def _plan(args: argparse.Namespace) -> int:
+    from mlivr_gym.figures import plan_figure
+    from mlivr_gym.planners import Planner
+
+    graph = _graph(args)
+    start, goal = _default_task(graph, args)
+    bar = _progress("states explored")
+    result = Planner(graph).plan(
+        start, goal, args.cost, regrasp_price=args.regrasp_price, method=args.method, heuristic=args.heuristic,
+        inflation=args.inflation, goal_tolerance=args.tolerance, limit=args.limit, progress=bar,
+    )  # fmt: skip
+    bar(-1)
+    plan = result.unwrap()
+    print(f"from {' '.join(start)} to {goal}: {result.message}, w_m >= {plan.w_m_min:.3f}, w_b >= {plan.w_b_min:.5f}")
+    for k, step in enumerate(plan.steps, 1):
+        print(f"  {k:2d}. limb {step.limb}: {step.departs:>6} -> {step.lands:<6} base {step.displacement:.3f} m, {step.path}")
+    print(
+        f"{plan.expanded} states explored, {plan.generated} generated, "
+        f"{1e3 * (plan.feasibility_time + plan.search_time):.1f} ms for the query"
+    )
+    if args.out:
+        plan.save(args.out)
+        print(f"plan: {args.out}")
+    if args.picture:
+        plan_figure(graph.grasp_map, plan, args.picture, result.tree, f"{plan.robot.name}, {plan.cost_name} cost")
+        print(f"picture: {args.picture}")
+    return 0
+
+
+def _progress(what: str) -> Any:
+    """A callback that shows a count on a terminal, and clears it when called with -1."""
+
+    def show(count: int) -> None:
+        if sys.stderr.isatty():
+            print("\r\033[K" if count < 0 else f"\r{count} {what}", end="", file=sys.stderr, flush=True)
+
+    return show
+
+
+def _table1(args: argparse.Namespace) -> int:
+    from mlivr_gym.table1 import run_cases
+
+    out = Path(args.out)
+    print("planning the four cases of Table I (the first run compiles the kernels) ...", flush=True)
+    plans, data = run_cases(out, lambda line: print(line, flush=True))
+    plan = plans[3]
+    _draw_plan(plan, _ends(plan), out, (1600, 800))
+    failed = [name for name, held in data["relations"].items() if not held]
+    for name in failed:
+        print(f"relation does not hold: {name}")
+    return 1 if failed else 0
+
+
+def _ends(plan: Any) -> dict[str, int]:
+    return {"start": 0, "goal": len(plan.stances) - 1}
+
+
+def _draw_plan(plan: Any, which: dict[str, int], out: Path, size: tuple[int, int]) -> None:
+    """Pictures `scene_NAME.png` of some stances of a plan on the JEM."""
+    from mlivr_gym import jem_map
+
+    configurations = {
+        name: (plan.base_positions[k], plan.base_quaternions[k], plan.joint_positions[k]) for name, k in which.items()
+    }
+    _draw(jem_map(), plan.robot, {out / f"scene_{name}.png": c for name, c in configurations.items()}, size)
+
+
+def _draw(grasp_map: Any, robot: Any, pictures: dict[Path, Any], size: tuple[int, int]) -> None:
+    """Render configurations with MuJoCo, or draw them with matplotlib where there is no GL library."""
+    from mlivr_gym.figures import configuration_figure, save_image
+    from mlivr_gym.rendering import SceneRenderer
+
+    try:
+        renderer = SceneRenderer(grasp_map, robot, *size)
+    except RenderError as error:
+        print(f"no GL, drawing with matplotlib instead: {error}", flush=True)
+        for path, configuration in pictures.items():
+            configuration_figure(grasp_map, robot, [configuration], path, path.stem)
+    else:
+        for path, configuration in pictures.items():
+            save_image(renderer.render(*configuration), path)
+        renderer.close()
+    for path in pictures:
+        print(f"picture: {path}", flush=True)
+
+
+def _info(args: argparse.Namespace) -> int:
+    from collections import Counter
+
+    import numpy as np
+
+    from mlivr_gym.pair_graph import PairGraph
+
+    graph = _graph(args)
+    grasp_map, robot = graph.grasp_map, graph.robot
+    faces = Counter(grasp_map.faces)
+    low, high = grasp_map.cabin
+    print(f"map {grasp_map.name} ({grasp_map.fingerprint}): {len(grasp_map)} points on {len(grasp_map.segments)} tracks")
+    print("  faces: " + ", ".join(f"{face} {count}" for face, count in faces.items()))
+    print(f"  handrails: {len(grasp_map.handrails)}; cabin {low.tolist()} to {high.tolist()} m")
+    print(
+        f"robot {robot.name} ({robot.fingerprint}): {robot.limbs} limbs, mounts {robot.mount_radius:g} m from the axis, "
+        f"span {robot.span:g} m, l_c {robot.characteristic_length:g} m"
+    )
+    print(f"thresholds: w_m {graph.limb_threshold:g}, w_b {graph.base_threshold:g}, on paths w_m {graph.settings.path_floor:g}")
+    print(f"ordered pairs of points within span: {len(graph.pairs)}")
+    if isinstance(graph, PairGraph):
+        count, part = graph.components
+        steps = int((graph.degree**2).sum() - 2 * len(graph))
+        print(
+            f"stance graph: {graph.reachable} of {graph.considered} pairs in reach, {len(graph)} stances, "
+            f"{graph.solver.geometries} different geometries"
+        )
+        print(f"  {steps} steps before checks, {count} connected parts, the largest of {int(np.bincount(part).max())} stances")
+        print(f"  w_m {graph.w_m.min():.4f} to {graph.w_m.max():.4f}, w_b {graph.w_b.min():.6f} to {graph.w_b.max():.6f}")
+        print(f"  longest base displacement of a step: {graph.max_step:.3f} m")
+    else:
+        print("stance graph: worked out as it is searched (more than two limbs)")
+    return 0
+
+
+def _render(args: argparse.Namespace) -> int:
+    from mlivr_gym import GraspMap, jem_map
+    from mlivr_gym.files import write_whole
+    from mlivr_gym.planners import Plan
+    from mlivr_gym.scene import scene_spec
+
+    if args.plan and args.start:
+        raise SettingError("give either --plan or --start, not both")
+    if min(args.size) < 16 or max(args.size) > 1920:
+        raise SettingError(f"--size is {tuple(args.size)}; width and height must lie between 16 and 1920")
+    out = Path(args.out)
+    if args.plan:
+        grasp_map = GraspMap.load(args.map) if args.map else jem_map()
+        plan = Plan.load(args.plan, grasp_map)
+        robot = plan.robot
+        pictures = {
+            out.with_name(f"{out.stem}_{name}{out.suffix}"): (
+                plan.base_positions[k], plan.base_quaternions[k], plan.joint_positions[k],
+            )
+            for name, k in _ends(plan).items()
+        }  # fmt: skip
+    else:
+        graph = _graph(args)
+        grasp_map, robot = graph.grasp_map, graph.robot
+        args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
+        state = graph.state(_default_task(graph, args)[0] if args.start is None else args.start)
+        pictures = {out: graph.configuration(state)}
+    _draw(grasp_map, robot, pictures, tuple(args.size))
+    if args.mjcf:
+        spec = scene_spec(grasp_map, robot)
+        spec.compile()
+        write_whole(args.mjcf, spec.to_xml())
+        print(f"scene: {args.mjcf}")
+    return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    args = _parser().parse_args(arguments)
+    try:
+        code: int = args.run(args)
+    except MlivrError as error:
+        print(f"mlivr-gym: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:
+        return 1
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,311 @@
+"""The Gymnasium environment `MLIVR-JEM-v0`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from mlivr_gym.errors import SettingError, StanceError, choice, nonnegative
+from mlivr_gym.grasp_map import GraspMap, jem_map
+from mlivr_gym.posture import Postures
+from mlivr_gym.robot import RobotSpec, robot_spec
+from mlivr_gym.settings import Settings
+from mlivr_gym.stance_graph import State, Successors, stance_graph
+from mlivr_gym.tasks import sample_task
+
+REWARDS = ("steps", "base")
+"""Names of the rewards."""
+
+
+class MlivrEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
+    """Hand-over-hand motion of a multi-limbed robot through a space station module.
+
+    ## Description
+    The robot holds one graspable point with each of its N limbs. An action moves one limb to another point; the base
+    follows to the posture that belongs to the new stance. The task is to bring the base within
+    `goal_tolerance` of a goal position.
+
+    ## Action Space
+    `Discrete(N * m)` for m points: action `limb * m + point` moves `limb` to `point`. Few actions are
+    possible in a stance; `action_masks()` (bool) and `info["action_mask"]` (int8) tell which. An action that is
+    masked out changes nothing, costs the same as a step, and sets `info["invalid_action"]`.
+
+    ## Observation Space
+    A dictionary:
+
+    | key | space | meaning |
+    |---|---|---|
+    | `stance` | `MultiDiscrete([m] * N)` | point each limb holds |
+    | `grasps` | `Box(3 N)` | positions x, y, z of those points [m] |
+    | `base_position` | `Box(3)` | base position [m] |
+    | `base_quaternion` | `Box(4)` | base orientation w, x, y, z, with w >= 0 |
+    | `goal` | `Box(3)` | goal position [m] |
+    | `branches` | `MultiBinary(16 N)` | inverse-kinematics branches and flips each limb may still be on |
+
+    ## Rewards
+    `reward="steps"`: -1 a step. `reward="base"`: minus the base displacement [m]; a masked-out action
+    costs `max_step`, the largest displacement of any step. `success_bonus` is added on reaching the goal. With
+    `shaping=True`, `discount * phi(after) - phi(before)` is added, where `phi` is minus the distance to the goal [m] (0 at
+    the goal); this keeps the optimal policy of an agent with the same discount. Without shaping the
+    return of an episode without masked-out actions is minus the cost of the plan, plus the bonus.
+
+    ## Starting State
+    `reset(options={"start": (ids...), "goal": (x, y, z)})`; what is not given is drawn from the seed such that a
+    walk of possible steps joins start and goal.
+
+    ## Episode End
+    Terminated when the base is within `goal_tolerance` of the goal. Truncated after `max_episode_steps` of the
+    registration (100).
+
+    ## Information
+    `stance` (point ids), `base_position` [m], `base_translation` [m] and `steps` since reset,
+    `limb_manipulability` (N,), `base_manipulability`, `action_mask` (int8), `is_success`, `invalid_action`.
+
+    ## Arguments
+    See `__init__`.
+
+    ## Version History
+    * v0: first version.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 2}
+
+    def __init__(
+        self,
+        robot: str | RobotSpec = "mlivr2",
+        map: str | Path | GraspMap | None = None,
+        manipulability: bool = True,
+        transitions: bool = True,
+        limb_threshold: float = 0.1,
+        base_threshold: float | None = None,
+        goal_tolerance: float = 0.2,
+        reward: str = "steps",
+        success_bonus: float = 0.0,
+        shaping: bool = False,
+        discount: float = 0.99,
+        dynamics: str = "kinematic",
+        render_mode: str | None = None,
+        width: int = 640,
+        height: int = 360,
+    ) -> None:
+        """Build the stance graph and the spaces.
+
+        Args:
+            robot: Name, path of a JSON file, or description of the robot.
+            map: Path of a map file, or a map; by default the measured JEM.
+            manipulability: Whether stances must meet both thresholds.
+            transitions: Whether steps must be shown to be possible.
+            limb_threshold: Least limb manipulability.
+            base_threshold: Least base manipulability; by default `0.001 (2/N)^3`.
+            goal_tolerance: Radius of the goal region [m].
+            reward: `"steps"` or `"base"`.
+            success_bonus: Added on reaching the goal.
+            shaping: Whether to add potential-based shaping.
+            discount: Discount used by the shaping.
+            dynamics: `"kinematic"`: the step of the stance graph.
+            render_mode: `"rgb_array"`, `"human"` or None.
+            width: Width of rendered pictures [px].
+            height: Height of rendered pictures [px].
+
+        Raises:
+            MlivrError: If an argument cannot be used; the message names it.
+        """
+        self.reward = choice("reward", reward, REWARDS)
+        choice("dynamics", dynamics, ("kinematic",))
+        if render_mode is not None:
+            choice("render_mode", render_mode, self.metadata["render_modes"])
+        self.goal_tolerance = nonnegative("goal_tolerance", goal_tolerance)
+        self.success_bonus, self.shaping = float(success_bonus), bool(shaping)
+        if not 0.0 < discount <= 1.0:
+            raise SettingError(f"discount is {discount!r}; it must be above 0 and at most 1")
+        self.discount = float(discount)
+        self.render_mode, self._size = render_mode, (int(width), int(height))
+        grasp_map = map if isinstance(map, GraspMap) else jem_map() if map is None else GraspMap.load(map)
+        settings = Settings(manipulability, transitions, limb_threshold, base_threshold)
+        self.graph = stance_graph(grasp_map, robot_spec(robot), settings)
+        points, limbs = len(grasp_map), self.graph.limbs
+        self.action_space = spaces.Discrete(limbs * points)
+        low = np.minimum(grasp_map.cabin[0], grasp_map.positions.min(axis=0)) - self.graph.robot.span
+        high = np.maximum(grasp_map.cabin[1], grasp_map.positions.max(axis=0)) + self.graph.robot.span
+        low, high = low.astype(np.float32), high.astype(np.float32)
+        self.observation_space = spaces.Dict(
+            {
+                "stance": spaces.MultiDiscrete([points] * limbs),
+                "grasps": spaces.Box(np.tile(low, limbs), np.tile(high, limbs), dtype=np.float32),
+                "base_position": spaces.Box(low, high, dtype=np.float32),
+                "base_quaternion": spaces.Box(-1.0, 1.0, (4,), dtype=np.float32),
+                "goal": spaces.Box(low, high, dtype=np.float32),
+                "branches": spaces.MultiBinary(16 * limbs),
+            }
+        )
+        self._state: State | None = None
+        self._viewer: Any = None
+
+    @property
+    def state(self) -> State:
+        """The present state.
+
+        Raises:
+            gymnasium.error.ResetNeeded: Before the first reset.
+        """
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded("call reset() before using the environment")
+        return self._state
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Start an episode; see the class for `options`."""
+        super().reset(seed=seed)
+        given = dict(options or {})
+        unknown = set(given) - {"start", "goal"}
+        if unknown:
+            raise SettingError(f"unknown reset option {sorted(unknown)[0]!r}; valid options are 'start', 'goal'")
+        start = self.graph.state(given["start"]) if "start" in given else None
+        goal = self.graph.grasp_map.check_goal(given["goal"]) if "goal" in given else None
+        if start is None or goal is None:
+            drawn_start, drawn_goal = sample_task(self.graph, self.np_random, self.goal_tolerance, start)
+            start = drawn_start if start is None else start
+            goal = drawn_goal if goal is None else goal
+        self.goal: NDArray[np.float64] = goal
+        self._enter(start)
+        if not len(self._successors.limb):
+            raise StanceError(f"no step leaves the start stance {self.graph.ids(start.stance)}")
+        self.steps, self.base_translation = 0, 0.0
+        if self.render_mode == "human":
+            self.render()
+        return self._observation(), self._info(False)
+
+    def step(
+        self, action: np.int64 | int
+    ) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+        """Move limb `action // m` to point `action % m`."""
+        state = self.state
+        if not self.action_space.contains(np.int64(action)):
+            raise SettingError(f"action {action!r} is not in {self.action_space}")
+        limb, point = divmod(int(action), len(self.graph.grasp_map))
+        taken = np.flatnonzero((self._successors.limb == limb) & (self._successors.point == point))
+        before, moved = self._potential(), self.graph.max_step
+        self.steps += 1
+        if len(taken):
+            k = int(taken[0])
+            stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
+            moved = float(np.linalg.norm(self._successors.position[k] - self._posture.position[0]))
+            self.base_translation += moved
+            self._enter(State(stance, tuple(self._successors.masks[k].tolist())))
+        reward = -1.0 if self.reward == "steps" else -moved
+        success = self._success()
+        if success:
+            reward += self.success_bonus
+        if self.shaping:
+            reward += self.discount * self._potential() - before
+        if self.render_mode == "human":
+            self.render()
+        return self._observation(), float(reward), success, False, self._info(not len(taken))
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Which actions are possible, shape (N m,)."""
+        mask = np.zeros(self.action_space.n, dtype=np.bool_)
+        mask[self._successors.limb * len(self.graph.grasp_map) + self._successors.point] = True
+        return mask
+
+    def _enter(self, state: State) -> None:
+        self._state = state
+        self._successors: Successors = self.graph.successors(state)
+        self._posture: Postures = self.graph.posture(state.stance)
+        self._quaternion = self.graph.configuration(state)[1]
+
+    def _success(self) -> bool:
+        return bool(np.linalg.norm(self._posture.position[0] - self.goal) <= self.goal_tolerance)
+
+    def _potential(self) -> float:
+        return 0.0 if self._success() else -float(np.linalg.norm(self._posture.position[0] - self.goal))
+
+    def _observation(self) -> dict[str, NDArray[Any]]:
+        stance, masks = self.state
+        bits = np.array(masks, dtype=np.int64)[:, None] >> np.arange(16) & 1
+        return {
+            "stance": np.array(stance, dtype=np.int64),
+            "grasps": self.graph.grasp_map.positions[list(stance)].ravel().astype(np.float32),
+            "base_position": self._posture.position[0].astype(np.float32),
+            "base_quaternion": self._quaternion.astype(np.float32),
+            "goal": self.goal.astype(np.float32),
+            "branches": bits.ravel().astype(np.int8),
+        }
+
+    def _info(self, invalid: bool) -> dict[str, Any]:
+        return {
+            "stance": self.graph.ids(self.state.stance),
+            "base_position": self._posture.position[0].copy(),
+            "base_translation": self.base_translation,
+            "steps": self.steps,
+            "limb_manipulability": self._posture.w_m[0].copy(),
+            "base_manipulability": float(self._posture.w_b[0]),
+            "action_mask": self.action_masks().astype(np.int8),
+            "is_success": self._success(),
+            "invalid_action": invalid,
+        }
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Picture of the scene, shape (height, width, 3), or the scene in a window.
+
+        Raises:
+            RenderError: If there is no GL library.
+        """
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() was called without a render_mode; give one to gymnasium.make")
+            return None
+        configuration = self.graph.configuration(self.state)
+        if self.render_mode == "human":
+            from mlivr_gym.rendering import SceneWindow
+
+            if self._viewer is None:
+                self._viewer = SceneWindow(self.graph.grasp_map, self.graph.robot)
+            self._viewer.show(*configuration)
+            return None
+        from mlivr_gym.rendering import SceneRenderer
+
+        if self._viewer is None:
+            self._viewer = SceneRenderer(self.graph.grasp_map, self.graph.robot, *self._size)
+        picture: NDArray[np.uint8] = self._viewer.render(*configuration)
+        return picture
+
+    def close(self) -> None:
+        """Release the window or GL context."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the window or GL context."""
+        return self.__dict__ | {"_viewer": None}
+
+
+class ActionMaskObservation(
+    gymnasium.ObservationWrapper[dict[str, NDArray[Any]], np.int64, dict[str, NDArray[Any]]],
+    gymnasium.utils.RecordConstructorArgs,
+):
+    """Puts the action mask into the observation, under `"action_mask"`."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        """Wrap a `MlivrEnv`."""
+        gymnasium.utils.RecordConstructorArgs.__init__(self)
+        super().__init__(env)
+        inner = env.observation_space
+        assert isinstance(inner, spaces.Dict) and isinstance(env.action_space, spaces.Discrete)
+        self.observation_space = spaces.Dict({**inner.spaces, "action_mask": spaces.MultiBinary(int(env.action_space.n))})
+
+    def observation(self, observation: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """The observation with the mask."""
+        mask: NDArray[np.bool_] = self.get_wrapper_attr("action_masks")()
+        return {**observation, "action_mask": mask.astype(np.int8)}
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Which actions are possible, for sb3-contrib."""
+        mask: NDArray[np.bool_] = self.env.get_wrapper_attr("action_masks")()
+        return mask

@@ -1,0 +1,138 @@
+"""Figures drawn with matplotlib: the map with plans on it, and a plain picture of a configuration."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.files import write_whole
+from mlivr_gym.grasp_map import GraspMap
+from mlivr_gym.scene import LIMB_COLOURS
+
+if TYPE_CHECKING:
+    from mlivr_gym.planners.plan import Plan
+    from mlivr_gym.robot import RobotSpec
+
+Array = NDArray[np.float64]
+
+MOST_EXPLORED = 4000
+"""Explored base paths drawn at most; of more, an even selection is drawn."""
+
+
+def _axes(grasp_map: GraspMap) -> tuple[Any, Any]:
+    """A 3-D figure of the map: tracks as thin lines, points as dots, equal scale."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.8, 6.4), dpi=110)
+    FigureCanvasAgg(figure)
+    axes: Any = figure.add_axes((-0.06, -0.14, 1.08, 1.22), projection="3d", computed_zorder=False)
+    for segment in grasp_map.segments:
+        axes.plot(*np.array([segment.start, segment.end]).T, color="0.82", linewidth=1.2, zorder=1)
+    axes.scatter(*grasp_map.positions.T, s=4, color="0.55", depthshade=False, zorder=2, label="graspable points")
+    low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
+    span = np.maximum(high - low, 0.3)
+    axes.set_box_aspect(span, zoom=1.25)
+    for name, a, b in zip("xyz", low, low + span, strict=True):
+        getattr(axes, f"set_{name}lim")(a - 0.05, b + 0.05)
+    axes.set_xlabel("x [m] (Node 2 to airlock)", labelpad=18)
+    axes.set_ylabel("y [m]", labelpad=2)
+    axes.set_zlabel("z [m]", labelpad=-2)
+    axes.set_yticks([-1, 0, 1])
+    axes.set_zticks([-1, 0, 1])
+    axes.tick_params(labelsize=8)
+    axes.view_init(elev=18, azim=-72)
+    return figure, axes
+
+
+def save_figure(figure: Any, path: str | Path) -> None:
+    """Write a figure as PNG, whole or not at all."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    write_whole(path, buffer.getvalue())
+
+
+def plan_figure(grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array | None = None, title: str = "") -> None:
+    """Picture of a plan: explored base paths thin, chosen base path thick, footholds of each limb in its colour.
+
+    Args:
+        grasp_map: The map.
+        plan: The plan.
+        path: PNG file to write.
+        tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+        title: Heading.
+    """
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+    figure, axes = _axes(grasp_map)
+    explored = np.zeros((0, 2, 3)) if tree is None else tree
+    drawn = explored[:: max(1, -(-len(explored) // MOST_EXPLORED))]
+    if len(drawn):
+        axes.add_collection3d(
+            Line3DCollection(drawn, colors="#2a9d8f", linewidths=0.4, alpha=0.35, zorder=3, label="explored base paths")
+        )
+    index = {point: i for i, point in enumerate(grasp_map.ids)}
+    base = plan.base_positions
+    for limb in range(plan.robot.limbs):
+        held = grasp_map.positions[[index[stance[limb]] for stance in plan.stances]]
+        colour = LIMB_COLOURS[limb]
+        for position, point in zip(base, held, strict=True):
+            axes.plot(*np.array([position, point]).T, color=colour, linewidth=0.7, alpha=0.6, zorder=4)
+        axes.plot(*held.T, color=colour, linewidth=0.9, linestyle=":", zorder=4)
+        axes.scatter(*held.T, s=46, color=colour, edgecolor="white", depthshade=False, zorder=6, label=f"footholds of limb {limb}")
+    axes.plot(*base.T, color="#c1121f", linewidth=3.0, marker="s", markersize=5, zorder=5, label="base path")
+    axes.scatter(*np.array(plan.goal), s=150, marker="*", color="#ffb703", edgecolor="black", depthshade=False, zorder=7, label="goal")
+    figure.suptitle(title or "Plan", x=0.02, y=0.975, ha="left", fontsize=13)
+    count = f" ({len(drawn)} of {len(explored)} drawn)" if len(drawn) < len(explored) else ""
+    figure.text(
+        0.02, 0.91,
+        f"{len(plan.steps)} steps, base translation {plan.base_translation:.2f} m, least $w_m$ {plan.w_m_min:.3f}, "
+        f"least $w_b$ {plan.w_b_min:.4f}, {plan.expanded} states explored{count}",
+        fontsize=9.5, color="0.25",
+    )  # fmt: skip
+    axes.legend(loc="lower right", bbox_to_anchor=(0.95, 0.14), fontsize=8.5, frameon=False)
+    save_figure(figure, path)
+
+
+def configuration_figure(
+    grasp_map: GraspMap, robot: RobotSpec, configurations: list[tuple[Array, Array, Array]], path: str | Path, title: str
+) -> None:
+    """Stick figures of configurations on the map, for machines without GL.
+
+    Args:
+        grasp_map: The map.
+        robot: The robot.
+        configurations: Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad] of each.
+        path: PNG file to write.
+        title: Heading.
+    """
+    from scipy.spatial.transform import Rotation
+
+    from mlivr_gym.ur_kinematics import forward_kinematics
+
+    figure, axes = _axes(grasp_map)
+    for position, quaternion, joints in configurations:
+        base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+        axes.scatter(*position, s=120, marker="s", color="0.2", depthshade=False, zorder=6)
+        for i, q in enumerate(joints):
+            mount = base @ robot.mount_rotations[i]
+            origin = position + base @ robot.mount_positions[i]
+            frames = forward_kinematics(q, robot.limb.lengths)
+            flange = frames[6, :3, 3] + robot.tool_length * frames[6, :3, 2]
+            chain = np.vstack([frames[:, :3, 3], flange]) @ mount.T + origin
+            axes.plot(*np.vstack([position, chain]).T, color=LIMB_COLOURS[i], linewidth=3, marker="o", markersize=3, zorder=5)
+    figure.suptitle(title, x=0.02, y=0.975, ha="left", fontsize=13)
+    save_figure(figure, path)
+
+
+def save_image(image: NDArray[np.uint8], path: str | Path) -> None:
+    """Write a picture, shape (height, width, 3), as PNG, whole or not at all."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, format="png")
+    write_whole(path, buffer.getvalue())
