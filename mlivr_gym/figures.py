@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.files import write_whole
 from mlivr_gym.grasp_map import GraspMap
-from mlivr_gym.scene import LIMB_COLOURS
+from mlivr_gym.robot import LIMB_COLOURS
 
 if TYPE_CHECKING:
     from mlivr_gym.planners.plan import Plan
@@ -36,7 +36,7 @@ def _axes(grasp_map: GraspMap) -> tuple[Any, Any]:
     axes.scatter(*grasp_map.positions.T, s=4, color="0.55", depthshade=False, zorder=2, label="graspable points")
     low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
     span = np.maximum(high - low, 0.3)
-    axes.set_box_aspect(span, zoom=1.25)
+    axes.set_box_aspect(span.copy(), zoom=1.3)  # the array is changed in place
     for name, a, b in zip("xyz", low, low + span, strict=True):
         getattr(axes, f"set_{name}lim")(a - 0.05, b + 0.05)
     axes.set_xlabel("x [m] (Node 2 to airlock)", labelpad=18)
@@ -94,7 +94,7 @@ def plan_figure(grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array |
         f"least $w_b$ {plan.w_b_min:.4f}, {plan.expanded} states explored{count}",
         fontsize=9.5, color="0.25",
     )  # fmt: skip
-    axes.legend(loc="lower right", bbox_to_anchor=(0.95, 0.14), fontsize=8.5, frameon=False)
+    figure.legend(loc="upper right", bbox_to_anchor=(0.985, 0.985), ncols=2, fontsize=8.5, frameon=False)
     save_figure(figure, path)
 
 

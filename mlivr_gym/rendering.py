@@ -35,12 +35,9 @@ class SceneRenderer:
         Raises:
             RenderError: If no GL library can be used.
         """
-        if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-            os.environ.setdefault("MUJOCO_GL", "egl")
         try:
+            from mlivr_gym.scene import scene_spec  # isort: skip
             import mujoco
-
-            from mlivr_gym.scene import scene_spec
 
             self.grasp_map = grasp_map
             self.model = scene_spec(grasp_map, robot).compile()
@@ -116,10 +113,9 @@ class SceneWindow:
             # The window library would end the whole process.
             raise RenderError("render_mode='human' needs a screen and DISPLAY is not set; use render_mode='rgb_array'")
         try:
+            from mlivr_gym.scene import scene_spec  # isort: skip
             import mujoco
             import mujoco.viewer
-
-            from mlivr_gym.scene import scene_spec
 
             self.model = scene_spec(grasp_map, robot).compile()
             self.data = mujoco.MjData(self.model)

@@ -20,6 +20,10 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 
 
+LIMB_COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
+"""Colour of each limb, in the scene and in figures."""
+
+
 @cache
 def ur5e_data() -> dict[str, Any]:
     """Figures of the UR5e with their sources, as shipped."""

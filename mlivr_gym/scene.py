@@ -6,7 +6,13 @@ face have a geom group of their own (`FACE_GROUPS`), so that a picture can leave
 
 from __future__ import annotations
 
+import os
+import sys
 from typing import Any
+
+if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+    # MuJoCo chooses its GL library when it is imported; without a screen only EGL can work.
+    os.environ.setdefault("MUJOCO_GL", "egl")
 
 import mujoco
 import numpy as np
@@ -14,15 +20,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.grasp_map import GraspMap, Handrail
-from mlivr_gym.robot import RobotSpec, ur5e_data
+from mlivr_gym.robot import LIMB_COLOURS, RobotSpec, ur5e_data
 
 Array = NDArray[np.float64]
 
 FACE_GROUPS = {"deck": 1, "forward": 2, "aft": 3, "overhead": 4, "starboard": 5, "port": 5}
 """Geom group of each cabin face; the robot has group 0."""
-
-LIMB_COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
-"""Colour of each limb, in the scene and in figures."""
 
 _FACE_AXES = {"deck": (2, 1), "overhead": (2, -1), "forward": (1, 1), "aft": (1, -1)}
 """Axis across each rack face and the sign of its inward normal."""

@@ -173,8 +173,8 @@ def table_markdown(data: dict[str, Any]) -> str:
             f"| {p['w_b_min']:.4f} | {p['time']:.1f} |"
         )
         lines.append(
-            f"| {number} | measured | {m['expanded']} | {m['base_translation']:.2f} | {m['steps']} | {m['w_m_min']:.3f} "
-            f"| {m['w_b_min']:.4f} | {m['stance_set_time']:.2f} + {m['search_time']:.3f} |"
+            f"| {number} | measured | {m['expanded']} | {m['base_translation']:.2f} | {m['steps']} | {m['w_m_min']:.4f} "
+            f"| {m['w_b_min']:.5f} | {m['stance_set_time']:.2f} + {m['search_time']:.3f} |"
         )
     lines += ["", "| relation | holds |", "|---|---|"]
     lines += [f"| {name} | {'yes' if held else 'no'} |" for name, held in data["relations"].items()]
@@ -190,11 +190,18 @@ def table_markdown(data: dict[str, Any]) -> str:
     if "transition_study" in data:
         study = data["transition_study"]
         lines += [
-            f"**Beyond the paper.** Of {study['pairs']} random start and goal pairs, {study['blocked']} node-only plans "
-            f"({100 * study['blocked'] / study['pairs']:.0f} %) could not have been carried out: on at least one step a holding "
-            f"limb would have had to let go or pass a singularity. With steps checked all {study['solved']} pairs that have a plan get one that can; its base "
-            f"translation is {100 * study['extra_translation']:.2f} % longer on average.",
+            f"**Beyond the paper: can the plan be carried out?** Of {study['pairs']} random start and goal pairs, "
+            f"{study['blocked']} node-only plans of the base cost ({100 * study['blocked'] / study['pairs']:.0f} %) and "
+            f"{study['blocked_steps']} of the step cost ({100 * study['blocked_steps'] / study['pairs']:.0f} %) could not have been carried "
+            f"out: on at least one step a holding limb would have had to let go or to pass a singularity. With steps checked, "
+            f"{study['solved']} of {study['pairs']} pairs get a plan that can be; its base translation is "
+            f"{100 * study['extra_translation']:.2f} % longer on average.",
             "",
         ]
+    if "pareto" in data:
+        lines += ["**Steps bought with translation** (Case 2's task, weighted cost, see `pareto.png`):", ""]
+        lines += ["| price of a regrasp [m] | steps | base translation [m] |", "|---|---|---|"]
+        lines += [f"| {r['price']:g} | {r['steps']} | {r['base_translation']:.3f} |" for r in data["pareto"]]
+        lines += [""]
     return "\n".join(lines)
 

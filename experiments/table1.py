@@ -1,0 +1,127 @@
+"""The paper's Table I, its relations, and what the step check adds.
+
+    python experiments/table1.py [--out results] [--pairs 200]
+
+writes `table1.md`, `table1.json`, a picture of each case, `pareto.png`, and the study of node-only plans.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from mlivr_gym import Settings, State, jem_map, stance_graph
+from mlivr_gym.figures import save_figure
+from mlivr_gym.files import write_whole
+from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.stance_graph import join
+from mlivr_gym.table1 import case_graph, default_setup, run_cases, table_markdown
+from mlivr_gym.tasks import sample_task
+
+PRICES = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+"""Prices of a regrasp for the Pareto front [m]."""
+
+
+def can_be_carried_out(graph: PairGraph, plan: Plan) -> bool:
+    """Whether the holding limbs can follow a sequence of stances, each keeping one branch while it holds."""
+    try:
+        state: State = graph.state(plan.stances[0])
+    except ValueError:
+        return False
+    for before, after in zip(plan.stances, plan.stances[1:], strict=False):
+        points = graph.indices(after)
+        postures = join(graph.posture(graph.indices(before)), graph.posture(points))
+        steps = graph.successors(state)
+        limb = 0 if before[0] != after[0] else 1
+        match = np.flatnonzero((steps.limb == limb) & (steps.point == points[limb]))
+        if not len(match) or not graph.is_node(postures).all():
+            return False
+        a, b = steps.masks[match[0]].tolist()
+        state = State(points, (a, b))
+    return True
+
+
+def transition_study(pairs: int) -> dict[str, Any]:
+    """How many node-only plans over random pairs could not have been carried out, for both costs."""
+    checked = stance_graph(jem_map())
+    free = stance_graph(jem_map(), settings=Settings(transitions=False))
+    assert isinstance(checked, PairGraph)
+    planner, node_only = Planner(checked), Planner(free)
+    rng = np.random.default_rng(2026)
+    blocked = {"base": 0, "steps": 0}
+    extra, solved = [], 0
+    for _ in tqdm(range(pairs), desc="node-only plans", mininterval=2.0):
+        start, goal = sample_task(checked, rng, 0.2)
+        for cost in blocked:
+            plan = node_only.plan(start.stance, goal, cost).unwrap()
+            blocked[cost] += not can_be_carried_out(checked, plan)
+            if cost == "base":
+                with_check = planner.plan(start.stance, goal, cost).plan
+                solved += with_check is not None
+                if with_check is not None and plan.base_translation > 0.0:
+                    extra.append(with_check.base_translation / plan.base_translation - 1.0)
+    return {
+        "pairs": pairs,
+        "blocked": blocked["base"],
+        "blocked_steps": blocked["steps"],
+        "solved": solved,
+        "extra_translation": float(np.mean(extra)),
+    }
+
+
+def pareto(out: Path) -> list[dict[str, float]]:
+    """Steps against base translation for rising prices of a regrasp, on the calibrated task, with a figure."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    setup = default_setup()
+    planner = Planner(case_graph(2, setup))
+    rows = []
+    for price in PRICES:
+        plan = planner.plan(tuple(setup["start"]), setup["goal"], "weighted", regrasp_price=price).unwrap()
+        rows.append({"price": price, "steps": len(plan.steps), "base_translation": plan.base_translation})
+    figure = Figure(figsize=(6.4, 4.0), dpi=120, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    steps, metres = [row["steps"] for row in rows], [row["base_translation"] for row in rows]
+    axes.plot(steps, metres, color="0.7", zorder=1)
+    axes.scatter(steps, metres, color="#c1121f", zorder=2)
+    for count in sorted(set(steps)):
+        same = [row for row in rows if row["steps"] == count]
+        label = ", ".join(f"{row['price']:g}" for row in same)
+        axes.annotate(f"price {label} m", (count, same[0]["base_translation"]), (6, 6), textcoords="offset points", fontsize=8)
+    axes.set_xlabel("steps")
+    axes.set_ylabel("base translation [m]")
+    axes.set_title("Steps bought with translation: price of a regrasp")
+    axes.set_xticks(range(min(steps), max(steps) + 2))
+    axes.margins(x=0.25, y=0.2)
+    axes.spines[["top", "right"]].set_visible(False)
+    save_figure(figure, out / "pareto.png")
+    return rows
+
+
+def main() -> None:
+    """Run everything and write the results."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
+    parser.add_argument("--pairs", type=int, default=200, help="random pairs of the study of node-only plans")
+    args = parser.parse_args()
+    _, data = run_cases(args.out, print)
+    data["pareto"] = pareto(args.out)
+    data["transition_study"] = transition_study(args.pairs)
+    write_whole(args.out / "table1.json", json.dumps(data, indent=1) + "\n")
+    write_whole(args.out / "table1.md", table_markdown(data))
+    print(table_markdown(data))
+    failed = [name for name, held in data["relations"].items() if not held]
+    if failed:
+        raise SystemExit(f"relations that do not hold: {failed}")
+
+
+if __name__ == "__main__":
+    main()

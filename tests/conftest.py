@@ -1,0 +1,47 @@
+import numpy as np
+import pytest
+
+from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
+
+
+@pytest.fixture(scope="session")
+def jem():
+    return jem_map()
+
+
+@pytest.fixture(scope="session")
+def graph(jem):
+    return stance_graph(jem)
+
+
+@pytest.fixture(scope="session")
+def kinematic_graph(jem):
+    return stance_graph(jem, settings=Settings(manipulability=False))
+
+
+@pytest.fixture(scope="session")
+def small_map(jem):
+    """The points of the first two racks of deck and forward wall, every second one."""
+    keep = (jem.positions[:, 0] < 3.0) & np.isin(jem.faces, ["deck", "forward"])
+    keep &= np.arange(len(jem)) % 2 == 0
+    return jem.subset(keep, "small")
+
+
+@pytest.fixture(scope="session")
+def small_graph(small_map):
+    return stance_graph(small_map)
+
+
+@pytest.fixture
+def ladder():
+    """A user's own map: three short rails on a floor."""
+    return GraspMap.from_dict(
+        {
+            "name": "ladder",
+            "segments": [
+                {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0], "normal": [0, 0, 1]}
+                for k, x in enumerate((0.0, 0.9, 1.8))
+            ],
+            "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]},
+        }
+    )
