@@ -35,9 +35,9 @@ def mismatch(case: int, plan: Plan) -> float:
     """Sum of relative errors of one case against the paper's row."""
     row = PAPER[case]
     return (
-        abs(plan.base_translation / row["base_translation"] - 1.0) * 4.0
-        + abs(len(plan.steps) - row["steps"]) * 0.2
-        + 0.3 * abs(plan.w_m_min / row["w_m_min"] - 1.0)
+        abs(plan.base_translation / row["base_translation"] - 1.0) * 2.0
+        + abs(len(plan.steps) - row["steps"]) * 0.15
+        + 0.1 * abs(plan.w_m_min / row["w_m_min"] - 1.0)
         + 0.1 * abs(plan.w_b_min / row["w_b_min"] - 1.0)
     )
 

@@ -191,6 +191,18 @@ class PairGraph(StanceGraph):
         """Number of stances."""
         return len(self.points)
 
+    def no_stance(self) -> str:
+        """Why a graph without stances has none."""
+        if not self.reachable:
+            return (
+                f"no base pose at heights {self.robot.heights} m lets limbs mounted {self.robot.mount_radius:g} m "
+                f"from the axis reach two points"
+            )
+        return (
+            f"of {self.reachable} stances in reach none meets w_m >= {self.limb_threshold:g} and w_b >= "
+            f"{self.base_threshold:g} with limbs that can depart at w_m >= {self.settings.path_floor:g}"
+        )
+
     def find(self, stance: tuple[int, ...]) -> int:
         """Index of a stance given by point indices, or -1 if it is no node."""
         key = stance[0] * len(self.grasp_map) + stance[1]
@@ -287,7 +299,7 @@ class PairGraph(StanceGraph):
         out = np.zeros(len(self.grasp_map))
         for held in range(2):
             longest_step(0, len(out), held, self.rows, self.row_start, self.position, out)
-        return float(np.sqrt(out.max()))
+        return max(float(np.sqrt(out.max())), 1e-9)
 
     @cached_property
     def components(self) -> tuple[int, NDArray[np.int32]]:

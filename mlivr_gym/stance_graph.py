@@ -59,15 +59,13 @@ class Successors(NamedTuple):
 
 @dataclass(frozen=True)
 class Transition:
-    """How the base moves in one step.
+    """What one step leaves.
 
     Attributes:
-        kind: `STRAIGHT` or `ARC`.
-        pivot: Centre of the arc: the centroid of the held points [m], shape (3,).
+        pivot: Centre of a base path that is an arc: the centroid of the held points [m], shape (3,).
         masks: Branches left to each limb after the step.
     """
 
-    kind: int
     pivot: Array
     masks: tuple[int, ...]
 
@@ -212,14 +210,31 @@ class StanceGraph(ABC):
         pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
         masks = [int(m) for m in posture.mask[1]]
         if not self.settings.transitions:
-            return Transition(STRAIGHT, pivot, tuple(masks))
+            return Transition(pivot, tuple(masks))
+        gained = dict.fromkeys(held, 0)
         for kind in (STRAIGHT, ARC):
-            left = {i: self._hold(kind, pivot, after[i], i, posture, state.masks[i] & masks[i]) for i in held}
-            if all(left.values()):
-                return Transition(kind, pivot, tuple(left.get(i, masks[i]) for i in range(self.limbs)))
-        return None
+            left = {i: self.hold(kind, pivot, after[i], i, posture, state.masks[i] & masks[i]) for i in held}
+            if len(held) == 1:
+                # One limb may take some branches along the line and others along the arc.
+                gained[held[0]] |= left[held[0]]
+            elif all(left.values()):
+                gained = left
+                break
+        if not all(gained.values()):
+            return None
+        return Transition(pivot, tuple(gained.get(i, masks[i]) for i in range(self.limbs)))
 
-    def _hold(self, kind: int, pivot: Array, point: int, limb: int, posture: Postures, mask: int) -> int:
+    def hold(self, kind: int, pivot: Array, point: int, limb: int, posture: Postures, mask: int) -> int:
+        """Those of the branches and flips in `mask` on which a limb can hold along a base path.
+
+        Args:
+            kind: `STRAIGHT` or `ARC`.
+            pivot: Centre of the arc [m], shape (3,).
+            point: Point index that the limb holds.
+            limb: The limb.
+            posture: Postures at both ends of the path.
+            mask: 16-bit mask.
+        """
         solver, robot = self.solver, self.robot
         tool = solver.tools[point]
         ends = (posture.position[0], posture.rotation[0], posture.position[1], posture.rotation[1])
@@ -325,8 +340,5 @@ def stance_graph(
         return LazyGraph(grasp_map, robot, settings)
     graph = PairGraph(grasp_map, robot, settings)
     if not len(graph):
-        raise RobotError(
-            f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: no base pose at heights "
-            f"{robot.heights} m lets limbs mounted {robot.mount_radius:g} m from the axis reach two points"
-        )
+        raise RobotError(f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: {graph.no_stance()}")
     return graph

@@ -13,7 +13,6 @@ from mlivr_gym.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.planners.plan import Step
 from mlivr_gym.posture import Postures, limb_choices
 from mlivr_gym.stance_graph import StanceGraph, State
-from mlivr_gym.transitions import hold_mask
 
 Array = NDArray[np.float64]
 
@@ -73,7 +72,7 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
                 bits = [bit for bit in range(16) if mask >> bit & 1]
                 bit = max(bits, key=lambda b: (round(float(least[(b & 7) >> 1]), 12), -b))
                 branches[first : last + 1, limb], flips[first : last + 1, limb] = bit & 7, bit >> 3
-    kinds = _path_kinds(graph, points, postures, branches) if checked else []
+    kinds = _path_kinds(graph, points, postures, branches + 8 * flips) if checked else []
     joints, inside = _joint_angles(graph, states, points, postures, branches, flips, kinds)
     w_m = np.take_along_axis(w, branches[..., None] >> 1, axis=2)[..., 0]
     w_b = np.empty(count)
@@ -110,25 +109,13 @@ def _pivot(graph: StanceGraph, points: NDArray[np.int64], k: int) -> Array:
     return centre
 
 
-def _path_kinds(
-    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, branches: NDArray[np.int64]
-) -> list[int]:
-    """Straight where every holding limb can keep its branch on it, else an arc."""
-    solver = graph.solver
-    floor = graph.settings.path_floor * graph.robot.characteristic_length**3
+def _path_kinds(graph: StanceGraph, points: NDArray[np.int64], postures: Postures, bits: NDArray[np.int64]) -> list[int]:
+    """Straight where every holding limb can keep its branch and flip on it, else an arc."""
     kinds = []
     for k in range(len(points) - 1):
-        pivot = _pivot(graph, points, k)
-        straight = True
-        for i in np.flatnonzero(points[k] == points[k + 1]):
-            bit = 1 << int(branches[k, i])
-            straight = straight and bool(
-                hold_mask(
-                    STRAIGHT, pivot, graph.grips[points[k, i]], -graph.grasp_map.normals[points[k, i]],
-                    postures.position[k], postures.rotation[k], postures.position[k + 1], postures.rotation[k + 1],
-                    solver.mount_rotations[i], solver.mount_positions[i], solver.lengths, floor, bit,
-                )  # fmt: skip
-            )
+        pivot, ends = _pivot(graph, points, k), postures.take(np.array([k, k + 1]))
+        held = np.flatnonzero(points[k] == points[k + 1])
+        straight = all(graph.hold(STRAIGHT, pivot, int(points[k, i]), int(i), ends, 1 << int(bits[k, i])) for i in held)
         kinds.append(STRAIGHT if straight else ARC)
     return kinds
 

@@ -125,8 +125,8 @@ class Planner:
             cost: `"base"` (displacement), `"steps"` or `"weighted"` (displacement plus a price a step).
             regrasp_price: Metres charged for a regrasp, with `cost="weighted"`.
             method: `"astar"` (optimal), `"dijkstra"` (optimal, no heuristic) or `"greedy"` (best-first by heuristic).
-            heuristic: `"cost_to_go"` (exact cost when steps are not checked; default for two limbs), `"consistent"`,
-                `"paper"` (may lose optimality) or `"zero"`.
+            heuristic: `"cost_to_go"` (exact cost when steps are not checked; default for two limbs), `"consistent"`
+                (default for more), `"paper"` (may lose optimality; default of `"greedy"`) or `"zero"`.
             inflation: Factor on the heuristic, at least 1; the plan costs at most this many times the least. By default 1
                 for two limbs, and 2 for more, where the search for the least would take long.
             goal_tolerance: Radius of the goal region [m].
@@ -143,7 +143,9 @@ class Planner:
         pair = isinstance(self.graph, PairGraph)
         priced = Cost.named(cost, regrasp_price)
         choice("method", method, METHODS)
-        heuristic = heuristic or ("cost_to_go" if pair else "consistent")
+        if heuristic is None:
+            # Greedy search needs an estimate without plateaus, and loses nothing by overestimates.
+            heuristic = "paper" if method == "greedy" else "cost_to_go" if pair else "consistent"
         choice("heuristic", heuristic, HEURISTICS)
         if method == "dijkstra":
             heuristic = "zero"

@@ -1,0 +1,362 @@
+"""What the planner is compared with.
+
+`ReferencePlanner` is the paper's Algorithm 1 with one candidate stance at a time: A* over stances with Python's
+`heapq`; the inverse kinematics is Pinocchio's iterative scheme, the manipulability is its definition. No table, no
+compiled kernel, no knowledge of the map beyond the points within the span.
+
+The functions below it put a finished roadmap into networkx and rustworkx. The goal region is a virtual node there.
+"""
+
+from __future__ import annotations
+
+import cProfile
+import heapq
+import pstats
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import pinocchio as pin
+import rustworkx as rx
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import GraspMap, RobotSpec, Settings, stance_graph
+from mlivr_gym.manipulability import base_manipulability, limb_manipulability
+from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.planners import Planner
+from mlivr_gym.posture import OPPOSED_HEIGHTS, OPPOSED_ROLLS, base_frames, tool_rotations
+
+Array = NDArray[np.float64]
+Stance = tuple[int, int]
+
+TOLERANCE = 0.2
+"""Radius of the goal region [m]."""
+
+NODES_ONLY = Settings(transitions=False)
+"""Thresholds without step checks: the problem that the reference and the libraries can solve too."""
+
+MODES = {
+    "thorough": {"first_pose": False, "limit": 200},
+    "hasty": {"first_pose": True, "limit": 50},
+}
+"""Reference: every base pose and 200 iterations, or the first base pose that will do and 50 iterations."""
+
+ACCURACY = 1e-4
+"""Norm of the log6 error at which the inverse kinematics stops."""
+
+DAMPING = 1e-6
+"""Added to the diagonal of `J J^T`."""
+
+STEP = 0.5
+"""Share of the damped Newton step that is taken."""
+
+SEED = np.array([0.0, -1.0, -1.6, -0.5, 1.5, 0.0])
+"""Joint angles [rad] from which the iteration begins where no earlier solution is at hand."""
+
+
+def timed(call: Callable[[], Any]) -> tuple[float, Any]:
+    """Seconds that a call takes, and what it returns."""
+    began = time.perf_counter()
+    value = call()
+    return time.perf_counter() - began, value
+
+
+def shares(call: Callable[[], Any], names: dict[str, str]) -> dict[str, float]:
+    """Share of a call's profiled time inside each of the named functions; `names` maps them to what they do."""
+    profile = cProfile.Profile()
+    profile.runcall(call)
+    stats = pstats.Stats(profile)
+    spent = dict.fromkeys(names.values(), 0.0)
+    for (_, _, function), (_, _, _, cumulative, _) in stats.stats.items():  # type: ignore[attr-defined]
+        if function in names:
+            spent[names[function]] += cumulative / stats.total_tt  # type: ignore[attr-defined]
+    return spent | {"rest": max(0.0, 1.0 - sum(spent.values()))}
+
+
+def nodes_only_graph(grasp_map: GraspMap) -> PairGraph:
+    """Stance graph without step checks."""
+    graph = stance_graph(grasp_map, settings=NODES_ONLY)
+    assert isinstance(graph, PairGraph)
+    return graph
+
+
+def dh_model(lengths: Array, tool_length: float) -> tuple[pin.Model, int]:
+    """Pinocchio model of a UR arm from its DH lengths, and the index of its grasp frame.
+
+    Args:
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        tool_length: Flange to grasp along the flange normal [m].
+    """
+    d1, a2, a3, d4, d5, d6 = lengths
+    model, here, joint = pin.Model(), pin.SE3.Identity(), 0
+    quarter = np.pi / 2
+    rows = ((d1, 0.0, quarter), (0.0, a2, 0.0), (0.0, a3, 0.0), (d4, 0.0, quarter), (d5, 0.0, -quarter), (d6, 0.0, 0.0))
+    for k, (d, a, alpha) in enumerate(rows):
+        joint = model.addJoint(joint, pin.JointModelRZ(), here, f"joint{k}")
+        here = pin.SE3(pin.utils.rotate("x", alpha), np.array([a, 0.0, d]))
+    here = here * pin.SE3(np.eye(3), np.array([0.0, 0.0, tool_length]))
+    return model, model.addFrame(pin.Frame("grasp", joint, here, pin.FrameType.OP_FRAME))
+
+
+class ReferencePlanner:
+    """A* over the stances of a two-limb robot, each candidate tried when it is met and remembered.
+
+    Attributes:
+        solutions: Calls of the inverse kinematics that converged.
+        failures: Calls that did not.
+        iterations: Iterations of all calls.
+        stances: Base position of each stance tried, None where it cannot be held.
+    """
+
+    def __init__(
+        self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings, first_pose: bool = False, limit: int = 200
+    ) -> None:
+        """Plan on a map.
+
+        Args:
+            grasp_map: The map.
+            robot: A robot with two limbs.
+            settings: Thresholds; steps are not checked.
+            first_pose: Take the first base pose that meets the thresholds, not the one with the largest margin.
+            limit: Most iterations of one call of the inverse kinematics.
+        """
+        self.grasp_map, self.robot, self.first_pose, self.limit = grasp_map, robot, first_pose, limit
+        self.thresholds = settings.thresholds(2)
+        self.model, self.frame = dh_model(robot.limb.lengths, robot.tool_length)
+        self.data = self.model.createData()
+        self.tools = tool_rotations(grasp_map)
+        self.mounts = [pin.SE3(r, p) for r, p in zip(robot.mount_rotations, robot.mount_positions, strict=True)]
+        self.reach = robot.limb.reach + robot.tool_length
+        self.solutions = self.failures = self.iterations = 0
+        self.stances: dict[Stance, Array | None] = {}
+
+    def inverse_kinematics(self, target: pin.SE3, q: Array) -> Array | None:
+        """Joint angles [rad] that bring the grasp frame to `target` in the limb base frame, found from `q`, or None."""
+        if float(np.linalg.norm(target.translation)) > self.reach:
+            return None
+        model, data, frame = self.model, self.data, self.frame
+        for _ in range(self.limit):
+            self.iterations += 1
+            pin.framesForwardKinematics(model, data, q)
+            error = data.oMf[frame].actInv(target)
+            twist = pin.log6(error).vector
+            if twist @ twist < ACCURACY**2:
+                self.solutions += 1
+                return q
+            jacobian = -pin.Jlog6(error.inverse()) @ pin.computeFrameJacobian(model, data, q, frame)
+            normal = jacobian @ jacobian.T
+            normal.flat[::7] += DAMPING
+            q = q - STEP * (jacobian.T @ np.linalg.solve(normal, twist))
+        self.failures += 1
+        return None
+
+    def base_poses(self, stance: Stance) -> list[tuple[Array, Array]]:
+        """Base positions [m] and rotations of the posture family, one for each roll and height."""
+        rows = list(stance)
+        grasps, rotations = self.grasp_map.positions[rows], self.grasp_map.rotations[rows]
+        centroid = grasps.mean(axis=0)
+        frame, out, line, opposed = base_frames(
+            (grasps - centroid)[None], rotations[None, :, :, 2], rotations[:1, :, 0]
+        )
+        rolls, heights = self.robot.rolls, self.robot.heights
+        if opposed[0]:
+            rolls, heights = tuple(2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS), OPPOSED_HEIGHTS
+        turns = [Rotation.from_rotvec(roll * line[0]).as_matrix() for roll in rolls]
+        return [(centroid + height * (turn @ out[0]), turn @ frame[0]) for turn in turns for height in heights]
+
+    def limb_jacobian(self, limb: int, q: Array) -> Array:
+        """Jacobian of the grasp in base axes, shape (6, 6), linear rows first."""
+        local = pin.computeFrameJacobian(self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED)
+        return np.kron(np.eye(2), self.mounts[limb].rotation) @ local
+
+    def evaluate(self, stance: Stance) -> Array | None:
+        """Base position of a stance [m], or None if no base pose meets the thresholds."""
+        best, chosen = 0.0, None
+        seeds = [SEED, SEED]
+        for position, rotation in self.base_poses(stance):
+            base = pin.SE3(rotation, position)
+            margin, jacobians, grasps = np.inf, [], []
+            for limb, point in enumerate(stance):
+                grasp = base.actInv(pin.SE3(self.tools[point], self.grasp_map.positions[point]))
+                q = self.inverse_kinematics(self.mounts[limb].actInv(grasp), seeds[limb])
+                if q is None:
+                    break
+                seeds[limb] = q
+                jacobians.append(self.limb_jacobian(limb, q))
+                grasps.append(grasp.translation)
+                w_m = limb_manipulability(jacobians[-1], self.robot.characteristic_length)
+                margin = min(margin, w_m / self.thresholds[0])
+                if margin < 1.0 or margin <= best:
+                    break
+            else:
+                w_b = base_manipulability(np.array(jacobians), np.array(grasps), self.robot.characteristic_length)
+                margin = min(margin, w_b / self.thresholds[1])
+                if margin >= 1.0 and margin > best:
+                    best, chosen = margin, position
+                    if self.first_pose:
+                        break
+        return chosen
+
+    def candidates(self, stance: Stance) -> list[Stance]:
+        """Neighbouring stances that respect span and separation, limb by limb."""
+        positions, robot = self.grasp_map.positions, self.robot
+        out: list[Stance] = []
+        for limb in range(2):
+            away = np.linalg.norm(positions - positions[stance[1 - limb]], axis=1)
+            for point in np.flatnonzero((away >= robot.grasp_separation - 1e-9) & (away <= robot.span + 1e-9)).tolist():
+                if point != stance[limb]:
+                    out.append((point, stance[1]) if limb == 0 else (stance[0], point))
+        return out
+
+    def plan(
+        self, start: Stance, goal: Array, tolerance: float, seconds: float,
+        evaluate: Callable[[Stance], Array | None] | None = None,
+    ) -> dict[str, Any]:  # fmt: skip
+        """Algorithm 1 with the base cost and the heuristic `max(0, d - tolerance)`.
+
+        Args:
+            start: Point indices of the start.
+            goal: Goal position of the base [m].
+            tolerance: Radius of the goal region [m].
+            seconds: Time limit, looked at after each candidate [s].
+            evaluate: Takes the place of `self.evaluate` (to count candidates).
+
+        Returns:
+            `finished`, `cost` [m] (None if the limit came first), `expanded`, `candidates` (distinct stances
+            tried) and `seconds`.
+        """
+        evaluate = evaluate or self.evaluate
+        began = time.perf_counter()
+        self.stances = {start: evaluate(start)}
+        origin = self.stances[start]
+        closed: set[Stance] = set()
+        best = {start: 0.0}
+        queue = [] if origin is None else [(self._estimate(origin, goal, tolerance), 0.0, start)]
+        finished, cost, late = False, None, False
+        while queue and not late:
+            _, minus_cost, stance = heapq.heappop(queue)
+            if stance in closed:
+                continue
+            closed.add(stance)
+            here = self.stances[stance]
+            if np.linalg.norm(here - goal) <= tolerance:
+                finished, cost = True, -minus_cost
+                break
+            for after in self.candidates(stance):
+                if after in closed:
+                    continue
+                if after not in self.stances:
+                    late = time.perf_counter() - began > seconds
+                    if late:
+                        break
+                    self.stances[after] = evaluate(after)
+                there = self.stances[after]
+                if there is None:
+                    continue
+                total = best[stance] + float(np.linalg.norm(there - here))
+                if total < best.get(after, np.inf):
+                    best[after] = total
+                    heapq.heappush(queue, (total + self._estimate(there, goal, tolerance), -total, after))
+        return {
+            "finished": finished,
+            "cost": cost,
+            "expanded": len(closed),
+            "candidates": len(self.stances),
+            "seconds": time.perf_counter() - began,
+        }
+
+    @staticmethod
+    def _estimate(position: Array, goal: Array, tolerance: float) -> float:
+        return max(0.0, float(np.linalg.norm(position - goal)) - tolerance)
+
+
+def map_to_plan(
+    grasp_map: GraspMap, start: tuple[str, ...], goal: np.ndarray, limit: float, advance: Callable[[str], None]
+) -> dict[str, Any]:
+    """From map to plan without step checks: ours and both modes of the plain reference."""
+
+    def ours() -> tuple[PairGraph, Any]:
+        fresh = nodes_only_graph(grasp_map)
+        return fresh, Planner(fresh).plan(start, goal).unwrap()
+
+    times = [timed(ours)[0] for _ in range(3)]
+    graph, plan = ours()
+    first = (grasp_map.index(start[0]), grasp_map.index(start[1]))
+    out: dict[str, Any] = {"ours": {"seconds": float(np.median(times)), "cost": plan.cost}}
+
+    def known(stance: tuple[int, int]) -> np.ndarray | None:
+        s = graph.find(stance)
+        return graph.position[s] if s >= 0 else None
+
+    counter = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY)
+    out["needed"] = counter.plan(first, goal, TOLERANCE, np.inf, known)
+    for mode, options in MODES.items():
+        advance(f"reference, {mode}, {np.linalg.norm(goal - graph.position[graph.find(first)]):.1f} m")
+        reference = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY, **options)
+        run = reference.plan(first, goal, TOLERANCE, limit)
+        nodes = [graph.find(s) >= 0 for s in reference.stances]
+        both = sum(held and p is not None for held, p in zip(nodes, reference.stances.values(), strict=True))
+        each = run["seconds"] / run["candidates"]
+        total = run["seconds"] if run["finished"] else each * out["needed"]["candidates"]
+        out[mode] = run | {
+            "seconds_per_candidate": each,
+            "seconds_per_expansion": run["seconds"] / max(run["expanded"], 1),
+            "total_seconds": total,
+            "ratio": total / out["ours"]["seconds"],
+            "share_of_our_stances_found": both / max(sum(nodes), 1),
+            "failed_ik_share": reference.failures / max(reference.failures + reference.solutions, 1),
+        }
+    names = {"inverse_kinematics": "inverse kinematics", "base_manipulability": "base manipulability by its definition"}
+    probe = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY)
+    out["shares"] = shares(lambda: probe.plan(first, goal, TOLERANCE, min(limit, 5.0)), names)
+    return out
+
+
+def edge_chunks(graph: PairGraph) -> Iterator[list[tuple[int, int, float]]]:
+    """Every undirected edge once with its length [m], a row at a time."""
+    for rows, starts in zip(graph.rows, graph.row_start, strict=True):
+        for begin, end in zip(starts, starts[1:], strict=False):
+            i, j = np.triu_indices(end - begin, 1)
+            u, v = rows[begin:end][i], rows[begin:end][j]
+            length = np.linalg.norm(graph.position[u] - graph.position[v], axis=1)
+            yield list(zip(u.tolist(), v.tolist(), length.tolist(), strict=True))
+
+
+def networkx_build(graph: PairGraph) -> nx.Graph:
+    """The roadmap in networkx."""
+    roadmap = nx.Graph()
+    roadmap.add_nodes_from(range(len(graph)))
+    for chunk in edge_chunks(graph):
+        roadmap.add_weighted_edges_from(chunk)
+    return roadmap
+
+
+def rustworkx_build(graph: PairGraph) -> rx.PyGraph:
+    """The roadmap in rustworkx."""
+    roadmap = rx.PyGraph()
+    roadmap.add_nodes_from(list(range(len(graph))))
+    for chunk in edge_chunks(graph):
+        roadmap.add_edges_from(chunk)
+    return roadmap
+
+
+def networkx_query(roadmap: nx.Graph, start: int, goals: list[int], h: list[float]) -> tuple[float, list[int]]:
+    """Seconds of the search alone, and the path without the virtual goal."""
+    end = len(h) - 1
+    roadmap.add_weighted_edges_from((s, end, 0.0) for s in goals)
+    seconds, path = timed(lambda: nx.astar_path(roadmap, start, end, heuristic=lambda s, _: h[s]))
+    roadmap.remove_node(end)
+    return seconds, path[:-1]
+
+
+def rustworkx_query(roadmap: rx.PyGraph, start: int, goals: list[int], h: list[float]) -> tuple[float, list[int]]:
+    """Seconds of the search alone, and the path without the virtual goal."""
+    end = len(h) - 1
+    node = roadmap.add_node(end)
+    roadmap.add_edges_from([(s, node, 0.0) for s in goals])
+    seconds, path = timed(lambda: rx.astar_shortest_path(roadmap, start, lambda s: s == end, float, h.__getitem__))
+    roadmap.remove_node(node)
+    return seconds, list(path)[:-1]

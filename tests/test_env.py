@@ -1,0 +1,248 @@
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env, data_equivalence
+
+import mlivr_gym
+from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
+from mlivr_gym.env import ActionMaskObservation, MlivrEnv
+from mlivr_gym.errors import GoalError, MlivrError, SettingError, StanceError
+from mlivr_gym.planners import Planner
+
+
+@pytest.fixture(scope="module")
+def env():
+    return gymnasium.make("MLIVR-JEM-v0").unwrapped
+
+
+def masked(env, info, rng):
+    return int(rng.choice(np.flatnonzero(info["action_mask"])))
+
+
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
+def test_both_checkers_pass_without_a_warning(robot):
+    """Every warning is an error here; only the window of render_mode='human' is left out."""
+    from stable_baselines3.common.env_checker import check_env as sb3_check
+
+    environment = gymnasium.make("MLIVR-JEM-v0", robot=robot).unwrapped
+    check_env(environment, skip_render_check=True)
+    sb3_check(environment)
+
+
+def test_made_by_module_name_and_spec_survives_json():
+    environment = gymnasium.make("mlivr_gym:MLIVR-JEM-v0", reward="base")
+    spec = EnvSpec.from_json(environment.spec.to_json())
+    assert spec.id == "MLIVR-JEM-v0" and spec.max_episode_steps == 100
+    assert gymnasium.make(spec).unwrapped.reward == "base"
+
+
+def test_truncated_by_the_registration():
+    environment = gymnasium.make("MLIVR-JEM-v0", max_episode_steps=3, goal_tolerance=0.0)
+    _, info = environment.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for k in range(3):
+        _, _, terminated, truncated, info = environment.step(masked(environment, info, rng))
+        assert not terminated and truncated == (k == 2)
+
+
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr4"])
+def test_equal_seeds_give_equal_episodes(robot):
+    a, b = (gymnasium.make("MLIVR-JEM-v0", robot=robot) for _ in range(2))
+    assert data_equivalence(a.reset(seed=5), b.reset(seed=5))
+    rng = np.random.default_rng(0)
+    info = a.reset(seed=5)[1]
+    b.reset(seed=5)
+    for _ in range(5):
+        action = masked(a, info, rng)
+        ours, theirs = a.step(action), b.step(action)
+        assert data_equivalence(ours, theirs)
+        info = ours[-1]
+        if ours[2]:
+            break
+
+
+def test_a_pickled_environment_goes_on_alike(env):
+    env.reset(seed=3)
+    other = pickle.loads(pickle.dumps(env))
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        action = int(rng.choice(np.flatnonzero(env.action_masks())))
+        assert data_equivalence(env.step(action), other.step(action))
+    assert data_equivalence(env.reset(), other.reset())
+
+
+def test_masked_sampling_never_meets_an_invalid_action_in_10000_steps(env):
+    _, info = env.reset(seed=0)
+    env.action_space.seed(0)
+    for _ in range(10_000):
+        action = env.action_space.sample(info["action_mask"])
+        observation, reward, terminated, truncated, info = env.step(action)
+        assert not info["invalid_action"] and info["action_mask"].any()
+        assert reward == -1.0 and type(terminated) is bool and type(truncated) is bool
+        assert env.observation_space.contains(observation)
+        if terminated or info["steps"] >= 50:
+            _, info = env.reset()
+
+
+def test_every_masked_out_action_changes_nothing(env):
+    _, info = env.reset(seed=2)
+    before = env._observation()
+    for steps, action in enumerate(np.flatnonzero(info["action_mask"] == 0), 1):
+        observation, reward, terminated, _, after = env.step(int(action))
+        assert after["invalid_action"] and reward == -1.0 and not terminated
+        assert after["steps"] == steps and after["base_translation"] == 0.0
+        assert data_equivalence(observation, before) and after["stance"] == info["stance"]
+
+
+def test_observations_are_fresh_arrays(env):
+    first, info = env.reset(seed=1)
+    second, *_ = env.step(int(np.flatnonzero(info["action_mask"])[0]))
+    for key in first:
+        assert first[key] is not second[key] and not np.shares_memory(first[key], second[key])
+
+
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
+@pytest.mark.parametrize("reward", ["steps", "base"])
+def test_a_replayed_plan_gives_exactly_its_cost(robot, reward):
+    environment = gymnasium.make("MLIVR-JEM-v0", robot=robot, reward=reward, success_bonus=7.0).unwrapped
+    environment.reset(seed=4)
+    start, goal = environment.state.stance, environment.goal
+    planner = Planner(environment.graph)
+    how = {"method": "greedy"} if robot != "mlivr2" else {}
+    plan = planner.plan(start, goal, reward, **how).unwrap()
+    _, info = environment.reset(options={"start": plan.stances[0], "goal": plan.goal})
+    assert len(plan.steps) > 0
+    returns, ended = 0.0, False
+    for limb, point in plan.actions:
+        assert not ended
+        action = limb * len(environment.graph.grasp_map) + environment.graph.grasp_map.index(point)
+        assert info["action_mask"][action]
+        _, r, ended, _, info = environment.step(action)
+        returns += r
+    assert ended and info["is_success"]
+    assert info["steps"] == len(plan.steps) and info["stance"] == plan.stances[-1]
+    assert info["base_translation"] == pytest.approx(plan.base_translation, abs=1e-9)
+    cost = len(plan.steps) if reward == "steps" else plan.base_translation
+    assert returns == pytest.approx(7.0 - cost, abs=1e-9)
+    if robot == "mlivr2":
+        assert returns == pytest.approx(7.0 - plan.cost, abs=1e-9)
+
+
+def test_shaping_telescopes():
+    """With discount 1 the shaped return differs by the potential at the start alone."""
+    plain = gymnasium.make("MLIVR-JEM-v0").unwrapped
+    shaped = gymnasium.make("MLIVR-JEM-v0", shaping=True, discount=1.0).unwrapped
+    _, info = plain.reset(seed=6)
+    start, goal = plain.state.stance, plain.goal
+    plan = Planner(plain.graph).plan(start, goal, "steps").unwrap()
+    totals = []
+    for environment in (plain, shaped):
+        environment.reset(options={"start": start, "goal": goal})
+        total = 0.0
+        for limb, point in plan.actions:
+            action = limb * len(plain.graph.grasp_map) + plain.graph.grasp_map.index(point)
+            total += environment.step(action)[1]
+        totals.append(total)
+    assert totals[1] - totals[0] == pytest.approx(np.linalg.norm(info["base_position"] - goal), abs=1e-9)
+
+
+def test_start_and_goal_are_drawn_such_that_a_plan_joins_them(env):
+    planner = Planner(env.graph)
+    starts = set()
+    for seed in range(25):
+        _, info = env.reset(seed=seed)
+        starts.add(info["stance"])
+        assert not info["is_success"]
+        assert planner.plan(info["stance"], env.goal, "steps").plan is not None
+    assert len(starts) > 20
+
+
+def test_goal_alone_or_start_alone_may_be_given(env):
+    _, info = env.reset(seed=0, options={"start": ("D1a:4", "D1b:4")})
+    assert info["stance"] == ("D1a:4", "D1b:4")
+    env.reset(seed=0, options={"goal": (6.0, 0.0, 0.42)})
+    np.testing.assert_array_equal(env.goal, [6.0, 0.0, 0.42])
+
+
+def test_bad_input_is_named(env):
+    for error, words, options in (
+        (StanceError, "'Z'", {"start": ("Z", "D1a:4")}),
+        (StanceError, "below the threshold", {"start": ("D1a:4", "D2b:4")}),
+        (GoalError, "outside the cabin", {"goal": (60, 0, 0)}),
+        (SettingError, "'begin'", {"begin": 1}),
+    ):
+        with pytest.raises(error, match=words):
+            env.reset(options=options)
+    env.reset(seed=0)
+    with pytest.raises(SettingError, match="action 99999"):
+        env.step(99999)
+    for words, change in (
+        ("reward is 'gold'", {"reward": "gold"}),
+        ("dynamics is 'real'.*'kinematic'", {"dynamics": "real"}),
+        ("limb_threshold is -1", {"limb_threshold": -1}),
+        ("discount is 0", {"discount": 0}),
+        ("unknown robot", {"robot": "mlivr9"}),
+        ("cannot read map", {"map": "nowhere.json"}),
+    ):
+        with pytest.raises(MlivrError, match=words):
+            MlivrEnv(**change)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        MlivrEnv(map=env.graph.grasp_map).step(0)
+
+
+def test_mask_wrapper(env):
+    wrapped = ActionMaskObservation(gymnasium.make("MLIVR-JEM-v0"))
+    observation, info = wrapped.reset(seed=0)
+    np.testing.assert_array_equal(observation["action_mask"], info["action_mask"])
+    np.testing.assert_array_equal(wrapped.action_masks(), info["action_mask"].astype(bool))
+    assert wrapped.observation_space.contains(observation)
+
+
+def test_subprocess_vector_environment():
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    vector = make_vec_env("mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0, vec_env_cls=SubprocVecEnv)
+    try:
+        observations = vector.reset()
+        assert observations["base_position"].shape == (2, 3)
+        masks = vector.env_method("action_masks")
+        _, rewards, _, infos = vector.step(np.array([np.flatnonzero(m)[0] for m in masks]))
+        assert rewards.tolist() == [-1.0, -1.0] and not any(info["invalid_action"] for info in infos)
+    finally:
+        vector.close()
+
+
+def test_masked_ppo_runs_on_the_environment():
+    from sb3_contrib import MaskablePPO
+
+    model = MaskablePPO("MultiInputPolicy", "MLIVR-JEM-v0", n_steps=32, batch_size=32, seed=0)
+    model.learn(64)
+
+
+def test_expert_policy_is_optimal_and_random_is_not(env):
+    expert, chance = evaluate(env, ExpertPolicy(), 5, seed=1), evaluate(env, RandomPolicy(0), 5, seed=1, max_steps=30)
+    assert expert.success_rate == 1.0 and chance.steps.mean() > expert.steps.mean()
+    for k in range(5):
+        env.reset(seed=1 + k)
+        plan = Planner(env.graph).plan(env.state.stance, env.goal, "steps").unwrap()
+        assert expert.steps[k] == len(plan.steps)
+    with pytest.raises(SettingError, match="episodes is 0"):
+        evaluate(env, RandomPolicy(), 0)
+    with pytest.raises(SettingError, match="two limbs"):
+        evaluate(MlivrEnv(robot="mlivr3"), ExpertPolicy(), 1)
+
+
+def test_environment_and_planner_do_not_import_torch():
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, gymnasium, mlivr_gym, mlivr_gym.planners, mlivr_gym.cli, mlivr_gym.table1;"
+        "gymnasium.make('MLIVR-JEM-v0').reset(seed=0); assert 'torch' not in sys.modules"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert mlivr_gym.__version__
