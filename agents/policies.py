@@ -47,7 +47,7 @@ class ExpertPolicy:
             raise SettingError(f"the expert policy needs two limbs; robot {graph.robot.name!r} has more")
         if self._planner is None or self._planner.graph is not graph:
             self._planner = Planner(graph)
-        table: CostToGo = self._planner.cost_to_go(env.goal, env.reward, goal_tolerance=env.goal_tolerance)
+        table: CostToGo = self._planner.cost_to_go(env.goal.tolist(), env.reward, goal_tolerance=env.goal_tolerance)
         steps = graph.successors(env.state)
         k = table.best(env.state, steps)
         return int(steps.limb[k]) * len(graph.grasp_map) + int(steps.point[k])

@@ -343,10 +343,11 @@ all cores. Reference (`reference_planner.py`): Algorithm 1 on one core, a candid
 kinematics from one seed. *Thorough* tries every base pose and allows 200 iterations; *hasty* takes the first base
 pose that will do and allows 50. *Near* has its goal close to the start; *case 2* is that of Table I. Where the time
 limit ended a run, its total is the measured time of a candidate times the distinct candidates that the same search
-needs (column *needed*, counted by running it on the finished stance set), and is marked *extrapolated*; all else is
-measured. One seed finds one branch, so the reference misses stances (last column: share of ours among the candidates
-it tried that it found) and may take another base pose: its costs differ for that reason. The paper reports 1.8 s for
-its Case 2 on another map and machine and does not say how many base poses it tries."""
+needs (column *needed*, counted by running it on the finished stance set), and is marked *extrapolated*; where it had
+tried more than that without an end, the time that it ran stands there, a lower bound. All else is measured. One seed
+finds one branch, so the reference misses stances (last column: share of ours among the candidates it tried that it
+found) and may take another base pose: its costs differ for that reason. The paper reports 1.8 s for its Case 2 on
+another map and machine and does not say how many base poses it tries."""
 
 
 def report(data: dict[str, Any]) -> str:

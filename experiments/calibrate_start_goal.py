@@ -1,10 +1,10 @@
 """Find a start and a goal for which the four cases come closest to the paper's Table I.
 
-The paper's map, start and goal are not public. Its figures speak of a walk from the deck to the
-overhead whose base goes about 4.4 m. Starts are stances on the deck with the base within 0.6 m of (1.84, 0, -0.35);
-goals are base positions of stances on the overhead within 0.6 m of (6.0, 0, 0.42), rounded to 0.05 m. Each pair is planned for Cases 1 to 3,
-and Case 4's seed of the sparse map is chosen last. The mismatch adds relative errors of base translation, steps and the
-least manipulabilities.
+The paper's map, start and goal are not public. Its figures speak of a walk from the deck to the overhead
+whose base goes about 4.4 m. Starts are stances on the deck with the base within 0.6 m of (1.84, 0, -0.35);
+goals are base positions of stances on the overhead within 0.6 m of (6.0, 0, 0.42), rounded to 0.05 m. Each pair
+is planned for Cases 1 to 3, and the seed of Case 4's sparse map is chosen last. The mismatch adds relative
+errors of base translation, steps and the least manipulabilities.
 
     python experiments/calibrate_start_goal.py [--pairs 3000]
 

@@ -282,7 +282,7 @@ def map_to_plan(
         fresh = nodes_only_graph(grasp_map)
         return fresh, Planner(fresh).plan(start, goal).unwrap()
 
-    times = [timed(ours)[0] for _ in range(3)]
+    times = [timed(ours)[0] for _ in range(7)]
     graph, plan = ours()
     first = (grasp_map.index(start[0]), grasp_map.index(start[1]))
     out: dict[str, Any] = {"ours": {"seconds": float(np.median(times)), "cost": plan.cost}}
@@ -300,7 +300,7 @@ def map_to_plan(
         nodes = [graph.find(s) >= 0 for s in reference.stances]
         both = sum(held and p is not None for held, p in zip(nodes, reference.stances.values(), strict=True))
         each = run["seconds"] / run["candidates"]
-        total = run["seconds"] if run["finished"] else each * out["needed"]["candidates"]
+        total = max(run["seconds"], 0.0 if run["finished"] else each * out["needed"]["candidates"])
         out[mode] = run | {
             "seconds_per_candidate": each,
             "seconds_per_expansion": run["seconds"] / max(run["expanded"], 1),

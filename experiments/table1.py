@@ -95,7 +95,9 @@ def pareto(out: Path) -> list[dict[str, float]]:
     for count in sorted(set(steps)):
         same = [row for row in rows if row["steps"] == count]
         label = ", ".join(f"{row['price']:g}" for row in same)
-        axes.annotate(f"price {label} m", (count, same[0]["base_translation"]), (6, 6), textcoords="offset points", fontsize=8)
+        axes.annotate(
+            f"price {label} m", (count, same[0]["base_translation"]), (6, 6), textcoords="offset points", fontsize=8
+        )
     axes.set_xlabel("steps")
     axes.set_ylabel("base translation [m]")
     axes.set_title("Steps bought with translation: price of a regrasp")

@@ -9,8 +9,6 @@ from mlivr_gym.robot import Limb, RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stance_graph import State, stance_graph
 
-
-
 __all__ = [
     "GraspMap",
     "Limb",

@@ -26,8 +26,8 @@ answer errs on the safe side only.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mlivr_gym.compiled import kernel
 from mlivr_gym.ur_kinematics import branch_terms, inverse_kinematics
 
 STRAIGHT, ARC = 0, 1
@@ -44,8 +44,8 @@ SAMPLES = 32
 """Intervals over which joint angles are followed along a path."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def relative_rotation(r0, r1, axis):  # type: ignore[no-untyped-def]
+@kernel
+def relative_rotation(r0, r1, axis):
     """Angle of `r0^T r1` in [0, pi] [rad]; its unit axis (in frame 0) is written into `axis`."""
     x = y = z = trace = 0.0
     for k in range(3):
@@ -72,8 +72,8 @@ def relative_rotation(r0, r1, axis):  # type: ignore[no-untyped-def]
     return angle
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def position_on_path(t0, t1, kind, pivot, s, out):  # type: ignore[no-untyped-def]
+@kernel
+def position_on_path(t0, t1, kind, pivot, s, out):
     """Base position at `s`, written into `out`, shape (3,) [m]."""
     if kind == STRAIGHT:
         for k in range(3):
@@ -95,8 +95,8 @@ def position_on_path(t0, t1, kind, pivot, s, out):  # type: ignore[no-untyped-de
         out[k] = pivot[k] + length * (f0 * (t0[k] - pivot[k]) / len0 + f1 * (t1[k] - pivot[k]) / len1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def angle_about(t0, t1, pivot):  # type: ignore[no-untyped-def]
+@kernel
+def angle_about(t0, t1, pivot):
     """Angle between `t0` and `t1` seen from `pivot` [rad]."""
     ax, ay, az = t0[0] - pivot[0], t0[1] - pivot[1], t0[2] - pivot[2]
     bx, by, bz = t1[0] - pivot[0], t1[1] - pivot[1], t1[2] - pivot[2]
@@ -104,8 +104,8 @@ def angle_about(t0, t1, pivot):  # type: ignore[no-untyped-def]
     return np.arctan2(np.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def turn(axis, c, s, x, y, z):  # type: ignore[no-untyped-def]
+@kernel
+def turn(axis, c, s, x, y, z):
     """A vector turned about the unit `axis` by an angle of cosine `c` and sine `s` (Rodrigues)."""
     kx, ky, kz = axis[0], axis[1], axis[2]
     dot = (kx * x + ky * y + kz * z) * (1.0 - c)
@@ -116,8 +116,8 @@ def turn(axis, c, s, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def flange_in_limb(grip, approach, position, r0, axis, angle, mount_rotation, mount_position, p, z):  # type: ignore[no-untyped-def]
+@kernel
+def flange_in_limb(grip, approach, position, r0, axis, angle, mount_rotation, mount_position, p, z):
     """Flange pose in the limb base frame for a base at `position`, turned by `angle` about `axis` from `r0`.
 
     Args:
@@ -151,10 +151,10 @@ def flange_in_limb(grip, approach, position, r0, axis, angle, mount_rotation, mo
         z[k] = mount_rotation[0, k] * cx + mount_rotation[1, k] * cy + mount_rotation[2, k] * cz
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+@kernel
 def certify(
     grip, approach, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, determinant_floor, classes
-):  # type: ignore[no-untyped-def]
+):
     """Shoulder and wrist choices on which a holding limb can follow a base path.
 
     Args:
@@ -253,10 +253,10 @@ def certify(
     return alive
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+@kernel
 def follow(
     grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, branch, samples, q, low, high
-):  # type: ignore[no-untyped-def]
+):
     """Joint angles of a holding limb along a base path, continuous from `q`.
 
     Args:
@@ -305,10 +305,8 @@ def follow(
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def within_limits(
-    grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, limits, mask
-):  # type: ignore[no-untyped-def]
+@kernel
+def within_limits(grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, limits, mask):
     """Those of the branches and flips in `mask` whose joint angles stay inside the limits along a path.
 
     A joint may start on any winding. Bit `branch + 8 * flip`; the flip is a half turn of joint 6. Other
@@ -322,7 +320,22 @@ def within_limits(
         for joint in range(6):
             q[joint], low[joint], high[joint] = np.nan, np.inf, -np.inf
         if not follow(
-            grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, branch, SAMPLES, q, low, high
+            grip,
+            tool,
+            t0,
+            r0,
+            t1,
+            r1,
+            kind,
+            pivot,
+            mount_rotation,
+            mount_position,
+            lengths,
+            branch,
+            SAMPLES,
+            q,
+            low,
+            high,
         ):
             mask &= ~both
             continue
@@ -336,8 +349,8 @@ def within_limits(
     return mask
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def expand_classes(classes):  # type: ignore[no-untyped-def]
+@kernel
+def expand_classes(classes):
     """16-bit mask of branches and flips that share the shoulder and wrist choices in `classes`."""
     mask = 0
     for c in range(4):

@@ -39,12 +39,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="{plan,table1,info,render}")
 
-    world = argparse.ArgumentParser(add_help=False)
+    world = _Parser(add_help=False)
     world.add_argument("--robot", default="mlivr2", help="mlivr2, mlivr3, mlivr4 or a JSON file (default: %(default)s)")
     world.add_argument("--map", metavar="FILE", help="map as a JSON file (default: the measured JEM)")
     world.add_argument("--no-manipulability", action="store_true", help="do without both thresholds")
     world.add_argument("--no-transitions", action="store_true", help="do not check that steps can be carried out")
-    world.add_argument("--limb-threshold", type=float, default=0.1, metavar="W", help="least w_m (default: %(default)s)")
+    world.add_argument(
+        "--limb-threshold", type=float, default=0.1, metavar="W", help="least w_m (default: %(default)s)"
+    )
     world.add_argument("--base-threshold", type=float, metavar="W", help="least w_b (default: 0.001 (2/N)^3)")
 
     plan = commands.add_parser(
@@ -57,21 +59,34 @@ def _parser() -> argparse.ArgumentParser:
     plan.add_argument("--regrasp-price", type=float, metavar="M", help="metres charged for a regrasp, with weighted")
     plan.add_argument("--method", default="astar", help="astar, dijkstra or greedy (default: %(default)s)")
     plan.add_argument("--heuristic", help="cost_to_go, consistent, paper or zero")
-    plan.add_argument("--inflation", type=float, metavar="E", help="factor on the heuristic: faster, cost at most E times the least (default: 1 for two limbs, 2 for more)")
-    plan.add_argument("--tolerance", type=float, default=0.2, metavar="M", help="radius of the goal [m] (default: %(default)s)")
+    plan.add_argument(
+        "--inflation",
+        type=float,
+        metavar="E",
+        help="factor on the heuristic: faster, cost at most E times the least (default: 1 for two limbs, 2 for more)",
+    )
+    plan.add_argument(
+        "--tolerance", type=float, default=0.2, metavar="M", help="radius of the goal [m] (default: %(default)s)"
+    )
     plan.add_argument("--limit", type=int, default=200_000, help="most states explored (default: %(default)s)")
     plan.add_argument("--out", metavar="FILE", help="write the plan as JSON")
     plan.add_argument("--picture", metavar="FILE", help="draw the plan as PNG")
     plan.set_defaults(run=_plan)
 
     table = commands.add_parser(
-        "table1", help="the four cases of the paper's Table I", description="Plan the four cases, draw and tabulate them."
+        "table1",
+        help="the four cases of the paper's Table I",
+        description="Plan the four cases, draw and tabulate them.",
     )
     table.add_argument("--out", default="results", metavar="FOLDER", help="where results go (default: %(default)s)")
     table.set_defaults(run=_table1)
 
     info = commands.add_parser(
-        "info", parents=[world], help="what map, robot and stance graph hold", epilog=EXAMPLES, formatter_class=formatter
+        "info",
+        parents=[world],
+        help="what map, robot and stance graph hold",
+        epilog=EXAMPLES,
+        formatter_class=formatter,
     )
     info.set_defaults(run=_info)
 
@@ -133,7 +148,9 @@ def _plan(args: argparse.Namespace) -> int:
     plan = result.unwrap()
     print(f"from {' '.join(start)} to {goal}: {result.message}, w_m >= {plan.w_m_min:.3f}, w_b >= {plan.w_b_min:.5f}")
     for k, step in enumerate(plan.steps, 1):
-        print(f"  {k:2d}. limb {step.limb}: {step.departs:>6} -> {step.lands:<6} base {step.displacement:.3f} m, {step.path}")
+        print(
+            f"  {k:2d}. limb {step.limb}: {step.departs:>6} -> {step.lands:<6} base {step.displacement:.3f} m, {step.path}"
+        )
     print(
         f"{plan.expanded} states explored, {plan.generated} generated, "
         f"{1e3 * (plan.feasibility_time + plan.search_time):.1f} ms for the query"
@@ -215,14 +232,18 @@ def _info(args: argparse.Namespace) -> int:
     grasp_map, robot = graph.grasp_map, graph.robot
     faces = Counter(grasp_map.faces)
     low, high = grasp_map.cabin
-    print(f"map {grasp_map.name} ({grasp_map.fingerprint}): {len(grasp_map)} points on {len(grasp_map.segments)} tracks")
+    print(
+        f"map {grasp_map.name} ({grasp_map.fingerprint}): {len(grasp_map)} points on {len(grasp_map.segments)} tracks"
+    )
     print("  faces: " + ", ".join(f"{face} {count}" for face, count in faces.items()))
     print(f"  handrails: {len(grasp_map.handrails)}; cabin {low.tolist()} to {high.tolist()} m")
     print(
         f"robot {robot.name} ({robot.fingerprint}): {robot.limbs} limbs, mounts {robot.mount_radius:g} m from the axis, "
         f"span {robot.span:g} m, l_c {robot.characteristic_length:g} m"
     )
-    print(f"thresholds: w_m {graph.limb_threshold:g}, w_b {graph.base_threshold:g}, on paths w_m {graph.settings.path_floor:g}")
+    print(
+        f"thresholds: w_m {graph.limb_threshold:g}, w_b {graph.base_threshold:g}, on paths w_m {graph.settings.path_floor:g}"
+    )
     print(f"ordered pairs of points within span: {len(graph.pairs)}")
     if isinstance(graph, PairGraph):
         count, part = graph.components
@@ -231,8 +252,12 @@ def _info(args: argparse.Namespace) -> int:
             f"stance graph: {graph.reachable} of {graph.considered} pairs in reach, {len(graph)} stances, "
             f"{graph.solver.geometries} different geometries"
         )
-        print(f"  {steps} steps before checks, {count} connected parts, the largest of {int(np.bincount(part).max())} stances")
-        print(f"  w_m {graph.w_m.min():.4f} to {graph.w_m.max():.4f}, w_b {graph.w_b.min():.6f} to {graph.w_b.max():.6f}")
+        print(
+            f"  {steps} steps before checks, {count} connected parts, the largest of {int(np.bincount(part).max())} stances"
+        )
+        print(
+            f"  w_m {graph.w_m.min():.4f} to {graph.w_m.max():.4f}, w_b {graph.w_b.min():.6f} to {graph.w_b.max():.6f}"
+        )
         print(f"  longest base displacement of a step: {graph.max_step:.3f} m")
     else:
         print("stance graph: worked out as it is searched (more than two limbs)")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -22,7 +22,7 @@ REWARDS = ("steps", "base")
 """Names of the rewards."""
 
 
-class MlivrEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
+class MlivrEnv(gymnasium.Env[Any, Any]):
     """Hand-over-hand motion of a multi-limbed robot through a space station module.
 
     ## Description
@@ -73,7 +73,7 @@ class MlivrEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
     * v0: first version.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 2}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 2}
 
     def __init__(
         self,
@@ -181,9 +181,7 @@ class MlivrEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
             self.render()
         return self._observation(), self._info(False)
 
-    def step(
-        self, action: np.int64 | int
-    ) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+    def step(self, action: np.int64 | int) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
         """Move limb `action // m` to point `action % m`."""
         state = self.state
         if not self.action_space.contains(np.int64(action)):
@@ -210,7 +208,7 @@ class MlivrEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are possible, shape (N m,)."""
-        mask = np.zeros(self.action_space.n, dtype=np.bool_)
+        mask = np.zeros(self.graph.limbs * len(self.graph.grasp_map), dtype=np.bool_)
         mask[self._successors.limb * len(self.graph.grasp_map) + self._successors.point] = True
         return mask
 
@@ -251,7 +249,7 @@ class MlivrEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
             "invalid_action": invalid,
         }
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Picture of the scene, shape (height, width, 3), or the scene in a window.
 
         Raises:
@@ -287,7 +285,7 @@ class MlivrEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
 
 
 class ActionMaskObservation(
-    gymnasium.ObservationWrapper[dict[str, NDArray[Any]], np.int64, dict[str, NDArray[Any]]],
+    gymnasium.ObservationWrapper[Any, Any, Any],
     gymnasium.utils.RecordConstructorArgs,
 ):
     """Puts the action mask into the observation, under `"action_mask"`."""
@@ -298,7 +296,9 @@ class ActionMaskObservation(
         super().__init__(env)
         inner = env.observation_space
         assert isinstance(inner, spaces.Dict) and isinstance(env.action_space, spaces.Discrete)
-        self.observation_space = spaces.Dict({**inner.spaces, "action_mask": spaces.MultiBinary(int(env.action_space.n))})
+        self.observation_space = spaces.Dict(
+            {**inner.spaces, "action_mask": spaces.MultiBinary(int(env.action_space.n))}
+        )
 
     def observation(self, observation: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """The observation with the mask."""

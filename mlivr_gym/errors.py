@@ -48,9 +48,7 @@ class UnknownPointError(StanceError):
         """Build the message from the id and a sample of the valid ones."""
         ids = list(valid)
         sample = ", ".join(ids[:4])
-        super().__init__(
-            f"unknown graspable point {point_id!r}: the map has {len(ids)} points, for example {sample}"
-        )
+        super().__init__(f"unknown graspable point {point_id!r}: the map has {len(ids)} points, for example {sample}")
 
 
 def choice(name: str, value: object, valid: Iterable[str]) -> str:

@@ -83,9 +83,26 @@ def plan_figure(grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array |
         for position, point in zip(base, held, strict=True):
             axes.plot(*np.array([position, point]).T, color=colour, linewidth=0.7, alpha=0.6, zorder=4)
         axes.plot(*held.T, color=colour, linewidth=0.9, linestyle=":", zorder=4)
-        axes.scatter(*held.T, s=46, color=colour, edgecolor="white", depthshade=False, zorder=6, label=f"footholds of limb {limb}")
+        axes.scatter(
+            *held.T,
+            s=46,
+            color=colour,
+            edgecolor="white",
+            depthshade=False,
+            zorder=6,
+            label=f"footholds of limb {limb}",
+        )
     axes.plot(*base.T, color="#c1121f", linewidth=3.0, marker="s", markersize=5, zorder=5, label="base path")
-    axes.scatter(*np.array(plan.goal), s=150, marker="*", color="#ffb703", edgecolor="black", depthshade=False, zorder=7, label="goal")
+    axes.scatter(
+        *np.array(plan.goal),
+        s=150,
+        marker="*",
+        color="#ffb703",
+        edgecolor="black",
+        depthshade=False,
+        zorder=7,
+        label="goal",
+    )
     figure.suptitle(title or "Plan", x=0.02, y=0.975, ha="left", fontsize=13)
     count = f" ({len(drawn)} of {len(explored)} drawn)" if len(drawn) < len(explored) else ""
     figure.text(
@@ -99,7 +116,11 @@ def plan_figure(grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array |
 
 
 def configuration_figure(
-    grasp_map: GraspMap, robot: RobotSpec, configurations: list[tuple[Array, Array, Array]], path: str | Path, title: str
+    grasp_map: GraspMap,
+    robot: RobotSpec,
+    configurations: list[tuple[Array, Array, Array]],
+    path: str | Path,
+    title: str,
 ) -> None:
     """Stick figures of configurations on the map, for machines without GL.
 
@@ -124,7 +145,9 @@ def configuration_figure(
             frames = forward_kinematics(q, robot.limb.lengths)
             flange = frames[6, :3, 3] + robot.tool_length * frames[6, :3, 2]
             chain = np.vstack([frames[:, :3, 3], flange]) @ mount.T + origin
-            axes.plot(*np.vstack([position, chain]).T, color=LIMB_COLOURS[i], linewidth=3, marker="o", markersize=3, zorder=5)
+            axes.plot(
+                *np.vstack([position, chain]).T, color=LIMB_COLOURS[i], linewidth=3, marker="o", markersize=3, zorder=5
+            )
     figure.suptitle(title, x=0.02, y=0.975, ha="left", fontsize=13)
     save_figure(figure, path)
 

@@ -94,9 +94,7 @@ class GraspMap:
                 raise MapError(f"{attribute} must have shape {shape}, not {array.shape}")
             array.setflags(write=False)
             object.__setattr__(self, attribute, array)
-        for point, face, position, rotation in zip(
-            self.ids, self.faces, self.positions, self.rotations, strict=True
-        ):
+        for point, face, position, rotation in zip(self.ids, self.faces, self.positions, self.rotations, strict=True):
             _check_point(point, face, position, rotation)
         if not (np.isfinite(self.cabin).all() and (self.cabin[0] < self.cabin[1]).all()):
             raise MapError(f"cabin {self.cabin.tolist()} must be finite, with min below max")
@@ -308,9 +306,7 @@ def _blocked(row: _Row, handrails: tuple[Handrail, ...], clearance: float) -> bo
     plane = np.abs(rotation[:, 2]) < 0.5
     return any(
         rail.face == face
-        and bool(
-            ((np.array(rail.min) - reach <= position) & (position <= np.array(rail.max) + reach))[plane].all()
-        )
+        and bool(((np.array(rail.min) - reach <= position) & (position <= np.array(rail.max) + reach))[plane].all())
         for rail in handrails
     )
 

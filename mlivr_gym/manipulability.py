@@ -15,9 +15,9 @@ where `A_i` is the base twist that limb i alone gives and `S = diag(1/l_c, 1/l_c
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mlivr_gym.compiled import kernel
 from mlivr_gym.ur_kinematics import limb_axes
 
 Array = NDArray[np.float64]
@@ -62,8 +62,8 @@ def base_manipulability(limb_jacobians: Array, grasps_from_base: Array, characte
     return limb_manipulability(j_equivalent, characteristic_length)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def limb_information(p, z, lengths, branch, mount_rotation, mount_position, l_c, out):  # type: ignore[no-untyped-def]
+@kernel
+def limb_information(p, z, lengths, branch, mount_rotation, mount_position, l_c, out):
     """`K^-1` of one limb in base axes, written into `out`, shape (6, 6).
 
     Args:
@@ -129,8 +129,8 @@ def limb_information(p, z, lengths, branch, mount_rotation, mount_position, l_c,
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def inverse_root_determinant(m, scratch):  # type: ignore[no-untyped-def]
+@kernel
+def inverse_root_determinant(m, scratch):
     """`det(m)^(-1/2)` of a symmetric positive definite matrix, shape (6, 6), by Cholesky."""
     product = 1.0
     for i in range(6):

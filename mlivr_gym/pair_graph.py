@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mlivr_gym.base_path import ARC, STRAIGHT, within_limits
+from mlivr_gym.compiled import kernel
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.posture import Postures, in_parallel
 from mlivr_gym.robot import RobotSpec
@@ -29,11 +29,11 @@ LIMITED = 1 << 17
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+@kernel
 def edge_mask(
     held, s0, s1, points, local, degree, offset, table, position, rotation, mask,
     mount_rotations, mount_positions, lengths, grips, approaches, pivots, determinant_floor,
-):  # type: ignore[no-untyped-def]  # fmt: skip
+):  # fmt: skip
     """Branches that limb `held` can keep on the step from stance `s0` to `s1`, looked up or worked out.
 
     Every array is a field of `PairGraph` of the same name; `determinant_floor` is in [m^3]. Both directions of
@@ -59,15 +59,15 @@ def edge_mask(
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def fill_row(start, stop, held, s0, row, out, edges):  # type: ignore[no-untyped-def]
+@kernel
+def fill_row(start, stop, held, s0, row, out, edges):
     """`edge_mask` from `s0` to `row[start:stop]`, into `out`; `edges` are its further arguments."""
     for k in range(start, stop):
         out[k] = edge_mask(held, s0, row[k], *edges)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def pair_successors(s, mask0, mask1, check, rows, row_start, limb, stance, left, edges):  # type: ignore[no-untyped-def]
+@kernel
+def pair_successors(s, mask0, mask1, check, rows, row_start, limb, stance, left, edges):
     """Steps that leave stance `s`: limb, stance reached and branches left to the limb that holds; returns their number."""
     points, mask = edges[0], edges[7]
     count = 0
@@ -88,8 +88,8 @@ def pair_successors(s, mask0, mask1, check, rows, row_start, limb, stance, left,
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def longest_step(start, stop, held, rows, row_start, position, out):  # type: ignore[no-untyped-def]
+@kernel
+def longest_step(start, stop, held, rows, row_start, position, out):
     """Largest squared base displacement [m^2] within each row from `start` to `stop`, into `out`."""
     for point in range(start, stop):
         for i in range(row_start[held, point], row_start[held, point + 1]):
@@ -101,8 +101,8 @@ def longest_step(start, stop, held, rows, row_start, position, out):  # type: ig
                 out[point] = max(out[point], square)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def _fill_points(start, stop, held, rows, row_start, edges):  # type: ignore[no-untyped-def]
+@kernel
+def _fill_points(start, stop, held, rows, row_start, edges):
     for point in range(start, stop):
         for i in range(row_start[held, point], row_start[held, point + 1]):
             for j in range(row_start[held, point], i):

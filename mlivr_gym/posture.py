@@ -18,12 +18,13 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mlivr_gym.base_path import STRAIGHT, certify, expand_classes, flange_in_limb, turn, within_limits
+from mlivr_gym.compiled import kernel
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.robot import RobotSpec
@@ -77,7 +78,12 @@ class Postures:
     def take(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Postures:
         """Postures of the chosen stances."""
         return Postures(
-            *(a[index] for a in (self.position, self.rotation, self.w_m, self.w_b, self.branch, self.mask))
+            self.position[index],
+            self.rotation[index],
+            self.w_m[index],
+            self.w_b[index],
+            self.branch[index],
+            self.mask[index],
         )
 
 
@@ -131,10 +137,10 @@ def _across(vectors: Array, axes: Array) -> Array:
     return vectors - axes * (vectors * axes).sum(axis=1, keepdims=True)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+@kernel
 def limb_choices(
     grasps, normals, tool_length, position, rotation, mount_rotations, mount_positions, lengths, l_c, p, z, w
-):  # type: ignore[no-untyped-def]
+):
     """Flange poses in the limb frames and `w_m` of the four shoulder and wrist choices, for one base pose.
 
     Args:
@@ -174,8 +180,8 @@ def limb_choices(
     return least
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def combined(information, branch, scratch):  # type: ignore[no-untyped-def]
+@kernel
+def combined(information, branch, scratch):
     """`w_b` of one branch for each limb from their `K^-1`, shape (N, 8, 6, 6); `scratch` has shape (2, 6, 6)."""
     for row in range(6):
         for col in range(row + 1):
@@ -186,8 +192,8 @@ def combined(information, branch, scratch):  # type: ignore[no-untyped-def]
     return inverse_root_determinant(scratch[0], scratch[1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scratch):  # type: ignore[no-untyped-def]
+@kernel
+def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scratch):
     """Branches of the largest margin above `floor` for one base pose; returns the margin and its `w_b`.
 
     `w_b` is formed only where `w_m` leaves room for a better margin; `trial` has shape (N,).
@@ -220,11 +226,11 @@ def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scrat
     return best, best_wb
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+@kernel
 def solve_geometries(
     start, stop, grasps, normals, frames, outs, lines, opposed, mount_rotations, mount_positions, lengths,
     tool_length, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b, position, rotation, w_m, w_b, branch,
-):  # type: ignore[no-untyped-def]  # fmt: skip
+):  # fmt: skip
     """Best posture of each geometry from `start` to `stop`.
 
     Args:
@@ -299,9 +305,7 @@ def solve_geometries(
                             p[c, i], z[c, i], lengths, b, mount_rotations[i], mount_positions[i], l_c,
                             information[i, b],
                         )  # fmt: skip
-            better, better_wb = _best_branches(
-                w_class[c], information, scale_m, scale_b, margin, found, trial, scratch
-            )
+            better, better_wb = _best_branches(w_class[c], information, scale_m, scale_b, margin, found, trial, scratch)
             if better > margin:
                 margin = better
                 w_b[g] = better_wb
@@ -314,11 +318,11 @@ def solve_geometries(
                     w_m[g, i] = w_class[c, i, found[i] >> 1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+@kernel
 def branch_masks(
     start, stop, grasps, normals, position, rotation, branch, mount_rotations, mount_positions, lengths,
     limited, tool_length, lift, l_c, w_m_min, w_b_min, floor, mask,
-):  # type: ignore[no-untyped-def]  # fmt: skip
+):  # fmt: skip
     """Branches and flips on which each limb may hold at a posture, a product set.
 
     A branch belongs if `w_m` meets the threshold, if the limb can depart along the surface normal on it with
@@ -391,8 +395,8 @@ def branch_masks(
             mask[g, i] &= bits
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def _grow(allowed, information, own, w_b_min, members, scratch, kept):  # type: ignore[no-untyped-def]
+@kernel
+def _grow(allowed, information, own, w_b_min, members, scratch, kept):
     """Product set reached from `own` by adding branches one at a time, every combination at or above `w_b_min`.
 
     `members`, shape (8^N, N), takes the combinations of the set; `kept`, shape (N, 8), says which branches are in it.
@@ -424,10 +428,10 @@ def _grow(allowed, information, own, w_b_min, members, scratch, kept):  # type: 
                 kept[i, b] = True
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+@kernel
 def departure_limits(
     grasps, tools, position, rotation, mount_rotations, mount_positions, lengths, limits, tool_length, lift, mask
-):  # type: ignore[no-untyped-def]
+):
     """Branches and flips on which each limb can depart inside its joint limits, into `mask`, shape (k, N)."""
     for g in range(grasps.shape[0]):
         for i in range(grasps.shape[1]):
@@ -549,9 +553,7 @@ class PostureSolver:
         self._solved.append(out)
 
 
-def in_parallel(
-    count: int, kernel: Callable[..., None], *args: object, first: int = 0, least: int = 2000
-) -> None:
+def in_parallel(count: int, kernel: Callable[..., None], *args: object, first: int = 0, least: int = 2000) -> None:
     """Call a compiled `kernel(start, stop, *args)` over `count` items from `first`, in threads from `least` items on."""
     workers = min(os.cpu_count() or 1, 8) if count >= least else 1
     if workers == 1:
@@ -571,7 +573,7 @@ class _Table:
         shapes: list[tuple[tuple[int, ...], type]] = [
             ((3,), float), ((3, 3), float), ((limbs,), float), ((), float), ((limbs,), np.int64), ((limbs,), np.int64),
         ]  # fmt: skip
-        self._arrays = [np.zeros((0, *shape), dtype=kind) for shape, kind in shapes]
+        self._arrays: list[NDArray[Any]] = [np.zeros((0, *shape), dtype=kind) for shape, kind in shapes]
         self._used = 0
 
     def append(self, new: Postures) -> None:

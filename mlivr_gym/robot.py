@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 
-
 LIMB_COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
 """Colour of each limb, in the scene and in figures."""
 

@@ -31,7 +31,12 @@ _FACE_AXES = {"deck": (2, 1), "overhead": (2, -1), "forward": (1, 1), "aft": (1,
 """Axis across each rack face and the sign of its inward normal."""
 
 _UR5E = {"d1": 0.1625, "a2": 0.425, "a3": 0.3922, "d4": 0.1333, "d5": 0.0997, "d6": 0.0996}
-_PANEL, _RACK, _TRACK, _RAIL = (0.80, 0.82, 0.84, 1), (0.90, 0.90, 0.88, 1), (0.45, 0.48, 0.52, 1), (0.10, 0.35, 0.75, 1)
+_PANEL, _RACK, _TRACK, _RAIL = (
+    (0.80, 0.82, 0.84, 1),
+    (0.90, 0.90, 0.88, 1),
+    (0.45, 0.48, 0.52, 1),
+    (0.10, 0.35, 0.75, 1),
+)
 _POINT, _BODY, _STEEL = (0.95, 0.75, 0.10, 1), (0.93, 0.93, 0.95, 1), (0.70, 0.72, 0.75, 1)
 
 
@@ -127,7 +132,7 @@ def _quaternion(rotation: Array) -> Array:
 
 
 def _box(
-    body: Any, centre: Array, half: tuple[float, float, float], colour: tuple[float, ...], face: str,
+    body: Any, centre: Array, half: Any, colour: tuple[float, ...], face: str,
     rotation: Array | None = None, material: str = "matt",
 ) -> None:  # fmt: skip
     body.add_geom(
@@ -197,7 +202,10 @@ def _add_ring(world: Any, x: float, outer: float, centre: list[float], inner: fl
     )
     for mid_z, half_z, mid_y, half_y in parts:
         _box(world, np.array([x, mid_y, mid_z]), (0.01, half_y, half_z), _PANEL, face)
-    for mid_y, half_y in (((-outer + y - inner) / 2, (outer + y - inner) / 2), ((outer + y + inner) / 2, (outer - y - inner) / 2)):
+    for mid_y, half_y in (
+        ((-outer + y - inner) / 2, (outer + y - inner) / 2),
+        ((outer + y + inner) / 2, (outer - y - inner) / 2),
+    ):
         _box(world, np.array([x, mid_y, z]), (0.01, half_y, inner), _PANEL, face)
 
 
@@ -258,7 +266,14 @@ def _add_robot(world: Any, robot: RobotSpec) -> None:
             inertia = np.array(link["inertia_urdf"])
             parent.explicitinertial = True
             parent.mass, parent.ipos = link["mass"], link["com_urdf"]
-            parent.fullinertia = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+            parent.fullinertia = [
+                inertia[0, 0],
+                inertia[1, 1],
+                inertia[2, 2],
+                inertia[0, 1],
+                inertia[0, 2],
+                inertia[1, 2],
+            ]
             _capsule(
                 parent, capsules[link["name"]], stretch.get(link["name"], (1.0, 1.0, 1.0)), colour if k % 2 else pale
             )

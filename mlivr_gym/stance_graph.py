@@ -139,7 +139,7 @@ class StanceGraph(ABC):
 
     def is_node(self, postures: Postures) -> NDArray[np.bool_]:
         """Which of some stances are nodes of the graph, shape (k,)."""
-        node: NDArray[np.bool_] = (postures.mask > 0).all(axis=1)
+        node: NDArray[np.bool_] = np.all(postures.mask > 0, axis=1)
         return node
 
     def state(self, stance: Sequence[str | int]) -> State:
@@ -254,16 +254,17 @@ class LazyGraph(StanceGraph):
 
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
         """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
-        limbs, points = [], []
-        for limb in range(self.limbs):
-            near = [self.partners(p) for i, p in enumerate(stance) if i != limb]
+        limbs: list[IntArray] = []
+        points: list[IntArray] = []
+        for i in range(self.limbs):
+            near = [self.partners(p) for k, p in enumerate(stance) if k != i]
             common = near[0]
             for other in near[1:]:
                 common = np.intersect1d(common, other, assume_unique=True)
-            common = common[common != stance[limb]]
-            limbs.append(np.full(len(common), limb))
+            common = common[common != stance[i]]
+            limbs.append(np.full(len(common), i, dtype=np.int64))
             points.append(common)
-        limb, point = np.concatenate(limbs).astype(np.int64), np.concatenate(points).astype(np.int64)
+        limb, point = np.concatenate(limbs), np.concatenate(points)
         if not len(limb):
             return limb, point, self.postures(np.zeros((0, self.limbs), dtype=np.int64))
         stances = np.tile(np.array(stance, dtype=np.int64), (len(limb), 1))

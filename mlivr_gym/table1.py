@@ -189,13 +189,17 @@ def table_markdown(data: dict[str, Any]) -> str:
     ]
     if "transition_study" in data:
         study = data["transition_study"]
+
+        def share(count: int) -> str:
+            return f"{100 * count / study['pairs']:.0f} %"
+
         lines += [
             f"**Beyond the paper: can the plan be carried out?** Of {study['pairs']} random start and goal pairs, "
-            f"{study['blocked']} node-only plans of the base cost ({100 * study['blocked'] / study['pairs']:.0f} %) and "
-            f"{study['blocked_steps']} of the step cost ({100 * study['blocked_steps'] / study['pairs']:.0f} %) could not have been carried "
-            f"out: on at least one step a holding limb would have had to let go or to pass a singularity. With steps checked, "
-            f"{study['solved']} of {study['pairs']} pairs get a plan that can be; its base translation is "
-            f"{100 * study['extra_translation']:.2f} % longer on average.",
+            f"{study['blocked']} node-only plans of the base cost ({share(study['blocked'])}) and "
+            f"{study['blocked_steps']} of the step cost ({share(study['blocked_steps'])}) could not have been carried "
+            f"out: on at least one step a holding limb would have had to let go or to pass a singularity. With "
+            f"steps checked, {study['solved']} of {study['pairs']} pairs get a plan that can be; its base translation "
+            f"is {100 * study['extra_translation']:.2f} % longer on average.",
             "",
         ]
     if "pareto" in data:
@@ -204,4 +208,3 @@ def table_markdown(data: dict[str, Any]) -> str:
         lines += [f"| {r['price']:g} | {r['steps']} | {r['base_translation']:.3f} |" for r in data["pareto"]]
         lines += [""]
     return "\n".join(lines)
-

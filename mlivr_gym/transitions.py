@@ -7,7 +7,6 @@ posture, on a straight line or on an arc about the held grasps, see `base_path`.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mlivr_gym.base_path import (
@@ -17,14 +16,15 @@ from mlivr_gym.base_path import (
     relative_rotation,
     turn,
 )
+from mlivr_gym.compiled import kernel
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+@kernel
 def hold_mask(
     kind, pivot, grip, approach, t0, r0, t1, r1, mount_rotation, mount_position, lengths, determinant_floor, mask
-):  # type: ignore[no-untyped-def]
+):
     """Those of the branches in `mask` on which one limb can hold along a base path.
 
     Args:
@@ -54,9 +54,7 @@ def hold_mask(
     return mask & expand_classes(classes)
 
 
-def base_path(
-    t0: Array, r0: Array, t1: Array, r1: Array, kind: int, pivot: Array, s: Array
-) -> tuple[Array, Array]:
+def base_path(t0: Array, r0: Array, t1: Array, r1: Array, kind: int, pivot: Array, s: Array) -> tuple[Array, Array]:
     """Base poses along a transition.
 
     Args:
@@ -80,4 +78,3 @@ def base_path(
         local = np.column_stack([turn(axis, c, sine, *unit) for unit in np.eye(3)])
         rotations[i] = r0 @ local
     return positions, rotations
-

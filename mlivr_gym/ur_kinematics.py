@@ -19,8 +19,9 @@ half turn of joint 6 and touches nothing else.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from mlivr_gym.compiled import kernel
 
 BRANCHES = 8
 """Number of closed-form solutions."""
@@ -29,8 +30,8 @@ SINGULAR = 1e-9
 """Squared sines and lengths [m^2] within this of zero count as zero."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def branch_terms(p, z, lengths, out):  # type: ignore[no-untyped-def]
+@kernel
+def branch_terms(p, z, lengths, out):
     """Squares that decide reach and singularity of the four shoulder and wrist choices.
 
     Args:
@@ -71,8 +72,8 @@ def branch_terms(p, z, lengths, out):  # type: ignore[no-untyped-def]
             out[row, 3] = (1.0 - c3 * c3) * s5_2 * u2
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def limb_axes(p, z, lengths, branch, axes, origins):  # type: ignore[no-untyped-def]
+@kernel
+def limb_axes(p, z, lengths, branch, axes, origins):
     """Joint axes of one branch, without forming joint angles.
 
     Args:
@@ -128,13 +129,13 @@ def limb_axes(p, z, lengths, branch, axes, origins):  # type: ignore[no-untyped-
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def _wrap(angle):  # type: ignore[no-untyped-def]
+@kernel
+def _wrap(angle):
     return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def inverse_kinematics(p, r, lengths, out):  # type: ignore[no-untyped-def]
+@kernel
+def inverse_kinematics(p, r, lengths, out):
     """All closed-form joint solutions of a flange pose.
 
     At the wrist singularity (joints 4 and 6 in line) only their sum or difference is

@@ -109,7 +109,9 @@ def _pivot(graph: StanceGraph, points: NDArray[np.int64], k: int) -> Array:
     return centre
 
 
-def _path_kinds(graph: StanceGraph, points: NDArray[np.int64], postures: Postures, bits: NDArray[np.int64]) -> list[int]:
+def _path_kinds(
+    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, bits: NDArray[np.int64]
+) -> list[int]:
     """Straight where every holding limb can keep its branch and flip on it, else an arc."""
     kinds = []
     for k in range(len(points) - 1):
@@ -163,4 +165,3 @@ def _joint_angles(
             joints[first : last + 1, limb] += 2.0 * np.pi * np.clip(nearest, fewest, np.maximum(fewest, most))
             before = joints[last, limb]
     return joints, inside
-

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mlivr_gym.compiled import kernel
 from mlivr_gym.pair_graph import PairGraph, fill_rows
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import _grown, _sift_down, _sift_up
@@ -21,8 +21,8 @@ from mlivr_gym.stance_graph import State, Successors
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def backward(goal, base_weight, step_weight, check, rows, row_start, row_position, edges, value, done, best):  # type: ignore[no-untyped-def]
+@kernel
+def backward(goal, base_weight, step_weight, check, rows, row_start, row_position, edges, value, done, best):
     """Fill the table by best-first search backward from the goal stances.
 
     A queue entry is (cost, stance, limb, mask, kind). Kind 0: limb holds on a branch of the mask and the other

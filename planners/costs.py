@@ -52,7 +52,9 @@ class Cost:
             return cls(name, 1.0, nonnegative("regrasp_price", regrasp_price))
         return cls(name, float(name == "base"), float(name == "steps"))
 
-    def heuristic(self, name: str, distance: NDArray[np.float64], tolerance: float, max_step: float) -> NDArray[np.float64]:
+    def heuristic(
+        self, name: str, distance: NDArray[np.float64], tolerance: float, max_step: float
+    ) -> NDArray[np.float64]:
         """Estimate of the cost from base positions to the goal.
 
         `"consistent"` uses `max(0, d - tolerance)` and `ceil(max(0, d - tolerance) / max_step)`, which never

@@ -10,38 +10,40 @@ of going on is the least over the branches left.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mlivr_gym.compiled import kernel
 from mlivr_gym.pair_graph import KNOWN, edge_mask
 
 FOUND, EXHAUSTED, LIMIT = 0, 1, 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def _grown(old):  # type: ignore[no-untyped-def]
+@kernel
+def _grown(old):
     new = np.empty(2 * len(old), old.dtype)
     for k in range(len(old)):
         new[k] = old[k]
     return new
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def _sift_up(heap, size, f, g):  # type: ignore[no-untyped-def]
+@kernel
+def _sift_up(heap, size, f, g):
     """Move the last of `size` entries to its place: smaller f first, then larger g, then earlier entry."""
     place = size - 1
     item = heap[place]
     while place > 0:
         parent = (place - 1) >> 1
         other = heap[parent]
-        if f[item] > f[other] or (f[item] == f[other] and (g[item] < g[other] or (g[item] == g[other] and item > other))):
+        if f[item] > f[other] or (
+            f[item] == f[other] and (g[item] < g[other] or (g[item] == g[other] and item > other))
+        ):
             break
         heap[place] = other
         place = parent
     heap[place] = item
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def _sift_down(heap, size, f, g):  # type: ignore[no-untyped-def]
+@kernel
+def _sift_down(heap, size, f, g):
     """Restore the order after the first entry was replaced."""
     place = 0
     item = heap[0]
@@ -64,8 +66,10 @@ def _sift_down(heap, size, f, g):  # type: ignore[no-untyped-def]
     heap[place] = item
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def search(start, goal, h, base_weight, step_weight, g_weight, limit, check, rows, row_start, row_position, edges, closed, best):  # type: ignore[no-untyped-def]  # fmt: skip
+@kernel
+def search(
+    start, goal, h, base_weight, step_weight, g_weight, limit, check, rows, row_start, row_position, edges, closed, best
+):
     """Best-first search from one stance to any goal stance.
 
     Args:
@@ -191,8 +195,8 @@ def search(start, goal, h, base_weight, step_weight, g_weight, limit, check, row
     return status, used, out_node[:expanded], out_mask[:expanded], out_parent[:expanded], out_g[:expanded]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-def steps_to_goal(goal, rows, row_start, points, value, opened):  # type: ignore[no-untyped-def]
+@kernel
+def steps_to_goal(goal, rows, row_start, points, value, opened):
     """Fewest steps from every stance to the goal region when steps are not checked.
 
     A breadth-first search in which each row is opened once: all its stances are one step from the first of them
@@ -230,10 +234,22 @@ def steps_to_goal(goal, rows, row_start, points, value, opened):  # type: ignore
                     tail += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+@kernel
 def distance_to_goal(
-    goal, start, toward, base_weight, step_weight, rows, row_start, points, position, row_position, value, settled, along
-):  # type: ignore[no-untyped-def]
+    goal,
+    start,
+    toward,
+    base_weight,
+    step_weight,
+    rows,
+    row_start,
+    points,
+    position,
+    row_position,
+    value,
+    settled,
+    along,
+):
     """Exact cost from stances to the goal region when steps are not checked, by search backward from the goal.
 
     Moving one limb twice in a row never pays here, so a stance reached along a row does not open that row again.

@@ -195,4 +195,3 @@ class Plan:
         except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
             raise PlanError(f"cannot read plan {str(path)!r}: {error}") from None
         return cls.from_dict(data, grasp_map)
-

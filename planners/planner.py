@@ -174,7 +174,9 @@ class Planner:
             if isinstance(self.graph, PairGraph):
                 path = self._pair_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit)
             else:
-                path = self._lazy_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress)
+                path = self._lazy_path(
+                    self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress
+                )
             # Joint limits narrower than two turns are looked at on the path alone, and again after a change.
             if path is None or path.status != FOUND or self.graph.robot.full_turn or not pair:
                 break
@@ -272,9 +274,7 @@ class Planner:
             raise SettingError(f"cost-to-go tables need two limbs; robot {self.graph.robot.name!r} has more")
         return self.graph
 
-    def _relaxed_table(
-        self, graph: PairGraph, target: Array, tolerance: float, cost: Cost, start: int
-    ) -> Array:
+    def _relaxed_table(self, graph: PairGraph, target: Array, tolerance: float, cost: Cost, start: int) -> Array:
         """Lower bound of the cost to the goal, exact where it was settled; kept if it covers all stances."""
         key = (*target.tolist(), tolerance, cost)
         if key in self._relaxed:
@@ -367,9 +367,7 @@ class Planner:
         parents = np.array(found.parents[1:], dtype=np.int64)
         tree = np.stack([position[parents], position[1:]], axis=1)
         states = [found.states[k] for k in chain]
-        return _Path(
-            found.status, states, postures, found.costs[-1], (len(found.states), found.generated), tree
-        )
+        return _Path(found.status, states, postures, found.costs[-1], (len(found.states), found.generated), tree)
 
 
 def _chain(parent: NDArray[np.int64]) -> list[int]:

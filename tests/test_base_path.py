@@ -75,9 +75,7 @@ def test_followed_joints_are_continuous_and_stay_on_their_branch(seed):
         coarse, fine = [], []
         for samples, store in ((32, coarse), (256, fine)):
             q, low, high = np.full(6, np.nan), np.full(6, np.inf), np.full(6, -np.inf)
-            assert follow(
-                GRIP, TOOL, *ends, STRAIGHT, pivot, MOUNT, ORIGIN, LIMB.lengths, 2 * c, samples, q, low, high
-            )
+            assert follow(GRIP, TOOL, *ends, STRAIGHT, pivot, MOUNT, ORIGIN, LIMB.lengths, 2 * c, samples, q, low, high)
             store += [q, low, high]
         np.testing.assert_allclose(coarse[0], fine[0], atol=1e-9)
         assert (coarse[1] >= fine[1] - 1e-12).all() and (coarse[2] <= fine[2] + 1e-12).all()
@@ -109,7 +107,8 @@ def test_relative_rotation_of_any_angle(angle):
 
 def test_joint_limits_take_branches_away():
     ends = next(
-        ends for ends in map(random_ends, range(100))
+        ends
+        for ends in map(random_ends, range(100))
         if certify(GRIP, TOOL[:, 2].copy(), *ends, STRAIGHT, np.zeros(3), MOUNT, ORIGIN, LIMB.lengths, FLOOR, 15)
     )
     here = (GRIP, TOOL, *ends, STRAIGHT, np.zeros(3), MOUNT, ORIGIN, LIMB.lengths)

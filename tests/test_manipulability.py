@@ -26,9 +26,7 @@ def random_limb(rng):
             break
     out = np.empty((8, 6))
     mask = inverse_kinematics(pose[:3, 3].copy(), pose[:3, :3].copy(), LIMB.lengths, out)
-    branch = min(
-        (b for b in range(8) if mask >> b & 1), key=lambda b: np.abs(np.sin((out[b] - q) / 2)).max()
-    )
+    branch = min((b for b in range(8) if mask >> b & 1), key=lambda b: np.abs(np.sin((out[b] - q) / 2)).max())
     return q, pose, jacobian, branch
 
 
@@ -61,8 +59,14 @@ def test_one_support_gives_limb_manipulability():
         _, pose, jacobian, branch = random_limb(rng)
         info, scratch = np.empty((6, 6)), np.empty((6, 6))
         limb_information(
-            pose[:3, 3].copy(), pose[:3, 2].copy(), LIMB.lengths, branch,
-            robot.mount_rotations[0], robot.mount_positions[0], 0.87, info,
+            pose[:3, 3].copy(),
+            pose[:3, 2].copy(),
+            LIMB.lengths,
+            branch,
+            robot.mount_rotations[0],
+            robot.mount_positions[0],
+            0.87,
+            info,
         )
         expected = limb_manipulability(jacobian, 0.87)
         assert inverse_root_determinant(info, scratch) == pytest.approx(expected, rel=1e-8)

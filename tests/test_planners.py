@@ -186,7 +186,10 @@ def test_a_plan_can_be_carried_out(jem, limbs):
     for k, step in enumerate(plan.steps):
         ends = []
         for j in (k, k + 1):
-            ends += [plan.base_positions[j], Rotation.from_quat(plan.base_quaternions[j], scalar_first=True).as_matrix()]
+            ends += [
+                plan.base_positions[j],
+                Rotation.from_quat(plan.base_quaternions[j], scalar_first=True).as_matrix(),
+            ]
         kind = {"straight": 0, "arc": 1}[step.path]
         positions, rotations = base_path(*ends, kind, np.array(step.pivot), np.linspace(0, 1, 200))
         for i in range(limbs):
@@ -337,7 +340,9 @@ def test_the_table_is_an_expert(graph):
         while not table.is_goal[graph.find(state.stance)]:
             steps = graph.successors(state)
             k = table.best(state, steps)
-            total += weight(cost, None, float(np.linalg.norm(steps.position[k] - graph.posture(state.stance).position[0])))
+            total += weight(
+                cost, None, float(np.linalg.norm(steps.position[k] - graph.posture(state.stance).position[0]))
+            )
             stance = list(state.stance)
             stance[steps.limb[k]] = int(steps.point[k])
             state = State(tuple(stance), tuple(steps.masks[k].tolist()))

@@ -124,7 +124,13 @@ def test_postures_move_with_the_grasps(seed):
         for name, position, frame in rows:
             p, f = (turn @ position + shift, turn @ frame) if moved else (position, frame)
             points.append(
-                {"id": name, "face": "deck", "position": p.tolist(), "normal": f[:, 2].tolist(), "rail": f[:, 0].tolist()}
+                {
+                    "id": name,
+                    "face": "deck",
+                    "position": p.tolist(),
+                    "normal": f[:, 2].tolist(),
+                    "rail": f[:, 0].tolist(),
+                }
             )
         return GraspMap.from_dict({"points": points})
 
@@ -182,7 +188,9 @@ def test_counts_agree_with_the_independent_calculation(jem):
     """43,540 ordered pairs within 2.4 m; 27,010 in reach with heights alone and no opposite walls."""
     from dataclasses import replace
 
-    graph = stance_graph(jem, replace(robot_spec("mlivr2"), rolls=(0.0,)), Settings(manipulability=False, transitions=False))
+    graph = stance_graph(
+        jem, replace(robot_spec("mlivr2"), rolls=(0.0,)), Settings(manipulability=False, transitions=False)
+    )
     assert graph.considered == 43540
     normals = jem.normals[graph.points]
     opposed = (normals[:, 0] * normals[:, 1]).sum(axis=1) < -0.5
