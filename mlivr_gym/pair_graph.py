@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.base_path import ARC, STRAIGHT, within_limits
-from mlivr_gym.compiled import kernel
+from mlivr_gym.compiled import in_parallel, kernel
 from mlivr_gym.grasp_map import GraspMap
-from mlivr_gym.posture import Postures, in_parallel
+from mlivr_gym.posture import Postures
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stance_graph import Array, IntArray, StanceGraph, State, Successors

@@ -14,22 +14,17 @@ the frame of the first grasp on figures rounded to `RESOLUTION`, once for each g
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.base_path import STRAIGHT, certify, expand_classes, flange_in_limb, turn, within_limits
-from mlivr_gym.compiled import kernel
+from mlivr_gym.compiled import in_parallel
 from mlivr_gym.grasp_map import GraspMap
-from mlivr_gym.manipulability import inverse_root_determinant, limb_information
+from mlivr_gym.posture_kernels import TIE, branch_masks, departure_limits, solve_geometries
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.ur_kinematics import SINGULAR, branch_terms
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -45,9 +40,6 @@ OPPOSED_HEIGHTS = (0.15, 0.25, 0.35, 0.45)
 
 OPPOSED_ROLLS = 12
 """Rolls over the full circle tried there."""
-
-TIE = 1e-9
-"""A candidate must be better by this share to replace an earlier one."""
 
 
 @dataclass(frozen=True)
@@ -135,311 +127,6 @@ def base_frames(grasps: Array, normals: Array, rails: Array) -> tuple[Array, Arr
 def _across(vectors: Array, axes: Array) -> Array:
     """Parts of `vectors` at right angles to the unit `axes`, both (k, 3)."""
     return vectors - axes * (vectors * axes).sum(axis=1, keepdims=True)
-
-
-@kernel
-def limb_choices(
-    grasps, normals, tool_length, position, rotation, mount_rotations, mount_positions, lengths, l_c, p, z, w
-):
-    """Flange poses in the limb frames and `w_m` of the four shoulder and wrist choices, for one base pose.
-
-    Args:
-        grasps: Shape (N, 3) [m].
-        normals: Shape (N, 3).
-        tool_length: Flange to grasp [m].
-        position: Base position [m], shape (3,).
-        rotation: Shape (3, 3).
-        mount_rotations: Shape (N, 3, 3).
-        mount_positions: Shape (N, 3) [m].
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        l_c: Characteristic length [m].
-        p: Filled with flange positions [m], shape (N, 3).
-        z: Filled with flange axes, shape (N, 3).
-        w: Filled, shape (N, 4); 0 out of reach.
-
-    Returns:
-        The least over the limbs of the best choice.
-    """
-    unit = abs(lengths[1] * lengths[2]) / l_c**3
-    terms = np.empty((4, 4))
-    grip, approach = np.empty(3), np.empty(3)
-    least = np.inf
-    for i in range(grasps.shape[0]):
-        for axis in range(3):
-            approach[axis] = -normals[i, axis]
-            grip[axis] = grasps[i, axis] + tool_length * normals[i, axis]
-        flange_in_limb(
-            grip, approach, position, rotation, approach, 0.0, mount_rotations[i], mount_positions[i], p[i], z[i]
-        )
-        branch_terms(p[i], z[i], lengths, terms)
-        best = 0.0
-        for c in range(4):
-            w[i, c] = unit * np.sqrt(terms[c, 3]) if terms[c, 3] > SINGULAR * SINGULAR else 0.0
-            best = max(best, w[i, c])
-        least = min(least, best)
-    return least
-
-
-@kernel
-def combined(information, branch, scratch):
-    """`w_b` of one branch for each limb from their `K^-1`, shape (N, 8, 6, 6); `scratch` has shape (2, 6, 6)."""
-    for row in range(6):
-        for col in range(row + 1):
-            total = 0.0
-            for i in range(len(branch)):
-                total += information[i, branch[i], row, col]
-            scratch[0, row, col] = total
-    return inverse_root_determinant(scratch[0], scratch[1])
-
-
-@kernel
-def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scratch):
-    """Branches of the largest margin above `floor` for one base pose; returns the margin and its `w_b`.
-
-    `w_b` is formed only where `w_m` leaves room for a better margin; `trial` has shape (N,).
-    """
-    count = len(branch)
-    best, best_wb = floor, 0.0
-    top = np.inf
-    for i in range(count):
-        largest = 0.0
-        for c in range(4):
-            largest = max(largest, w[i, c])
-        top = min(top, largest / scale_m)
-    for combination in range(2 * 8**count):
-        # The first round takes those whose least `w_m` is the largest there is.
-        least = top * (1.0 - TIE) if combination < 8**count else 0.0
-        bound = np.inf
-        rest = combination
-        for i in range(count):
-            trial[i] = rest & 7
-            rest >>= 3
-            bound = min(bound, w[i, trial[i] >> 1])
-        bound /= scale_m
-        if bound > best * (1.0 + TIE) and bound >= least:
-            w_b = combined(information, trial, scratch)
-            margin = min(bound, w_b / scale_b)
-            if margin > best * (1.0 + TIE):
-                best, best_wb = margin, w_b
-                for i in range(count):
-                    branch[i] = trial[i]
-    return best, best_wb
-
-
-@kernel
-def solve_geometries(
-    start, stop, grasps, normals, frames, outs, lines, opposed, mount_rotations, mount_positions, lengths,
-    tool_length, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b, position, rotation, w_m, w_b, branch,
-):  # fmt: skip
-    """Best posture of each geometry from `start` to `stop`.
-
-    Args:
-        start: First geometry.
-        stop: One past the last.
-        grasps: Held points from their centroid [m], shape (k, N, 3).
-        normals: Shape (k, N, 3).
-        frames: Unrolled body axes, shape (k, 3, 3).
-        outs: Outward directions, shape (k, 3).
-        lines: Roll axes, shape (k, 3).
-        opposed: Whether the walls are opposed, shape (k,).
-        mount_rotations: Shape (N, 3, 3).
-        mount_positions: Shape (N, 3) [m].
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        tool_length: Flange to grasp [m].
-        l_c: Characteristic length [m].
-        heights: Heights tried [m].
-        rolls: Rolls tried [rad].
-        wide_heights: Heights tried between opposed walls [m].
-        wide_rolls: Rolls tried there [rad].
-        scale_m: Limb manipulability that counts as margin 1.
-        scale_b: Base manipulability that counts as margin 1.
-        position: Filled, from the centroid, shape (k, 3).
-        rotation: Filled, shape (k, 3, 3).
-        w_m: Filled, shape (k, N); 0 where nothing is in reach.
-        w_b: Filled, shape (k,).
-        branch: Filled, shape (k, N).
-    """
-    count = grasps.shape[1]
-    most = max(len(heights) * len(rolls), len(wide_heights) * len(wide_rolls))
-    w_class = np.empty((most, count, 4))
-    bounds = np.empty(most)
-    p, z = np.empty((most, count, 3)), np.empty((most, count, 3))
-    turned, origins = np.empty((most, 3, 3)), np.empty((most, 3))
-    information, scratch = np.empty((count, 8, 6, 6)), np.empty((2, 6, 6))
-    found, trial = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-    for g in range(start, stop):
-        try_rolls = wide_rolls if opposed[g] else rolls
-        try_heights = wide_heights if opposed[g] else heights
-        candidates = len(try_rolls) * len(try_heights)
-        for c in range(candidates):
-            roll = try_rolls[c // len(try_heights)]
-            height = try_heights[c % len(try_heights)]
-            cosine, sine = np.cos(roll), np.sin(roll)
-            for col in range(3):
-                turned[c, 0, col], turned[c, 1, col], turned[c, 2, col] = turn(
-                    lines[g], cosine, sine, frames[g, 0, col], frames[g, 1, col], frames[g, 2, col]
-                )
-            up = turn(lines[g], cosine, sine, outs[g, 0], outs[g, 1], outs[g, 2])
-            for axis in range(3):
-                origins[c, axis] = height * up[axis]
-            bounds[c] = limb_choices(
-                grasps[g], normals[g], tool_length, origins[c], turned[c], mount_rotations, mount_positions,
-                lengths, l_c, p[c], z[c], w_class[c],
-            ) / scale_m  # fmt: skip
-        margin = 0.0
-        w_b[g] = 0.0
-        for i in range(count):
-            w_m[g, i] = 0.0
-        while True:
-            c = 0
-            for other in range(1, candidates):
-                if bounds[other] > bounds[c]:
-                    c = other
-            if bounds[c] <= margin * (1.0 + TIE) or bounds[c] <= 0.0:
-                break
-            bounds[c] = 0.0
-            for i in range(count):
-                for b in range(8):
-                    if w_class[c, i, b >> 1] > margin * scale_m:
-                        limb_information(
-                            p[c, i], z[c, i], lengths, b, mount_rotations[i], mount_positions[i], l_c,
-                            information[i, b],
-                        )  # fmt: skip
-            better, better_wb = _best_branches(w_class[c], information, scale_m, scale_b, margin, found, trial, scratch)
-            if better > margin:
-                margin = better
-                w_b[g] = better_wb
-                for axis in range(3):
-                    position[g, axis] = origins[c, axis]
-                    for col in range(3):
-                        rotation[g, axis, col] = turned[c, axis, col]
-                for i in range(count):
-                    branch[g, i] = found[i]
-                    w_m[g, i] = w_class[c, i, found[i] >> 1]
-
-
-@kernel
-def branch_masks(
-    start, stop, grasps, normals, position, rotation, branch, mount_rotations, mount_positions, lengths,
-    limited, tool_length, lift, l_c, w_m_min, w_b_min, floor, mask,
-):  # fmt: skip
-    """Branches and flips on which each limb may hold at a posture, a product set.
-
-    A branch belongs if `w_m` meets the threshold, if the limb can depart along the surface normal on it with
-    `w_m` above the floor, and if every combination with the other limbs' branches meets the
-    threshold of `w_b`. The set grows from the posture's own branches in a fixed order.
-
-    Args:
-        start: First stance.
-        stop: One past the last.
-        grasps: Shape (k, N, 3) [m].
-        normals: Shape (k, N, 3).
-        position: Base positions, shape (k, 3) [m].
-        rotation: Shape (k, 3, 3).
-        branch: The postures' own branches, shape (k, N).
-        mount_rotations: Shape (N, 3, 3).
-        mount_positions: Shape (N, 3) [m].
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        limited: Whether `mask` comes with the branches that the joint limits allow.
-        tool_length: Flange to grasp [m].
-        lift: Departure along the normal [m].
-        l_c: Characteristic length [m].
-        w_m_min: Threshold of `w_m`.
-        w_b_min: Threshold of `w_b`.
-        floor: Least `w_m` on the departure.
-        mask: Filled, shape (k, N); 0 for every limb if the posture's own branches do not belong.
-    """
-    count = grasps.shape[1]
-    p, z, w = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 4))
-    grip, approach, lifted = np.empty(3), np.empty(3), np.empty(3)
-    information, scratch = np.empty((count, 8, 6, 6)), np.empty((2, 6, 6))
-    members = np.empty((8**count, count), dtype=np.int64)
-    kind = np.int64(STRAIGHT)
-    allowed, kept = np.empty((count, 8), dtype=np.bool_), np.empty((count, 8), dtype=np.bool_)
-    for g in range(start, stop):
-        limb_choices(
-            grasps[g], normals[g], tool_length, position[g], rotation[g], mount_rotations, mount_positions,
-            lengths, l_c, p, z, w,
-        )  # fmt: skip
-        for i in range(count):
-            classes = np.int64(0)
-            for c in range(4):
-                if w[i, c] >= w_m_min and w[i, c] >= floor and w[i, c] > 0.0:
-                    classes |= 1 << c
-            for axis in range(3):
-                approach[axis] = -normals[g, i, axis]
-                grip[axis] = grasps[g, i, axis] + tool_length * normals[g, i, axis]
-                lifted[axis] = position[g, axis] - lift * normals[g, i, axis]
-            if classes:
-                classes = certify(
-                    grip, approach, position[g], rotation[g], lifted, rotation[g], kind, position[g],
-                    mount_rotations[i], mount_positions[i], lengths, floor * l_c**3, classes,
-                )  # fmt: skip
-            bits = expand_classes(classes)
-            if limited:
-                bits &= mask[g, i]
-            mask[g, i] = bits
-            for b in range(8):
-                allowed[i, b] = (bits | bits >> 8) >> b & 1
-                kept[i, b] = False
-                if allowed[i, b]:
-                    limb_information(
-                        p[i], z[i], lengths, b, mount_rotations[i], mount_positions[i], l_c, information[i, b]
-                    )
-        _grow(allowed, information, branch[g], w_b_min, members, scratch, kept)
-        for i in range(count):
-            bits = 0
-            for b in range(8):
-                if kept[i, b]:
-                    bits |= 0x0101 << b
-            mask[g, i] &= bits
-
-
-@kernel
-def _grow(allowed, information, own, w_b_min, members, scratch, kept):
-    """Product set reached from `own` by adding branches one at a time, every combination at or above `w_b_min`.
-
-    `members`, shape (8^N, N), takes the combinations of the set; `kept`, shape (N, 8), says which branches are in it.
-    """
-    count = len(own)
-    for i in range(count):
-        members[0, i] = own[i]
-        if not allowed[i, own[i]]:
-            return
-    for i in range(count):
-        kept[i, own[i]] = True
-    size = 1
-    for i in range(count):
-        for b in range(8):
-            if not allowed[i, b] or kept[i, b]:
-                continue
-            end = size
-            for k in range(size):
-                if members[k, i] == own[i]:
-                    for j in range(count):
-                        members[end, j] = members[k, j]
-                    members[end, i] = b
-                    if combined(information, members[end], scratch) < w_b_min:
-                        end = -1
-                        break
-                    end += 1
-            if end > 0:
-                size = end
-                kept[i, b] = True
-
-
-@kernel
-def departure_limits(
-    grasps, tools, position, rotation, mount_rotations, mount_positions, lengths, limits, tool_length, lift, mask
-):
-    """Branches and flips on which each limb can depart inside its joint limits, into `mask`, shape (k, N)."""
-    for g in range(grasps.shape[0]):
-        for i in range(grasps.shape[1]):
-            z = tools[g, i, :, 2].copy()
-            mask[g, i] = within_limits(
-                grasps[g, i] - tool_length * z, tools[g, i], position[g], rotation[g], position[g] + lift * z, rotation[g],
-                STRAIGHT, position[g], mount_rotations[i], mount_positions[i], lengths, limits, 0xFFFF,
-            )  # fmt: skip
 
 
 class PostureSolver:
@@ -551,19 +238,6 @@ class PostureSolver:
             out.mask[nodes] = 0xFFFF
         out.position[:] += centroid[:, 0]
         self._solved.append(out)
-
-
-def in_parallel(count: int, kernel: Callable[..., None], *args: object, first: int = 0, least: int = 2000) -> None:
-    """Call a compiled `kernel(start, stop, *args)` over `count` items from `first`, in threads from `least` items on."""
-    workers = min(os.cpu_count() or 1, 8) if count >= least else 1
-    if workers == 1:
-        kernel(first, first + count, *args)
-        return
-    kernel(first, first, *args)
-    edges = [first + count * w // workers for w in range(workers + 1)]
-    with ThreadPoolExecutor(workers) as pool:
-        for job in [pool.submit(kernel, edges[w], edges[w + 1], *args) for w in range(workers)]:
-            job.result()
 
 
 class _Table:

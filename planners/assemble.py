@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from mlivr_gym.base_path import ARC, PATH_KINDS, SAMPLES, STRAIGHT, follow
 from mlivr_gym.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.planners.plan import Step
-from mlivr_gym.posture import Postures, limb_choices
+from mlivr_gym.posture import Postures
+from mlivr_gym.posture_kernels import limb_choices
 from mlivr_gym.stance_graph import StanceGraph, State
 
 Array = NDArray[np.float64]
