@@ -269,7 +269,8 @@ def compared(data: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any], s
     for task in ("near", "case 2") if "case 2" in data else ("near",):
         for mode in MODES:
             run = data[task][mode]
-            yield task, mode, run, "measured" if run["finished"] else "extrapolated"
+            ended = "measured" if run["cost"] is not None else "measured, no plan found"
+            yield task, mode, run, ended if run["finished"] else "extrapolated"
 
 
 def query_rows(data: dict[str, Any]) -> Iterator[list[Any]]:
@@ -289,7 +290,7 @@ def reference_rows(data: dict[str, Any]) -> Iterator[list[Any]]:
             task, mode, run["expanded"], run["candidates"], data[task]["needed"]["candidates"], f"{run['seconds']:.1f}",
             f"{1e3 * run['seconds_per_candidate']:.1f}", f"{run['seconds_per_expansion']:.2f}",
             f"{run['total_seconds']:.0f} ({source})", f"{ours['seconds']:.3f}", f"{run['ratio']:.0f}",
-            f"{run['cost']:.3f}" if run["finished"] else "not reached", f"{ours['cost']:.3f}",
+            f"{run['cost']:.3f}" if run["cost"] is not None else "none", f"{ours['cost']:.3f}",
             f"{100 * run['share_of_our_stances_found']:.0f} %",
         ]  # fmt: skip
 
@@ -346,8 +347,9 @@ limit ended a run, its total is the measured time of a candidate times the disti
 needs (column *needed*, counted by running it on the finished stance set), and is marked *extrapolated*; where it had
 tried more than that without an end, the time that it ran stands there, a lower bound. All else is measured. One seed
 finds one branch, so the reference misses stances (last column: share of ours among the candidates it tried that it
-found) and may take another base pose: its costs differ for that reason. The paper reports 1.8 s for its Case 2 on
-another map and machine and does not say how many base poses it tries."""
+found) and may take another base pose: its costs differ for that reason, and it may try every candidate and find no
+plan at all. The paper reports 1.8 s for its Case 2 on another map and machine and does not say how many base poses it
+tries."""
 
 
 def report(data: dict[str, Any]) -> str:

@@ -225,7 +225,7 @@ class ReferencePlanner:
             evaluate: Takes the place of `self.evaluate` (to count candidates).
 
         Returns:
-            `finished`, `cost` [m] (None if the limit came first), `expanded`, `candidates` (distinct stances
+            `finished` (before the limit), `cost` [m] (None without a plan), `expanded`, `candidates` (distinct stances
             tried) and `seconds`.
         """
         evaluate = evaluate or self.evaluate
@@ -235,7 +235,7 @@ class ReferencePlanner:
         closed: set[Stance] = set()
         best = {start: 0.0}
         queue = [] if origin is None else [(self._estimate(origin, goal, tolerance), 0.0, start)]
-        finished, cost, late = False, None, False
+        cost, late = None, False
         while queue and not late:
             _, minus_cost, stance = heapq.heappop(queue)
             if stance in closed:
@@ -243,7 +243,7 @@ class ReferencePlanner:
             closed.add(stance)
             here = self.stances[stance]
             if np.linalg.norm(here - goal) <= tolerance:
-                finished, cost = True, -minus_cost
+                cost = -minus_cost
                 break
             for after in self.candidates(stance):
                 if after in closed:
@@ -261,7 +261,7 @@ class ReferencePlanner:
                     best[after] = total
                     heapq.heappush(queue, (total + self._estimate(there, goal, tolerance), -total, after))
         return {
-            "finished": finished,
+            "finished": not late,
             "cost": cost,
             "expanded": len(closed),
             "candidates": len(self.stances),

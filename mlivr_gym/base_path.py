@@ -47,28 +47,30 @@ SAMPLES = 32
 @kernel
 def relative_rotation(r0, r1, axis):
     """Angle of `r0^T r1` in [0, pi] [rad]; its unit axis (in frame 0) is written into `axis`."""
-    x = y = z = trace = 0.0
-    for k in range(3):
-        trace += r0[k, 0] * r1[k, 0] + r0[k, 1] * r1[k, 1] + r0[k, 2] * r1[k, 2]
-        x += r0[k, 2] * r1[k, 1] - r0[k, 1] * r1[k, 2]
-        y += r0[k, 0] * r1[k, 2] - r0[k, 2] * r1[k, 0]
-        z += r0[k, 1] * r1[k, 0] - r0[k, 0] * r1[k, 1]
+    a, b, c = r0[0, 0], r0[1, 0], r0[2, 0]
+    d, e, f = r0[0, 1], r0[1, 1], r0[2, 1]
+    g, h, i = r0[0, 2], r0[1, 2], r0[2, 2]
+    p, q, r = r1[0, 0], r1[1, 0], r1[2, 0]
+    s, t, u = r1[0, 1], r1[1, 1], r1[2, 1]
+    v, w, k = r1[0, 2], r1[1, 2], r1[2, 2]
+    m00, m11, m22 = a * p + b * q + c * r, d * s + e * t + f * u, g * v + h * w + i * k
+    m01, m10 = a * s + b * t + c * u, d * p + e * q + f * r
+    m02, m20 = a * v + b * w + c * k, g * p + h * q + i * r
+    m12, m21 = d * v + e * w + f * k, g * s + h * t + i * u
+    x, y, z = m21 - m12, m02 - m20, m10 - m01
     sine2 = np.sqrt(x * x + y * y + z * z)
-    angle = np.arctan2(sine2, trace - 1.0)
-    axis[0], axis[1], axis[2] = 1.0, 0.0, 0.0
-    if sine2 > 1e-7:
-        axis[0], axis[1], axis[2] = x / sine2, y / sine2, z / sine2
-    elif trace < 0.0:
-        largest = -1.0
-        for k in range(3):
-            # A half turn is 2 a a^T - 1: column k of it plus e_k is parallel to a.
-            cx = r0[0, 0] * r1[0, k] + r0[1, 0] * r1[1, k] + r0[2, 0] * r1[2, k] + (1.0 if k == 0 else 0.0)
-            cy = r0[0, 1] * r1[0, k] + r0[1, 1] * r1[1, k] + r0[2, 1] * r1[2, k] + (1.0 if k == 1 else 0.0)
-            cz = r0[0, 2] * r1[0, k] + r0[1, 2] * r1[1, k] + r0[2, 2] * r1[2, k] + (1.0 if k == 2 else 0.0)
-            length = np.sqrt(cx * cx + cy * cy + cz * cz)
-            if length > largest:
-                largest = length
-                axis[0], axis[1], axis[2] = cx / length, cy / length, cz / length
+    angle = np.arctan2(sine2, m00 + m11 + m22 - 1.0)
+    if sine2 < 1e-7:
+        x, y, z = 1.0, 0.0, 0.0
+        if angle > 1.0:
+            # A half turn is 2 a a^T - 1: its longest column plus the unit vector is parallel to a.
+            x, y, z = m00 + 1.0, m10, m20
+            if m11 > m00:
+                x, y, z = m01, m11 + 1.0, m21
+            if m22 > m00 and m22 > m11:
+                x, y, z = m02, m12, m22 + 1.0
+        sine2 = np.sqrt(x * x + y * y + z * z)
+    axis[0], axis[1], axis[2] = x / sine2, y / sine2, z / sine2
     return angle
 
 

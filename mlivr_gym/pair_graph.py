@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.base_path import ARC, STRAIGHT, within_limits
 from mlivr_gym.compiled import in_parallel, kernel
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.posture import Postures
@@ -24,15 +23,13 @@ from mlivr_gym.transitions import hold_mask
 
 KNOWN = 1 << 16
 """Bit of an edge entry: the entry is filled."""
-LIMITED = 1 << 17
-"""Bit of an edge entry: joint limits are taken into account."""
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 
 
 @kernel
 def edge_mask(
     held, s0, s1, points, local, degree, offset, table, position, rotation, mask,
-    mount_rotations, mount_positions, lengths, grips, approaches, pivots, determinant_floor,
+    mount_rotations, mount_positions, lengths, grips, tools, pivots, determinant_floor, limits, full_turn,
 ):  # fmt: skip
     """Branches that limb `held` can keep on the step from stance `s0` to `s1`, looked up or worked out.
 
@@ -50,9 +47,9 @@ def edge_mask(
         rest = wanted & ~found
         if rest:
             found |= hold_mask(
-                kind, pivots[point], grips[point], approaches[point], position[s0], rotation[s0],
+                kind, pivots[point], grips[point], tools[point], position[s0], rotation[s0],
                 position[s1], rotation[s1], mount_rotations[held], mount_positions[held], lengths,
-                determinant_floor, rest,
+                determinant_floor, limits, full_turn, rest,
             )  # fmt: skip
     there = offset[held, point] + local[held, s1] * degree[held, point] + local[held, s0]
     table[here] = table[there] = found | KNOWN
@@ -123,10 +120,6 @@ def fill_rows(graph: PairGraph, progress: Callable[[int, int], None] | None = No
             )  # fmt: skip
             if progress is not None:
                 progress(held * m + min(begin + chunk, m), 2 * m)
-    if not graph.robot.full_turn:
-        for s in range(len(graph)):
-            for held in range(2):
-                graph.edge_masks(held, s, graph.row(held, s))
     graph.complete = True
 
 
@@ -178,12 +171,11 @@ class PairGraph(StanceGraph):
         self.complete = False
         """Whether every edge entry is known."""
         self._keys = self.points[:, 0] * m + self.points[:, 1]
-        self.approaches: Array = np.ascontiguousarray(self.solver.tools[:, :, 2])
         self.edges = (
             self.points, self.local, self.degree, self.offset, self.table, self.position, self.rotation, self.mask,
             self.solver.mount_rotations, self.solver.mount_positions, self.solver.lengths, self.grips,
-            self.approaches, self.grasp_map.positions.copy(),
-            settings.path_floor * robot.characteristic_length**3,
+            self.solver.tools, self.grasp_map.positions.copy(),
+            settings.path_floor * robot.characteristic_length**3, robot.limb.limits, robot.full_turn,
         )  # fmt: skip
         """Further arguments of `edge_mask`."""
 
@@ -239,48 +231,13 @@ class PairGraph(StanceGraph):
         if not self.settings.transitions:
             return out
         fill_row(0, len(row), held, s, row, out, self.edges)
-        if not self.robot.full_turn:
-            for k in range(len(row)):
-                out[k] = self._apply_limits(held, s, int(row[k]))
         return out
-
-    def _apply_limits(self, held: int, s0: int, s1: int) -> int:
-        """Edge entry with the joint limits taken into account, stored for both directions."""
-        point = int(self.points[s0, held])
-        base, step = self.offset[held, point], self.degree[held, point]
-        here = base + self.local[held, s0] * step + self.local[held, s1]
-        there = base + self.local[held, s1] * step + self.local[held, s0]
-        entry = int(self.table[here])
-        if entry & LIMITED:
-            return entry & 0xFFFF
-        left, found = entry & 0xFFFF, 0
-        ends = (self.position[s0], self.rotation[s0], self.position[s1], self.rotation[s1])
-        mount = (self.solver.mount_rotations[held], self.solver.mount_positions[held], self.solver.lengths)
-        tool, grip, pivot = self.solver.tools[point], self.grips[point], self.grasp_map.positions[point]
-        for kind in (STRAIGHT, ARC):
-            mask = hold_mask(kind, pivot, grip, self.approaches[point], *ends, *mount, self.edges[-1], left & ~found)
-            if mask:
-                found |= within_limits(grip, tool, *ends, kind, pivot, *mount, self.robot.limb.limits, mask)
-        self.table[here] = self.table[there] = found | KNOWN | LIMITED
-        return found
-
-    def limits_hold(self, held: int, s0: int, s1: int) -> bool:
-        """Take the joint limits of one step into account; False if that took branches away."""
-        before = int(self.edge_masks_unlimited(held, s0, s1))
-        return self._apply_limits(held, s0, s1) == before
-
-    def edge_masks_unlimited(self, held: int, s0: int, s1: int) -> int:
-        """The edge entry as the search sees it."""
-        return int(edge_mask(held, s0, s1, *self.edges))
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
         s = self.find(state.stance)
         if s < 0:
             return Successors(NO_POINTS, NO_POINTS, np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64))
-        for held in range(2):
-            if self.settings.transitions and not self.robot.full_turn:
-                self.edge_masks(held, s, self.row(held, s))
         size = int(self.degree[0, state.stance[0]] + self.degree[1, state.stance[1]])
         limb, stance, left = (np.empty(size, dtype=np.int64) for _ in range(3))
         count = pair_successors(

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.compiled import in_parallel
 from mlivr_gym.grasp_map import GraspMap
-from mlivr_gym.posture_kernels import TIE, branch_masks, departure_limits, solve_geometries
+from mlivr_gym.posture_kernels import TIE, solve_geometries
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
 
@@ -214,28 +214,12 @@ class PostureSolver:
         wide_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
         frames = base_frames(grasps, normals, np.ascontiguousarray(rails[:, 0]))
         in_parallel(
-            k, solve_geometries, grasps, normals, *frames, self.mount_rotations, self.mount_positions,
-            self.lengths, robot.tool_length, robot.characteristic_length, np.array(robot.heights),
-            np.array(robot.rolls), np.array(OPPOSED_HEIGHTS), wide_rolls, w_m_min or scale_m, w_b_min or scale_b,
-            out.position, out.rotation, out.w_m, out.w_b, out.branch,
+            k, solve_geometries, grasps, normals, tools, *frames, self.mount_rotations, self.mount_positions,
+            self.lengths, robot.limb.limits, robot.full_turn, robot.tool_length, robot.lift,
+            robot.characteristic_length, np.array(robot.heights), np.array(robot.rolls), np.array(OPPOSED_HEIGHTS),
+            wide_rolls, w_m_min or scale_m, w_b_min or scale_b, w_m_min, w_b_min, settings.path_floor,
+            settings.transitions, out.position, out.rotation, out.w_m, out.w_b, out.branch, out.mask,
         )  # fmt: skip
-        nodes = np.flatnonzero((out.w_b > 0.0) & (out.w_m >= w_m_min).all(axis=1) & (out.w_b >= w_b_min))
-        if settings.transitions:
-            mask = np.zeros((len(nodes), count), dtype=np.int64)
-            if not robot.full_turn:
-                departure_limits(
-                    grasps[nodes], tools[nodes], out.position[nodes], out.rotation[nodes], self.mount_rotations,
-                    self.mount_positions, self.lengths, robot.limb.limits, robot.tool_length, robot.lift, mask,
-                )  # fmt: skip
-            in_parallel(
-                len(nodes), branch_masks, grasps[nodes], normals[nodes], out.position[nodes], out.rotation[nodes],
-                out.branch[nodes], self.mount_rotations, self.mount_positions, self.lengths, not robot.full_turn,
-                robot.tool_length, robot.lift, robot.characteristic_length, w_m_min, w_b_min,
-                settings.path_floor, mask,
-            )  # fmt: skip
-            out.mask[nodes] = mask
-        else:
-            out.mask[nodes] = 0xFFFF
         out.position[:] += centroid[:, 0]
         self._solved.append(out)
 

@@ -104,8 +104,9 @@ def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scrat
 
 @kernel
 def solve_geometries(
-    start, stop, grasps, normals, frames, outs, lines, opposed, mount_rotations, mount_positions, lengths,
-    tool_length, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b, position, rotation, w_m, w_b, branch,
+    start, stop, grasps, normals, tools, frames, outs, lines, opposed, mount_rotations, mount_positions, lengths, limits,
+    full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b, w_m_min, w_b_min, floor,
+    check, position, rotation, w_m, w_b, branch, mask,
 ):  # fmt: skip
     """Best posture of each geometry from `start` to `stop`.
 
@@ -114,6 +115,7 @@ def solve_geometries(
         stop: One past the last.
         grasps: Held points from their centroid [m], shape (k, N, 3).
         normals: Shape (k, N, 3).
+        tools: Flange rotations at the grasps, flip 0, shape (k, N, 3, 3).
         frames: Unrolled body axes, shape (k, 3, 3).
         outs: Outward directions, shape (k, 3).
         lines: Roll axes, shape (k, 3).
@@ -121,7 +123,10 @@ def solve_geometries(
         mount_rotations: Shape (N, 3, 3).
         mount_positions: Shape (N, 3) [m].
         lengths: d1, a2, a3, d4, d5, d6 [m].
+        limits: Joint limits [rad], shape (6, 2).
+        full_turn: Whether the limits rule out nothing.
         tool_length: Flange to grasp [m].
+        lift: Departure along the normal [m].
         l_c: Characteristic length [m].
         heights: Heights tried [m].
         rolls: Rolls tried [rad].
@@ -129,13 +134,20 @@ def solve_geometries(
         wide_rolls: Rolls tried there [rad].
         scale_m: Limb manipulability that counts as margin 1.
         scale_b: Base manipulability that counts as margin 1.
+        w_m_min: Threshold of `w_m`.
+        w_b_min: Threshold of `w_b`.
+        floor: Least `w_m` on the departure.
+        check: Whether branches are looked at; if not, every node has all of them.
         position: Filled, from the centroid, shape (k, 3).
         rotation: Filled, shape (k, 3, 3).
         w_m: Filled, shape (k, N); 0 where nothing is in reach.
         w_b: Filled, shape (k,).
         branch: Filled, shape (k, N).
+        mask: Zeros, shape (k, N), filled at nodes; see `_hold_masks`.
     """
     count = grasps.shape[1]
+    members = np.empty((8**count, count), dtype=np.int64)
+    allowed, kept = np.empty((count, 8), dtype=np.bool_), np.empty((count, 8), dtype=np.bool_)
     most = max(len(heights) * len(rolls), len(wide_heights) * len(wide_rolls))
     w_class = np.empty((most, count, 4))
     bounds = np.empty(most)
@@ -163,6 +175,7 @@ def solve_geometries(
                 lengths, l_c, p[c], z[c], w_class[c],
             ) / scale_m  # fmt: skip
         margin = 0.0
+        chosen = 0
         w_b[g] = 0.0
         for i in range(count):
             w_m[g, i] = 0.0
@@ -189,86 +202,73 @@ def solve_geometries(
                     position[g, axis] = origins[c, axis]
                     for col in range(3):
                         rotation[g, axis, col] = turned[c, axis, col]
+                chosen = c
                 for i in range(count):
                     branch[g, i] = found[i]
                     w_m[g, i] = w_class[c, i, found[i] >> 1]
+        node = margin > 0.0 and w_b[g] >= w_b_min
+        for i in range(count):
+            node = node and w_m[g, i] >= w_m_min
+        if node and check:
+            _hold_masks(
+                grasps[g], normals[g], tools[g], position[g], rotation[g], branch[g], p[chosen], z[chosen], w_class[chosen],
+                mount_rotations, mount_positions, lengths, limits, full_turn, tool_length, lift, l_c, w_m_min, w_b_min,
+                floor, information, scratch, members, allowed, kept, mask[g],
+            )  # fmt: skip
+        elif node:
+            for i in range(count):
+                mask[g, i] = 0xFFFF
 
 
 @kernel
-def branch_masks(
-    start, stop, grasps, normals, position, rotation, branch, mount_rotations, mount_positions, lengths,
-    limited, tool_length, lift, l_c, w_m_min, w_b_min, floor, mask,
+def _hold_masks(
+    grasps, normals, tools, position, rotation, branch, p, z, w, mount_rotations, mount_positions, lengths, limits, full_turn,
+    tool_length, lift, l_c, w_m_min, w_b_min, floor, information, scratch, members, allowed, kept, mask,
 ):  # fmt: skip
-    """Branches and flips on which each limb may hold at a posture, a product set.
+    """Branches and flips on which each limb may hold at a posture, a product set, into `mask`, shape (N,).
 
     A branch belongs if `w_m` meets the threshold, if the limb can depart along the surface normal on it with
-    `w_m` above the floor, and if every combination with the other limbs' branches meets the
-    threshold of `w_b`. The set grows from the posture's own branches in a fixed order.
+    `w_m` above the floor and inside its joint limits, and if every combination with the other limbs' branches
+    meets the threshold of `w_b`. The set grows from the posture's own branches in a fixed order.
 
-    Args:
-        start: First stance.
-        stop: One past the last.
-        grasps: Shape (k, N, 3) [m].
-        normals: Shape (k, N, 3).
-        position: Base positions, shape (k, 3) [m].
-        rotation: Shape (k, 3, 3).
-        branch: The postures' own branches, shape (k, N).
-        mount_rotations: Shape (N, 3, 3).
-        mount_positions: Shape (N, 3) [m].
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        limited: Whether `mask` comes with the branches that the joint limits allow.
-        tool_length: Flange to grasp [m].
-        lift: Departure along the normal [m].
-        l_c: Characteristic length [m].
-        w_m_min: Threshold of `w_m`.
-        w_b_min: Threshold of `w_b`.
-        floor: Least `w_m` on the departure.
-        mask: Filled, shape (k, N); 0 for every limb if the posture's own branches do not belong.
+    Further arguments as in `solve_geometries`, for one geometry, and scratch arrays.
     """
-    count = grasps.shape[1]
-    p, z, w = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 4))
+    count = grasps.shape[0]
     grip, approach, lifted = np.empty(3), np.empty(3), np.empty(3)
-    information, scratch = np.empty((count, 8, 6, 6)), np.empty((2, 6, 6))
-    members = np.empty((8**count, count), dtype=np.int64)
     kind = np.int64(STRAIGHT)
-    allowed, kept = np.empty((count, 8), dtype=np.bool_), np.empty((count, 8), dtype=np.bool_)
-    for g in range(start, stop):
-        limb_choices(
-            grasps[g], normals[g], tool_length, position[g], rotation[g], mount_rotations, mount_positions,
-            lengths, l_c, p, z, w,
-        )  # fmt: skip
-        for i in range(count):
-            classes = np.int64(0)
-            for c in range(4):
-                if w[i, c] >= w_m_min and w[i, c] >= floor and w[i, c] > 0.0:
-                    classes |= 1 << c
-            for axis in range(3):
-                approach[axis] = -normals[g, i, axis]
-                grip[axis] = grasps[g, i, axis] + tool_length * normals[g, i, axis]
-                lifted[axis] = position[g, axis] - lift * normals[g, i, axis]
-            if classes:
-                classes = certify(
-                    grip, approach, position[g], rotation[g], lifted, rotation[g], kind, position[g],
-                    mount_rotations[i], mount_positions[i], lengths, floor * l_c**3, classes,
-                )  # fmt: skip
-            bits = expand_classes(classes)
-            if limited:
-                bits &= mask[g, i]
-            mask[g, i] = bits
-            for b in range(8):
-                allowed[i, b] = (bits | bits >> 8) >> b & 1
-                kept[i, b] = False
-                if allowed[i, b]:
-                    limb_information(
-                        p[i], z[i], lengths, b, mount_rotations[i], mount_positions[i], l_c, information[i, b]
-                    )
-        _grow(allowed, information, branch[g], w_b_min, members, scratch, kept)
-        for i in range(count):
-            bits = 0
-            for b in range(8):
-                if kept[i, b]:
-                    bits |= 0x0101 << b
-            mask[g, i] &= bits
+    for i in range(count):
+        classes = np.int64(0)
+        for c in range(4):
+            if w[i, c] >= w_m_min and w[i, c] >= floor and w[i, c] > 0.0:
+                classes |= 1 << c
+        for axis in range(3):
+            approach[axis] = -normals[i, axis]
+            grip[axis] = grasps[i, axis] + tool_length * normals[i, axis]
+            lifted[axis] = position[axis] - lift * normals[i, axis]
+        if classes:
+            classes = certify(
+                grip, approach, position, rotation, lifted, rotation, kind, position,
+                mount_rotations[i], mount_positions[i], lengths, floor * l_c**3, classes,
+            )  # fmt: skip
+        bits = expand_classes(classes)
+        if bits and not full_turn:
+            bits = within_limits(
+                grip, tools[i], position, rotation, lifted, rotation, kind, position,
+                mount_rotations[i], mount_positions[i], lengths, limits, bits,
+            )  # fmt: skip
+        mask[i] = bits
+        for b in range(8):
+            allowed[i, b] = (bits | bits >> 8) >> b & 1
+            kept[i, b] = False
+            if allowed[i, b]:
+                limb_information(p[i], z[i], lengths, b, mount_rotations[i], mount_positions[i], l_c, information[i, b])
+    _grow(allowed, information, branch, w_b_min, members, scratch, kept)
+    for i in range(count):
+        bits = 0
+        for b in range(8):
+            if kept[i, b]:
+                bits |= 0x0101 << b
+        mask[i] &= bits
 
 
 @kernel
@@ -302,17 +302,3 @@ def _grow(allowed, information, own, w_b_min, members, scratch, kept):
             if end > 0:
                 size = end
                 kept[i, b] = True
-
-
-@kernel
-def departure_limits(
-    grasps, tools, position, rotation, mount_rotations, mount_positions, lengths, limits, tool_length, lift, mask
-):
-    """Branches and flips on which each limb can depart inside its joint limits, into `mask`, shape (k, N)."""
-    for g in range(grasps.shape[0]):
-        for i in range(grasps.shape[1]):
-            z = tools[g, i, :, 2].copy()
-            mask[g, i] = within_limits(
-                grasps[g, i] - tool_length * z, tools[g, i], position[g], rotation[g], position[g] + lift * z, rotation[g],
-                STRAIGHT, position[g], mount_rotations[i], mount_positions[i], lengths, limits, 0xFFFF,
-            )  # fmt: skip

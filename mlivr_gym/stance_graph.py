@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.base_path import ARC, STRAIGHT, follow, within_limits
+from mlivr_gym.base_path import ARC, STRAIGHT, follow
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.posture import OPPOSED_HEIGHTS, Postures, PostureSolver
@@ -236,17 +236,25 @@ class StanceGraph(ABC):
             mask: 16-bit mask.
         """
         solver, robot = self.solver, self.robot
-        tool = solver.tools[point]
-        ends = (posture.position[0], posture.rotation[0], posture.position[1], posture.rotation[1])
-        mount = (solver.mount_rotations[limb], solver.mount_positions[limb])
-        floor = self.settings.path_floor * robot.characteristic_length**3
-        grip = self.grips[point]
-        mask = hold_mask(
-            kind, pivot, grip, np.ascontiguousarray(tool[:, 2]), *ends, *mount, solver.lengths, floor, mask
+        return int(
+            hold_mask(
+                kind,
+                pivot,
+                self.grips[point],
+                solver.tools[point],
+                posture.position[0],
+                posture.rotation[0],
+                posture.position[1],
+                posture.rotation[1],
+                solver.mount_rotations[limb],
+                solver.mount_positions[limb],
+                solver.lengths,
+                self.settings.path_floor * robot.characteristic_length**3,
+                robot.limb.limits,
+                robot.full_turn,
+                mask,
+            )  # fmt: skip
         )
-        if mask and not robot.full_turn:
-            mask = within_limits(grip, tool, *ends, kind, pivot, *mount, solver.lengths, robot.limb.limits, mask)
-        return int(mask)
 
 
 class LazyGraph(StanceGraph):

@@ -15,6 +15,7 @@ from mlivr_gym.base_path import (
     position_on_path,
     relative_rotation,
     turn,
+    within_limits,
 )
 from mlivr_gym.compiled import kernel
 
@@ -23,15 +24,16 @@ Array = NDArray[np.float64]
 
 @kernel
 def hold_mask(
-    kind, pivot, grip, approach, t0, r0, t1, r1, mount_rotation, mount_position, lengths, determinant_floor, mask
-):
+    kind, pivot, grip, tool, t0, r0, t1, r1, mount_rotation, mount_position, lengths, determinant_floor, limits, full_turn,
+    mask,
+):  # fmt: skip
     """Those of the branches in `mask` on which one limb can hold along a base path.
 
     Args:
         kind: `STRAIGHT` or `ARC`.
         pivot: Centre of the arc [m], shape (3,).
         grip: Flange position in the world [m], shape (3,).
-        approach: Flange axis in the world, shape (3,).
+        tool: Flange rotation in the world, flip 0, shape (3, 3).
         t0: Base position at the start [m].
         r0: Base rotation at the start, shape (3, 3).
         t1: Base position at the end [m].
@@ -40,6 +42,8 @@ def hold_mask(
         mount_position: Shape (3,) [m].
         lengths: d1, a2, a3, d4, d5, d6 [m].
         determinant_floor: Least `|det J|` [m^3].
+        limits: Joint limits [rad], shape (6, 2).
+        full_turn: Whether the limits rule out nothing.
         mask: 16-bit mask of branches and flips.
     """
     classes = np.int64(0)
@@ -47,11 +51,19 @@ def hold_mask(
         if mask >> (2 * c) & 0x0303:
             classes |= 1 << c
     if classes:
+        approach = np.empty(3)
+        for k in range(3):
+            approach[k] = tool[k, 2]
         classes = certify(
             grip, approach, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position,
             lengths, determinant_floor, classes,
         )  # fmt: skip
-    return mask & expand_classes(classes)
+    mask &= expand_classes(classes)
+    if mask and not full_turn:
+        mask = within_limits(
+            grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, limits, mask
+        )
+    return mask
 
 
 def base_path(t0: Array, r0: Array, t1: Array, r1: Array, kind: int, pivot: Array, s: Array) -> tuple[Array, Array]:

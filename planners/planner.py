@@ -21,7 +21,7 @@ from mlivr_gym.planners.lazy_search import lazy_search
 from mlivr_gym.planners.pair_search import FOUND, LIMIT, distance_to_goal, search, steps_to_goal
 from mlivr_gym.planners.plan import Plan
 from mlivr_gym.posture import Postures
-from mlivr_gym.stance_graph import LazyGraph, StanceGraph, State, join
+from mlivr_gym.stance_graph import LazyGraph, State, join
 
 Array = NDArray[np.float64]
 
@@ -170,18 +170,10 @@ class Planner:
         # The order of the queue depends on the ratio of the two weights alone.
         g_weight = 0.0 if method == "greedy" else 1.0 / inflation
         began = time.perf_counter()
-        while True:
-            if isinstance(self.graph, PairGraph):
-                path = self._pair_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit)
-            else:
-                path = self._lazy_path(
-                    self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress
-                )
-            # Joint limits narrower than two turns are looked at on the path alone, and again after a change.
-            if path is None or path.status != FOUND or self.graph.robot.full_turn or not pair:
-                break
-            if _limits_settled(self.graph, path.states):
-                break
+        if isinstance(self.graph, PairGraph):
+            path = self._pair_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit)
+        else:
+            path = self._lazy_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress)
         elapsed = time.perf_counter() - began
         if path is None:
             message = (
@@ -376,13 +368,3 @@ def _chain(parent: NDArray[np.int64]) -> list[int]:
     while parent[chain[-1]] >= 0:
         chain.append(int(parent[chain[-1]]))
     return chain[::-1]
-
-
-def _limits_settled(graph: StanceGraph, states: list[State]) -> bool:
-    """Whether joint limits were known on every step of a path; takes them into account where not."""
-    assert isinstance(graph, PairGraph)
-    settled = True
-    for before, after in zip(states, states[1:], strict=False):
-        held = 0 if before.stance[0] == after.stance[0] else 1
-        settled = graph.limits_hold(held, graph.find(before.stance), graph.find(after.stance)) and settled
-    return settled
