@@ -40,7 +40,7 @@ DEPTH = 12
 FIRST_INTERVAL = 0.2
 """Wrist travel that an interval of the first division covers [m]; a matter of speed only."""
 
-SAMPLES = 32
+SAMPLES = 16
 """Intervals over which joint angles are followed along a path."""
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +106,7 @@ class GraspMap:
         """Number of points."""
         return len(self.ids)
 
-    @property
+    @cached_property
     def normals(self) -> NDArray[np.float64]:
         """Outward surface normals, shape (m, 3)."""
         return self.rotations[:, :, 2]
@@ -174,7 +175,7 @@ class GraspMap:
             )
         return array
 
-    @property
+    @cached_property
     def fingerprint(self) -> str:
         """Hash of the points: plans carry it, so that they are not used on another map."""
         digest = hashlib.sha256("\n".join(self.ids).encode())

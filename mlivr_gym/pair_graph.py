@@ -175,7 +175,7 @@ class PairGraph(StanceGraph):
             self.points, self.local, self.degree, self.offset, self.table, self.position, self.rotation, self.mask,
             self.solver.mount_rotations, self.solver.mount_positions, self.solver.lengths, self.grips,
             self.solver.tools, self.grasp_map.positions.copy(),
-            settings.path_floor * robot.characteristic_length**3, robot.limb.limits, robot.full_turn,
+            settings.path_floor * robot.characteristic_length**3, self.solver.limits, self.solver.full_turn,
         )  # fmt: skip
         """Further arguments of `edge_mask`."""
 

@@ -67,7 +67,7 @@ class Postures:
         """Whether inverse kinematics has a solution, shape (k,)."""
         return self.w_b > 0.0
 
-    def take(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Postures:
+    def take(self, index: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Postures:
         """Postures of the chosen stances."""
         return Postures(
             self.position[index],
@@ -138,6 +138,7 @@ class PostureSolver:
         self.mount_rotations = robot.mount_rotations
         self.mount_positions = robot.mount_positions
         self.lengths = robot.limb.lengths
+        self.limits, self.full_turn = robot.limb.limits, robot.full_turn
         self.tools = tool_rotations(grasp_map)
         self._rows: dict[bytes, int] = {}
         self._solved = _Table(robot.limbs)
@@ -215,7 +216,7 @@ class PostureSolver:
         frames = base_frames(grasps, normals, np.ascontiguousarray(rails[:, 0]))
         in_parallel(
             k, solve_geometries, grasps, normals, tools, *frames, self.mount_rotations, self.mount_positions,
-            self.lengths, robot.limb.limits, robot.full_turn, robot.tool_length, robot.lift,
+            self.lengths, self.limits, self.full_turn, robot.tool_length, robot.lift,
             robot.characteristic_length, np.array(robot.heights), np.array(robot.rolls), np.array(OPPOSED_HEIGHTS),
             wide_rolls, w_m_min or scale_m, w_b_min or scale_b, w_m_min, w_b_min, settings.path_floor,
             settings.transitions, out.position, out.rotation, out.w_m, out.w_b, out.branch, out.mask,

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym.base_path import ARC, STRAIGHT, follow
 from mlivr_gym.errors import RobotError, StanceError
@@ -22,7 +21,7 @@ from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.posture import OPPOSED_HEIGHTS, Postures, PostureSolver
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
-from mlivr_gym.transitions import hold_mask
+from mlivr_gym.transitions import hold_mask, quaternion
 
 if TYPE_CHECKING:
     from mlivr_gym.pair_graph import PairGraph
@@ -186,8 +185,7 @@ class StanceGraph(ABC):
             )  # fmt: skip
             if self.settings.transitions and bit >= 8:
                 joints[i, 5] += np.pi
-        quaternion = Rotation.from_matrix(here[1]).as_quat(canonical=True, scalar_first=True)
-        return here[0], quaternion, joints
+        return here[0], quaternion(here[1]), joints
 
     @abstractmethod
     def successors(self, state: State) -> Successors:
@@ -250,8 +248,8 @@ class StanceGraph(ABC):
                 solver.mount_positions[limb],
                 solver.lengths,
                 self.settings.path_floor * robot.characteristic_length**3,
-                robot.limb.limits,
-                robot.full_turn,
+                solver.limits,
+                solver.full_turn,
                 mask,
             )  # fmt: skip
         )

@@ -20,6 +20,7 @@ from mlivr_gym.base_path import (
 from mlivr_gym.compiled import kernel
 
 Array = NDArray[np.float64]
+IDENTITY = np.eye(3)
 
 
 @kernel
@@ -64,6 +65,13 @@ def hold_mask(
             grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, limits, mask
         )
     return mask
+
+
+def quaternion(rotation: Array) -> Array:
+    """Quaternion w, x, y, z with w >= 0 of a rotation matrix, shape (4,)."""
+    axis = np.empty(3)
+    half = 0.5 * relative_rotation(IDENTITY, np.ascontiguousarray(rotation), axis)
+    return np.concatenate([[np.cos(half)], np.sin(half) * axis])
 
 
 def base_path(t0: Array, r0: Array, t1: Array, r1: Array, kind: int, pivot: Array, s: Array) -> tuple[Array, Array]:

@@ -73,8 +73,9 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
                 bits = [bit for bit in range(16) if mask >> bit & 1]
                 bit = max(bits, key=lambda b: (round(float(least[(b & 7) >> 1]), 12), -b))
                 branches[first : last + 1, limb], flips[first : last + 1, limb] = bit & 7, bit >> 3
-    kinds = _path_kinds(graph, points, postures, branches + 8 * flips) if checked else []
-    joints, inside = _joint_angles(graph, states, points, postures, branches, flips, kinds)
+    pivots = _pivots(graph, points)
+    kinds = _path_kinds(graph, points, pivots, postures, branches + 8 * flips) if checked else []
+    joints, inside = _joint_angles(graph, states, points, pivots, postures, branches, flips, kinds)
     w_m = np.take_along_axis(w, branches[..., None] >> 1, axis=2)[..., 0]
     w_b = np.empty(count)
     info, total, scratch = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
@@ -90,7 +91,7 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
     steps = []
     for k in range(count - 1):
         limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
-        x, y, height = _pivot(graph, points, k).tolist()
+        x, y, height = pivots[k].tolist()
         steps.append(
             Step(
                 limb=limb,
@@ -104,19 +105,20 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
     return Assembly(branches, joints, w_m, w_b, tuple(steps), inside)
 
 
-def _pivot(graph: StanceGraph, points: NDArray[np.int64], k: int) -> Array:
-    held = points[k][points[k] == points[k + 1]]
-    centre: Array = graph.grasp_map.positions[held].mean(axis=0)
-    return centre
+def _pivots(graph: StanceGraph, points: NDArray[np.int64]) -> Array:
+    """Centroid of the held points of each step [m], shape (K - 1, 3)."""
+    held = points[:-1] == points[1:]
+    centres: Array = (graph.grasp_map.positions[points[:-1]] * held[..., None]).sum(axis=1) / held.sum(axis=1)[:, None]
+    return centres
 
 
 def _path_kinds(
-    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, bits: NDArray[np.int64]
+    graph: StanceGraph, points: NDArray[np.int64], pivots: Array, postures: Postures, bits: NDArray[np.int64]
 ) -> list[int]:
     """Straight where every holding limb can keep its branch and flip on it, else an arc."""
     kinds = []
     for k in range(len(points) - 1):
-        pivot, ends = _pivot(graph, points, k), postures.take(np.array([k, k + 1]))
+        pivot, ends = pivots[k], postures.take(slice(k, k + 2))
         held = np.flatnonzero(points[k] == points[k + 1])
         straight = all(graph.hold(STRAIGHT, pivot, int(points[k, i]), int(i), ends, 1 << int(bits[k, i])) for i in held)
         kinds.append(STRAIGHT if straight else ARC)
@@ -127,6 +129,7 @@ def _joint_angles(
     graph: StanceGraph,
     states: Sequence[State],
     points: NDArray[np.int64],
+    pivots: Array,
     postures: Postures,
     branches: NDArray[np.int64],
     flips: NDArray[np.int64],
@@ -154,7 +157,7 @@ def _joint_angles(
                 if kinds and k < last:
                     follow(
                         grip, tool, *here, postures.position[k + 1], postures.rotation[k + 1], kinds[k],
-                        _pivot(graph, points, k), *mount, branches[k, limb], SAMPLES, q, low, high,
+                        pivots[k], *mount, branches[k, limb], SAMPLES, q, low, high,
                     )  # fmt: skip
             joints[first : last + 1, limb, 5] += np.pi * flips[first, limb]
             low[5] += np.pi * flips[first, limb]

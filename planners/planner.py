@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SettingError, StanceError, choice, nonnegative
 from mlivr_gym.pair_graph import PairGraph
@@ -22,6 +21,7 @@ from mlivr_gym.planners.pair_search import FOUND, LIMIT, distance_to_goal, searc
 from mlivr_gym.planners.plan import Plan
 from mlivr_gym.posture import Postures
 from mlivr_gym.stance_graph import LazyGraph, State, join
+from mlivr_gym.transitions import quaternion
 
 Array = NDArray[np.float64]
 
@@ -75,6 +75,9 @@ class PlanningResult:
         return self.plan
 
 
+_Region = tuple[Array, NDArray[np.bool_], frozenset[int]]
+
+
 class _Path:
     """A path found by either search: states, postures, counts and the explored tree."""
 
@@ -100,6 +103,7 @@ class Planner:
     def __init__(self, graph: PairGraph | LazyGraph) -> None:
         """Plan on `graph`."""
         self.graph = graph
+        self._regions: OrderedDict[tuple[Any, ...], _Region] = OrderedDict()
         self._relaxed: OrderedDict[tuple[Any, ...], Array] = OrderedDict()
         self._exact: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
 
@@ -191,13 +195,12 @@ class Planner:
             message = "a limb that holds through several steps would leave its joint limits"
             return PlanningResult(None, "joint limits", message, *numbers)
         ids = self.graph.ids
-        quaternions = Rotation.from_matrix(path.postures.rotation).as_quat(canonical=True, scalar_first=True)
         plan = Plan(
             stances=tuple(ids(state.stance) for state in path.states),
             actions=tuple((step.limb, step.lands) for step in parts.steps),
             steps=parts.steps,
             base_positions=path.postures.position,
-            base_quaternions=quaternions,
+            base_quaternions=np.array([quaternion(r) for r in path.postures.rotation]),
             joint_positions=parts.joints,
             branches=parts.branches,
             w_m=parts.w_m,
@@ -266,14 +269,24 @@ class Planner:
             raise SettingError(f"cost-to-go tables need two limbs; robot {self.graph.robot.name!r} has more")
         return self.graph
 
+    def _goal_region(self, graph: PairGraph, target: Array, tolerance: float) -> _Region:
+        """Distance of each stance to the goal [m], which are goals, and the connected parts they lie in; kept."""
+        key = (*target.tolist(), tolerance)
+        if key not in self._regions:
+            distance = np.linalg.norm(graph.position - target, axis=1)
+            goal = distance <= tolerance
+            self._regions[key] = distance, goal, frozenset(graph.components[1][goal].tolist())
+            if len(self._regions) > CACHED_TABLES:
+                self._regions.popitem(last=False)
+        return self._regions[key]
+
     def _relaxed_table(self, graph: PairGraph, target: Array, tolerance: float, cost: Cost, start: int) -> Array:
         """Lower bound of the cost to the goal, exact where it was settled; kept if it covers all stances."""
         key = (*target.tolist(), tolerance, cost)
         if key in self._relaxed:
             self._relaxed.move_to_end(key)
             return self._relaxed[key]
-        distance = np.linalg.norm(graph.position - target, axis=1)
-        goal = distance <= tolerance
+        distance, goal, _ = self._goal_region(graph, target, tolerance)
         if cost.base_weight == 0.0:
             table = np.full(len(graph), np.inf)
             opened = np.zeros(graph.degree.shape, dtype=np.bool_)
@@ -306,10 +319,8 @@ class Planner:
         g_weight: float, limit: int,
     ) -> _Path | None:  # fmt: skip
         start = graph.find(first.stance)
-        distance = np.linalg.norm(graph.position - target, axis=1)
-        goal = distance <= tolerance
-        _, part = graph.components
-        if not (goal & (part == part[start])).any():
+        distance, goal, parts = self._goal_region(graph, target, tolerance)
+        if int(graph.components[1][start]) not in parts:
             return None
         if heuristic == "cost_to_go":
             h = self._relaxed_table(graph, target, tolerance, cost, start)

@@ -1,0 +1,128 @@
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from mlivr_gym.cli import main
+from mlivr_gym.planners import Plan
+
+
+def run(capsys, *arguments):
+    code = main(list(arguments))
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_plan_with_defaults(capsys):
+    code, out, _ = run(capsys, "plan")
+    assert code == 0 and "7 steps" in out
+
+
+def test_plan_writes_plan_and_picture(capsys, tmp_path, jem):
+    plan, picture = tmp_path / "plan.json", tmp_path / "plan.png"
+    code, out, _ = run(
+        capsys, "plan", "--start", "D1a:4", "D1b:4", "--goal", "6.0", "0", "0.42", "--cost", "steps",
+        "--out", str(plan), "--picture", str(picture),
+    )  # fmt: skip
+    assert code == 0 and "plan.json" in out
+    loaded = Plan.load(plan, jem)
+    assert loaded.stances[0] == ("D1a:4", "D1b:4") and len(loaded.steps) == 5
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("extra", [["--no-manipulability"], ["--no-transitions"], ["--robot", "mlivr3"]])
+def test_plan_variants(capsys, extra):
+    code, out, _ = run(capsys, "plan", *extra)
+    assert code == 0 and "states explored" in out
+
+
+def test_own_map_and_robot(capsys, tmp_path):
+    rails = [
+        {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0], "end": [x, 0.4, 0], "normal": [0, 0, 1]}
+        for k, x in enumerate((0.0, 0.9, 1.8))
+    ]
+    world, robot = tmp_path / "map.json", tmp_path / "robot.json"
+    world.write_text(json.dumps({"segments": rails, "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]}}))
+    robot.write_text(json.dumps({"name": "own", "tool_length": 0.1}))
+    code, out, _ = run(capsys, "plan", "--map", str(world), "--robot", str(robot))
+    assert code == 0 and "steps" in out
+    code, out, _ = run(capsys, "info", "--map", str(world), "--robot", str(robot))
+    assert code == 0 and "map map" in out and "robot own" in out
+
+
+def test_info_counts(capsys):
+    code, out, _ = run(capsys, "info")
+    assert code == 0 and "331 points on 46 tracks" in out and "43540" in out and "handrails: 18" in out
+    code, out, _ = run(capsys, "info", "--robot", "mlivr4")
+    assert code == 0 and "4 limbs" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plan", "--start", "D1a:4", "Q:1"], "'Q:1'"),
+        (["plan", "--start", "D1a:4"], "must name 2 points"),
+        (["plan", "--start", "D1a:4", "D2b:4"], "below the threshold"),
+        (["plan", "--goal", "60", "0", "0"], "outside the cabin"),
+        (["plan", "--goal", "nan", "0", "0"], "finite"),
+        (["plan", "--goal", "9.5", "0", "0"], "no stance that can be reached"),
+        (["plan", "--cost", "fast"], "'fast'"),
+        (["plan", "--cost", "weighted"], "regrasp_price"),
+        (["plan", "--limb-threshold", "-1"], "limb_threshold"),
+        (["plan", "--robot", "robocop"], "'robocop'"),
+        (["plan", "--map", "nowhere.json"], "nowhere.json"),
+        (["plan", "--out", "no/such/folder/plan.json"], "cannot write"),
+        (["render", "--plan", "nowhere.json"], "nowhere.json"),
+        (["render", "--size", "1", "1"], "--size"),
+    ],
+)
+def test_bad_input_gives_one_sentence_and_code_2(capsys, arguments, words):
+    code, _, err = run(capsys, *arguments)
+    assert code == 2 and words in err
+    assert err.startswith("mlivr-gym: ") and err.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["plan", "--goal", "a", "b", "c"], ["plan", "--wings"]])
+def test_bad_usage_gives_one_sentence_and_code_2(capsys, arguments):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2 and capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", [[], ["plan"], ["table1"], ["info"], ["render"]])
+def test_help(capsys, command):
+    with pytest.raises(SystemExit) as stop:
+        main([*command, "--help"])
+    assert stop.value.code == 0
+    out = capsys.readouterr().out
+    assert "usage: mlivr-gym" in out
+    if command != ["table1"]:
+        assert "mlivr-gym plan --start D1a:4 D1b:4" in out
+
+
+def test_render_falls_back_without_gl(tmp_path):
+    """With a GL library that is not there a matplotlib picture is drawn, and one line says so."""
+    environment = os.environ | {"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": "osmesa"}
+    out = tmp_path / "scene.png"
+    command = [sys.executable, "-m", "mlivr_gym.cli", "render", "--start", "D1a:4", "D1b:4", "--out", str(out)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and out.read_bytes().startswith(b"\x89PNG")
+    lines = [line for line in done.stdout.splitlines() if "no GL" in line]
+    assert len(lines) <= 1
+
+
+def test_table1_holds_every_relation(capsys, tmp_path):
+    code, _, _ = run(capsys, "table1", "--out", str(tmp_path / "results"))
+    assert code == 0
+    made = {path.name for path in (tmp_path / "results").iterdir()}
+    assert made == {
+        "table1.md",
+        "table1.json",
+        "scene_start.png",
+        "scene_goal.png",
+        *(f"case{k}.png" for k in (1, 2, 3, 4)),
+    }
+    data = json.loads((tmp_path / "results" / "table1.json").read_text())
+    assert len(data["relations"]) == 16 and all(data["relations"].values())
