@@ -268,7 +268,6 @@ def _render(args: argparse.Namespace) -> int:
     from mlivr_gym import GraspMap, jem_map
     from mlivr_gym.files import write_whole
     from mlivr_gym.planners import Plan
-    from mlivr_gym.scene import scene_spec
 
     if args.plan and args.start:
         raise SettingError("give either --plan or --start, not both")
@@ -293,6 +292,8 @@ def _render(args: argparse.Namespace) -> int:
         pictures = {out: graph.configuration(state)}
     _draw(grasp_map, robot, pictures, tuple(args.size))
     if args.mjcf:
+        from mlivr_gym.scene import scene_spec
+
         spec = scene_spec(grasp_map, robot)
         spec.compile()
         write_whole(args.mjcf, spec.to_xml())

@@ -7,6 +7,7 @@ Rendering without a screen needs EGL (or OSMesa). Where neither is there, `Scene
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import sys
 from typing import Any
@@ -47,10 +48,12 @@ class SceneRenderer:
             atexit.register(self._renderer.close)
         except Exception as error:  # GL loaders raise errors of many kinds
             backend = os.environ.get("MUJOCO_GL", "default")
-            raise RenderError(
+            message = (
                 f"MuJoCo cannot render with MUJOCO_GL={backend!r} ({type(error).__name__}: {error}); install an EGL "
-                f"library (Debian: libegl1) or set MUJOCO_GL to 'egl', 'osmesa' or 'glfw'"
-            ) from None
+                f"library (Debian: libegl1) or set MUJOCO_GL to 'egl', 'osmesa' or 'glfw' before MuJoCo is imported"
+            )
+            _forget(error)
+            raise RenderError(message) from None
 
     def render(
         self,
@@ -98,6 +101,16 @@ class SceneRenderer:
         """Release the GL context."""
         atexit.unregister(self._renderer.close)
         self._renderer.close()
+
+
+def _forget(error: BaseException) -> None:
+    """Let go of what a failed GL context left behind, whose own clean-up would print a traceback."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    while error.__context__ is not None:
+        error.__traceback__, error = None, error.__context__
+    error.__traceback__ = None
+    gc.collect()
+    sys.unraisablehook = hook
 
 
 class SceneWindow:

@@ -1,3 +1,9 @@
+import os
+import sys
+
+if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+    os.environ.setdefault("MUJOCO_GL", "egl")  # before any test imports mujoco
+
 import numpy as np
 import pytest
 

@@ -26,3 +26,9 @@ def flange(model, q):
     pin.updateFramePlacements(model, data)
     jacobian = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
     return data.oMf[frame].homogeneous, jacobian
+
+
+def volume(jacobian):
+    """|det J|; factors below 1e-300 are zero and no matter for a warning."""
+    with np.errstate(all="ignore"):
+        return abs(np.nan_to_num(np.linalg.det(jacobian)))
