@@ -1,10 +1,18 @@
-"""How kernels are compiled and run in threads."""
+"""How kernels are compiled and run in threads.
+
+Compiling takes seconds, once for an installation. Where the cache is empty, `second_process` compiles the planner's
+kernels beside those of the stance graph.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from numba import njit
@@ -27,3 +35,30 @@ def in_parallel(count: int, kernel: Callable[..., None], *args: object, first: i
     with ThreadPoolExecutor(workers) as pool:
         for job in [pool.submit(kernel, edges[w], edges[w + 1], *args) for w in range(workers)]:
             job.result()
+
+
+def is_cached(compiled: Any) -> bool:
+    """Whether some version of a kernel is in the cache on disk; true where that cannot be told."""
+    try:
+        folder, name = compiled._cache.cache_path, compiled.py_func.__name__
+    except AttributeError:
+        return True
+    return any(Path(folder).glob(f"*.{name}-*.nbi"))
+
+
+@contextmanager
+def second_process(module: str, wanted: bool) -> Iterator[None]:
+    """Run `python -m module` beside the block if it is wanted and there is a processor for it, and wait for it."""
+    process = None
+    if wanted and (os.cpu_count() or 1) > 1 and sys.executable:
+        command = [sys.executable, "-W", "ignore", "-m", module]
+        quiet = subprocess.DEVNULL
+        try:
+            process = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)
+        except OSError:
+            process = None
+    try:
+        yield
+    finally:
+        if process is not None:
+            process.wait()

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mlivr_gym.base_path import ARC, STRAIGHT, follow
+from mlivr_gym.compiled import is_cached, second_process
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.posture import OPPOSED_HEIGHTS, Postures, PostureSolver
+from mlivr_gym.posture_kernels import solve_geometries
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.transitions import hold_mask, quaternion
@@ -72,10 +74,13 @@ class Transition:
 class StanceGraph(ABC):
     """Stances and steps of one robot on one map under one set of thresholds."""
 
+    solver_class: type[PostureSolver] = PostureSolver
+    """What works postures out."""
+
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Prepare the solver and the pairs of points close enough to be held at once."""
         self.grasp_map, self.robot, self.settings = grasp_map, robot, settings
-        self.solver = PostureSolver(grasp_map, robot, settings)
+        self.solver = self.solver_class(grasp_map, robot, settings)
         self.limb_threshold, self.base_threshold = settings.thresholds(robot.limbs)
         positions = grasp_map.positions
         pairs = cKDTree(positions).query_pairs(robot.span + 1e-9, output_type="ndarray").astype(np.int64)
@@ -345,7 +350,8 @@ def stance_graph(
     grasp_map, robot, settings = grasp_map or jem_map(), robot_spec(robot), settings or Settings()
     if robot.limbs > 2:
         return LazyGraph(grasp_map, robot, settings)
-    graph = PairGraph(grasp_map, robot, settings)
+    with second_process("mlivr_gym.planner_kernels", not is_cached(solve_geometries)):
+        graph = PairGraph(grasp_map, robot, settings)
     if not len(graph):
         raise RobotError(f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: {graph.no_stance()}")
     return graph

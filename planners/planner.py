@@ -273,7 +273,7 @@ class Planner:
         """Distance of each stance to the goal [m], which are goals, and the connected parts they lie in; kept."""
         key = (*target.tolist(), tolerance)
         if key not in self._regions:
-            distance = np.linalg.norm(graph.position - target, axis=1)
+            distance = _distances(graph.position, target)
             goal = distance <= tolerance
             self._regions[key] = distance, goal, frozenset(graph.components[1][goal].tolist())
             if len(self._regions) > CACHED_TABLES:
@@ -295,7 +295,7 @@ class Planner:
         else:
             toward = np.zeros(len(graph))
             if start >= 0:
-                away = np.linalg.norm(graph.position - graph.position[start], axis=1)
+                away = _distances(graph.position, graph.position[start])
                 toward = cost.heuristic("consistent", away, 0.0, graph.max_step)
             table = np.full(len(graph), np.inf)
             distance_to_goal(
@@ -371,6 +371,12 @@ class Planner:
         tree = np.stack([position[parents], position[1:]], axis=1)
         states = [found.states[k] for k in chain]
         return _Path(found.status, states, postures, found.costs[-1], (len(found.states), found.generated), tree)
+
+
+def _distances(positions: Array, point: Array) -> Array:
+    """Distances of positions, shape (n, 3), from a point [m]; quicker than `np.linalg.norm` over an axis."""
+    away = positions - point
+    return np.sqrt(np.einsum("ij,ij->i", away, away))
 
 
 def _chain(parent: NDArray[np.int64]) -> list[int]:
