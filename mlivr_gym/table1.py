@@ -184,7 +184,9 @@ def table_markdown(data: dict[str, Any]) -> str:
         "paper's `d` overestimates near the goal and so explores less; every step must also be shown to be possible, which the paper "
         "does not ask for, so a stance may be explored once for each set of branches; and the map, its point spacing and the postures "
         "tried are not the paper's. Translation and steps depend on the start and the goal, which are calibrated, not known. "
-        "Base and limb manipulability are those of the branches the plan is carried out on.",
+        "Base and limb manipulability are those of the branches the plan is carried out on; Case 1 stays closer to the thresholds than "
+        "the paper's, since each posture is chosen for the largest margin even where no threshold is set. The step cost breaks ties "
+        "by a fixed order, not by translation: with a small price of a regrasp (below) as few steps cost less translation.",
         "",
     ]
     if "transition_study" in data:
@@ -203,8 +205,8 @@ def table_markdown(data: dict[str, Any]) -> str:
             "",
         ]
     if "pareto" in data:
-        lines += ["**Steps bought with translation** (Case 2's task, weighted cost, see `pareto.png`):", ""]
+        lines += ["**Steps bought with translation** (weighted cost, means over random pairs, see `pareto.png`):", ""]
         lines += ["| price of a regrasp [m] | steps | base translation [m] |", "|---|---|---|"]
-        lines += [f"| {r['price']:g} | {r['steps']} | {r['base_translation']:.3f} |" for r in data["pareto"]]
+        lines += [f"| {r['price']:g} | {r['steps']:.2f} | {r['base_translation']:.3f} |" for r in data["pareto"]]
         lines += [""]
     return "\n".join(lines)
