@@ -257,7 +257,23 @@ def certify(
 
 @kernel
 def follow(
-    grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position, lengths, branch, samples, q, low, high
+    grip,
+    tool,
+    t0,
+    r0,
+    t1,
+    r1,
+    kind,
+    pivot,
+    mount_rotation,
+    mount_position,
+    lengths,
+    branch,
+    samples,
+    first,
+    q,
+    low,
+    high,
 ):
     """Joint angles of a holding limb along a base path, continuous from `q`.
 
@@ -275,6 +291,7 @@ def follow(
         lengths: d1, a2, a3, d4, d5, d6 [m].
         branch: Branch label.
         samples: Intervals, or 0 for the start alone.
+        first: Filled with the angles at the start, shape (6,) [rad].
         q: Angles near the start, shape (6,), moved to the end; NaN at first to start in (-pi, pi] [rad].
         low: Least angles so far, shape (6,), lowered.
         high: Largest angles so far, shape (6,), raised.
@@ -302,6 +319,8 @@ def follow(
             if q[joint] == q[joint]:
                 angle += 2.0 * np.pi * np.round((q[joint] - angle) / (2.0 * np.pi))
             q[joint] = angle
+            if sample == 0:
+                first[joint] = angle
             low[joint] = min(low[joint], angle)
             high[joint] = max(high[joint], angle)
     return True
@@ -314,7 +333,7 @@ def within_limits(grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount
     A joint may start on any winding. Bit `branch + 8 * flip`; the flip is a half turn of joint 6. Other
     arguments as in `follow`; `limits` has shape (6, 2) [rad].
     """
-    q, low, high = np.empty(6), np.empty(6), np.empty(6)
+    first, q, low, high = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
     for branch in range(8):
         both = 0x0101 << branch
         if not mask & both:
@@ -335,6 +354,7 @@ def within_limits(grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount
             lengths,
             branch,
             SAMPLES,
+            first,
             q,
             low,
             high,

@@ -186,7 +186,7 @@ class StanceGraph(ABC):
             follow(
                 self.grips[point], self.solver.tools[point], *here, *here, STRAIGHT, here[0],
                 self.solver.mount_rotations[i], self.solver.mount_positions[i], self.solver.lengths, branch, 0,
-                joints[i], np.full(6, np.inf), np.full(6, -np.inf),
+                joints[i], np.full(6, np.nan), np.full(6, np.inf), np.full(6, -np.inf),
             )  # fmt: skip
             if self.settings.transitions and bit >= 8:
                 joints[i, 5] += np.pi

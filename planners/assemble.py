@@ -150,14 +150,15 @@ def _joint_angles(
                 if not kinds:
                     q[:] = np.nan
                 here = (postures.position[k], postures.rotation[k])
-                follow(
-                    grip, tool, *here, *here, STRAIGHT, here[0], *mount, branches[k, limb], 0, q, low, high
-                )  # fmt: skip
-                joints[k, limb] = q
+                start = joints[k, limb]
                 if kinds and k < last:
                     follow(
-                        grip, tool, *here, postures.position[k + 1], postures.rotation[k + 1], kinds[k],
-                        pivots[k], *mount, branches[k, limb], SAMPLES, q, low, high,
+                        grip, tool, *here, postures.position[k + 1], postures.rotation[k + 1], kinds[k], pivots[k],
+                        *mount, branches[k, limb], SAMPLES, start, q, low, high,
+                    )  # fmt: skip
+                else:
+                    follow(
+                        grip, tool, *here, *here, STRAIGHT, here[0], *mount, branches[k, limb], 0, start, q, low, high
                     )  # fmt: skip
             joints[first : last + 1, limb, 5] += np.pi * flips[first, limb]
             low[5] += np.pi * flips[first, limb]

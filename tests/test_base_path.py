@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from mlivr_gym import Limb, robot_spec
-from mlivr_gym.base_path import ARC, STRAIGHT, certify, follow, relative_rotation, within_limits
+from mlivr_gym.base_path import ARC, SAMPLES, STRAIGHT, certify, follow, relative_rotation, within_limits
 from mlivr_gym.transitions import base_path
 from mlivr_gym.ur_kinematics import inverse_kinematics, jacobian
 
@@ -73,12 +73,27 @@ def test_followed_joints_are_continuous_and_stay_on_their_branch(seed):
         if not classes >> c & 1:
             continue
         coarse, fine = [], []
-        for samples, store in ((32, coarse), (256, fine)):
+        for samples, store in ((SAMPLES, coarse), (256, fine)):
             q, low, high = np.full(6, np.nan), np.full(6, np.inf), np.full(6, -np.inf)
-            assert follow(GRIP, TOOL, *ends, STRAIGHT, pivot, MOUNT, ORIGIN, LIMB.lengths, 2 * c, samples, q, low, high)
+            assert follow(
+                GRIP,
+                TOOL,
+                *ends,
+                STRAIGHT,
+                pivot,
+                MOUNT,
+                ORIGIN,
+                LIMB.lengths,
+                2 * c,
+                samples,
+                np.empty(6),
+                q,
+                low,
+                high,
+            )
             store += [q, low, high]
         np.testing.assert_allclose(coarse[0], fine[0], atol=1e-9)
-        assert (coarse[1] >= fine[1] - 1e-12).all() and (coarse[2] <= fine[2] + 1e-12).all()
+        assert (coarse[1] >= fine[1] - 1e-9).all() and (coarse[2] <= fine[2] + 1e-9).all()
 
 
 def test_base_path_is_slerp_on_a_line_or_on_an_arc():
@@ -118,7 +133,7 @@ def test_joint_limits_take_branches_away():
         if not wide >> bit & 1:
             continue
         q, low, high = np.full(6, np.nan), np.full(6, np.inf), np.full(6, -np.inf)
-        follow(*here, bit & 7, 64, q, low, high)
+        follow(*here, bit & 7, 64, np.empty(6), q, low, high)
         shift = np.where(np.arange(6) == 5, np.pi * (bit >> 3), 0.0)
         tight = np.stack([low + shift - 0.01, high + shift + 0.01], axis=1)
         assert within_limits(*here, tight, 1 << bit) == 1 << bit
