@@ -57,6 +57,36 @@ def limb_choices(
 
 
 @kernel
+def choices_along(
+    points, grasps, normals, tool_length, position, rotation, mount_rotations, mount_positions, lengths, l_c, p, z, w
+):
+    """`limb_choices` of K stances given by point indices, shape (K, N); `grasps` and `normals` are those of the map."""
+    count, limbs = points.shape
+    here, out = np.empty((limbs, 3)), np.empty((limbs, 3))
+    for k in range(count):
+        for i in range(limbs):
+            for axis in range(3):
+                here[i, axis] = grasps[points[k, i], axis]
+                out[i, axis] = normals[points[k, i], axis]
+        limb_choices(
+            here, out, tool_length, position[k], rotation[k], mount_rotations, mount_positions, lengths, l_c, p[k], z[k], w[k]
+        )  # fmt: skip
+
+
+@kernel
+def base_along(p, z, branches, mount_rotations, mount_positions, lengths, l_c, information, scratch, w_b):
+    """`w_b` of K stances on the branches given, shape (K, N), from the flange poses of `choices_along`."""
+    count, limbs = branches.shape
+    for k in range(count):
+        for i in range(limbs):
+            b = branches[k, i]
+            limb_information(
+                p[k, i], z[k, i], lengths, b, mount_rotations[i], mount_positions[i], l_c, information[i, b]
+            )
+        w_b[k] = combined(information, branches[k], scratch)
+
+
+@kernel
 def combined(information, branch, scratch):
     """`w_b` of one branch for each limb from their `K^-1`, shape (N, 8, 6, 6); `scratch` has shape (2, 6, 6)."""
     for row in range(6):

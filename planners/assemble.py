@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.base_path import ARC, PATH_KINDS, SAMPLES, STRAIGHT, follow
-from mlivr_gym.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.planners.plan import Step
 from mlivr_gym.posture import Postures
-from mlivr_gym.posture_kernels import limb_choices
+from mlivr_gym.posture_kernels import base_along, choices_along
 from mlivr_gym.stance_graph import StanceGraph, State
 
 Array = NDArray[np.float64]
@@ -55,14 +54,12 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
     checked = graph.settings.transitions
     solver, robot = graph.solver, graph.robot
     points = np.array([state.stance for state in states])
-    normals = graph.grasp_map.normals
+    mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths, robot.characteristic_length)
     p, z, w = np.empty((count, limbs, 3)), np.empty((count, limbs, 3)), np.empty((count, limbs, 4))
-    for k in range(count):
-        limb_choices(
-            graph.grasp_map.positions[points[k]], normals[points[k]], robot.tool_length, postures.position[k],
-            postures.rotation[k], solver.mount_rotations, solver.mount_positions, solver.lengths,
-            robot.characteristic_length, p[k], z[k], w[k],
-        )  # fmt: skip
+    choices_along(
+        points, graph.grasp_map.positions, graph.grasp_map.normals, robot.tool_length, postures.position,
+        postures.rotation, *mounts, p, z, w,
+    )  # fmt: skip
     branches = postures.branch.copy()
     flips = np.zeros((count, limbs), dtype=np.int64)
     if checked:
@@ -78,16 +75,7 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
     joints, inside = _joint_angles(graph, states, points, pivots, postures, branches, flips, kinds)
     w_m = np.take_along_axis(w, branches[..., None] >> 1, axis=2)[..., 0]
     w_b = np.empty(count)
-    info, total, scratch = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
-    for k in range(count):
-        total[:] = 0.0
-        for i in range(limbs):
-            limb_information(
-                p[k, i], z[k, i], solver.lengths, branches[k, i], solver.mount_rotations[i],
-                solver.mount_positions[i], robot.characteristic_length, info,
-            )  # fmt: skip
-            total += info
-        w_b[k] = inverse_root_determinant(total, scratch)
+    base_along(p, z, branches, *mounts, np.empty((limbs, 8, 6, 6)), np.empty((2, 6, 6)), w_b)
     steps = []
     for k in range(count - 1):
         limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
