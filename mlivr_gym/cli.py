@@ -14,7 +14,7 @@ EXAMPLES = """examples:
   mlivr-gym plan
   mlivr-gym plan --start D1a:4 D1b:4 --goal 6.0 0 0.42 --cost steps --out plan.json --picture plan.png
   mlivr-gym plan --cost weighted --regrasp-price 0.1 --no-manipulability
-  mlivr-gym plan --robot mlivr3 --goal 2.5 -0.4 -0.3 --cost steps
+  mlivr-gym plan --robot mlivr3 --goal 2.5 -0.4 -0.3 --cost weighted --regrasp-price 0.1
   mlivr-gym table1 --out results
   mlivr-gym info --map my_map.json
   mlivr-gym render --start D1a:4 D1b:4 --out start.png

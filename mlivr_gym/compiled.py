@@ -17,6 +17,9 @@ from typing import Any
 
 from numba import njit
 
+WAIT = 120.0
+"""How long the second process may go on after the block [s]; without it the kernels are compiled here."""
+
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function with Numba on its first call, cached on disk, free of the interpreter's lock."""
@@ -61,4 +64,7 @@ def second_process(module: str, wanted: bool) -> Iterator[None]:
         yield
     finally:
         if process is not None:
-            process.wait()
+            try:
+                process.wait(timeout=WAIT)
+            except subprocess.TimeoutExpired:
+                process.kill()

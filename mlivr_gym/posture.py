@@ -1,12 +1,12 @@
 """Postures: the base pose that belongs to a stance.
 
-Body z lies along the mean outward normal of the held points; yaw (and, for N > 2,
-which way round) follows from the Procrustes fit of the mounts' azimuths to the
-grasps; the origin is the grasps' centroid plus a height along the normal. Heights
-and rolls about the line through the grasps are tried, and the candidate with the
-largest margin `min(w_m / w_m_min over limbs, w_b / w_b_min)` is kept, with its branch for
-each limb; of equal ones the first. Between opposite walls the mean normal vanishes: there the body
-rolls all the way round the line through the grasps.
+Body z lies along the mean outward normal of the held points, for two limbs along its part
+across the line through the grasps; yaw (and, for N > 2, which way round) follows from the
+Procrustes fit of the mounts' azimuths to the grasps; the origin is the grasps' centroid plus a
+height along that direction. Heights and rolls about the line through the grasps are tried, and the
+candidate with the largest margin `min(w_m / w_m_min over limbs, w_b / w_b_min)` is kept, with its
+branch for each limb; of equal ones the first. Between opposite walls the mean normal vanishes:
+there the body rolls all the way round the line through the grasps.
 
 The result depends on the relative geometry of the grasps alone. It is worked out in
 the frame of the first grasp on figures rounded to `RESOLUTION`, once for each geometry.

@@ -1,0 +1,53 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from mlivr_gym import compiled, planner_kernels
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.pair_search import distance_to_goal, search, steps_to_goal
+
+
+def test_the_second_process_compiles_what_a_plan_calls(graph):
+    """A plan after it needs no further version of the search kernels: the types are the same."""
+    planner_kernels.main()
+    before = [len(k.signatures) for k in (search, distance_to_goal, steps_to_goal)]
+    for cost in ("base", "steps"):
+        Planner(graph).plan(("D1a:4", "D1b:4"), (6.0, 0.0, 0.42), cost).unwrap()
+    assert [len(k.signatures) for k in (search, distance_to_goal, steps_to_goal)] == before
+
+
+def test_second_process_is_waited_for_and_may_fail(monkeypatch):
+    with compiled.second_process("mlivr_gym.no_such_module", True):
+        pass
+    monkeypatch.setattr(compiled.sys, "executable", "/no/such/python")
+    with compiled.second_process("mlivr_gym.planner_kernels", True):
+        pass
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 5000])
+def test_in_parallel_covers_every_item_once(count):
+    seen = np.zeros(count + 3, dtype=int)
+
+    def visit(start, stop, target):
+        target[start:stop] += 1
+
+    compiled.in_parallel(count, visit, seen, first=3, least=2)
+    assert (seen[3:] == 1).all() and (seen[:3] == 0).all()
+
+
+def test_kernel_cache_is_told_apart(tmp_path):
+    code = (
+        "import sys; sys.path.insert(0, '.')\n"
+        "from mlivr_gym.compiled import is_cached\n"
+        "from mlivr_gym.ur_kinematics import branch_terms\n"
+        "import numpy as np\n"
+        "assert not is_cached(branch_terms)\n"
+        "branch_terms(np.ones(3), np.ones(3), np.ones(6), np.empty((4, 4)))\n"
+        "assert is_cached(branch_terms)\n"
+    )
+    import os
+
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True)
