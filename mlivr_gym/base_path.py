@@ -40,6 +40,9 @@ DEPTH = 12
 FIRST_INTERVAL = 0.2
 """Wrist travel that an interval of the first division covers [m]; a matter of speed only."""
 
+LIMIT_TOLERANCE = 1e-6
+"""How far a joint may pass its limits [rad]: postures are rounded, and a joint often lies exactly on a half turn."""
+
 SAMPLES = 16
 """Intervals over which joint angles are followed along a path."""
 
@@ -364,8 +367,8 @@ def within_limits(grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount
         for flip in range(2):
             for joint in range(6):
                 shift = np.pi if flip == 1 and joint == 5 else 0.0
-                turns = np.ceil((limits[joint, 0] - low[joint] - shift) / (2.0 * np.pi) - 1e-12)
-                if high[joint] + shift + 2.0 * np.pi * turns > limits[joint, 1] + 1e-9:
+                turns = np.ceil((limits[joint, 0] - LIMIT_TOLERANCE - low[joint] - shift) / (2.0 * np.pi))
+                if high[joint] + shift + 2.0 * np.pi * turns > limits[joint, 1] + LIMIT_TOLERANCE:
                     mask &= ~(1 << (branch + 8 * flip))
                     break
     return mask

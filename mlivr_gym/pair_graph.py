@@ -7,7 +7,8 @@ can keep on a step: one entry for each ordered pair of stances of a row, filled 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 
 import numpy as np
@@ -232,6 +233,22 @@ class PairGraph(StanceGraph):
             return out
         fill_row(0, len(row), held, s, row, out, self.edges)
         return out
+
+    @contextmanager
+    def without(self, steps: Collection[tuple[tuple[int, ...], tuple[int, ...]]]) -> Iterator[None]:
+        """Take steps, given as pairs of stances, out of the graph for a while."""
+        kept = []
+        for before, after in steps:
+            held = 0 if before[0] == after[0] else 1
+            s0, s1, point = self.find(before), self.find(after), before[held]
+            entry = self.offset[held, point] + self.local[held, s0] * self.degree[held, point] + self.local[held, s1]
+            kept.append((entry, int(self.table[entry])))
+            self.table[entry] = KNOWN
+        try:
+            yield
+        finally:
+            for entry, value in reversed(kept):
+                self.table[entry] = value
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""

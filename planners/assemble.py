@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.base_path import ARC, PATH_KINDS, SAMPLES, STRAIGHT, follow
+from mlivr_gym.base_path import ARC, LIMIT_TOLERANCE, PATH_KINDS, SAMPLES, STRAIGHT, follow
 from mlivr_gym.planners.plan import Step
 from mlivr_gym.posture import Postures
 from mlivr_gym.posture_kernels import base_along, choices_along
@@ -18,14 +18,14 @@ Array = NDArray[np.float64]
 
 
 class Assembly(NamedTuple):
-    """Branches (K, N), joint angles (K, N, 6) [rad], `w_m` (K, N), `w_b` (K,), steps, and whether limits hold."""
+    """A plan's branches, angles, manipulability and steps; `beyond` is a step that a hold's joint limits forbid."""
 
     branches: NDArray[np.int64]
     joints: Array
     w_m: Array
     w_b: Array
     steps: tuple[Step, ...]
-    inside_limits: bool
+    beyond: int | None
 
 
 def holds(states: Sequence[State], limb: int) -> list[tuple[int, int]]:
@@ -72,7 +72,7 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
                 branches[first : last + 1, limb], flips[first : last + 1, limb] = bit & 7, bit >> 3
     pivots = _pivots(graph, points)
     kinds = _path_kinds(graph, points, pivots, postures, branches + 8 * flips) if checked else []
-    joints, inside = _joint_angles(graph, states, points, pivots, postures, branches, flips, kinds)
+    joints, beyond = _joint_angles(graph, states, points, pivots, postures, branches, flips, kinds)
     w_m = np.take_along_axis(w, branches[..., None] >> 1, axis=2)[..., 0]
     w_b = np.empty(count)
     base_along(p, z, branches, *mounts, np.empty((limbs, 8, 6, 6)), np.empty((2, 6, 6)), w_b)
@@ -90,7 +90,7 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
                 displacement=float(np.linalg.norm(postures.position[k + 1] - postures.position[k])),
             )
         )
-    return Assembly(branches, joints, w_m, w_b, tuple(steps), inside)
+    return Assembly(branches, joints, w_m, w_b, tuple(steps), beyond)
 
 
 def _pivots(graph: StanceGraph, points: NDArray[np.int64]) -> Array:
@@ -122,11 +122,11 @@ def _joint_angles(
     branches: NDArray[np.int64],
     flips: NDArray[np.int64],
     kinds: list[int],
-) -> tuple[Array, bool]:
-    """Joint angles at every stance (K, N, 6) [rad] and whether each hold fits inside the joint limits."""
+) -> tuple[Array, int | None]:
+    """Joint angles at every stance (K, N, 6) [rad], and the last step of a hold that does not fit inside the limits."""
     solver, limits = graph.solver, graph.robot.limb.limits
     joints = np.empty((len(states), graph.limbs, 6))
-    inside = True
+    beyond = None
     for limb in range(graph.limbs):
         mount = (solver.mount_rotations[limb], solver.mount_positions[limb], solver.lengths)
         before = np.zeros(6)
@@ -151,10 +151,11 @@ def _joint_angles(
             joints[first : last + 1, limb, 5] += np.pi * flips[first, limb]
             low[5] += np.pi * flips[first, limb]
             high[5] += np.pi * flips[first, limb]
-            fewest = np.ceil((limits[:, 0] - low) / (2.0 * np.pi) - 1e-12)
-            most = np.floor((limits[:, 1] - high) / (2.0 * np.pi) + 1e-12)
-            inside = inside and bool((fewest <= most).all())
+            fewest = np.ceil((limits[:, 0] - LIMIT_TOLERANCE - low) / (2.0 * np.pi))
+            most = np.floor((limits[:, 1] + LIMIT_TOLERANCE - high) / (2.0 * np.pi))
+            if (fewest > most).any():
+                beyond = last - 1
             nearest = np.rint((before - joints[first, limb]) / (2.0 * np.pi))
             joints[first : last + 1, limb] += 2.0 * np.pi * np.clip(nearest, fewest, np.maximum(fewest, most))
             before = joints[last, limb]
-    return joints, inside
+    return joints, beyond

@@ -7,7 +7,7 @@ are worked out in batches, and a step is checked only when its state is taken fr
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +40,7 @@ def lazy_search(
     g_weight: float,
     limit: int,
     progress: Callable[[int], None] | None = None,
+    blocked: Collection[tuple[tuple[int, ...], tuple[int, ...]]] = (),
 ) -> Found:
     """Best-first search from a state to any stance whose base position is a goal.
 
@@ -52,6 +53,7 @@ def lazy_search(
         g_weight: 1 for A*, 0 for greedy best-first.
         limit: Most expansions.
         progress: Called with the number of expansions now and then.
+        blocked: Steps not to take, as pairs of stances.
     """
     found = Found(EXHAUSTED, [], [], [], [], 1)
     first = graph.postures(np.array([start.stance]))
@@ -68,6 +70,8 @@ def lazy_search(
             state = start
         else:
             if stance in complete:
+                continue
+            if (found.states[parent].stance, stance) in blocked:
                 continue
             step = graph.transition(found.states[parent], stance, join(found.postures[parent], posture))
             if step is None:

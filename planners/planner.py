@@ -31,6 +31,9 @@ METHODS = ("astar", "dijkstra", "greedy")
 GOAL_TOLERANCE = 0.2
 """Radius of the goal region in the paper [m]."""
 
+MOST_BLOCKED = 50
+"""Steps left out of one query, at most, because a limb would leave its joint limits while it holds."""
+
 CACHED_TABLES = 16
 """Cost-to-go tables a planner keeps."""
 
@@ -174,10 +177,24 @@ class Planner:
         # The order of the queue depends on the ratio of the two weights alone.
         g_weight = 0.0 if method == "greedy" else 1.0 / inflation
         began = time.perf_counter()
-        if isinstance(self.graph, PairGraph):
-            path = self._pair_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit)
-        else:
-            path = self._lazy_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress)
+        blocked: list[tuple[tuple[int, ...], tuple[int, ...]]] = []
+        while True:
+            if isinstance(self.graph, PairGraph):
+                with self.graph.without(blocked):
+                    path = self._pair_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit)
+            else:
+                path = self._lazy_path(
+                    self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress, blocked
+                )
+            if path is None or path.status != FOUND:
+                break
+            found = time.perf_counter()
+            parts = assemble(self.graph, path.states, path.postures)
+            began += time.perf_counter() - found
+            if parts.beyond is None or len(blocked) == MOST_BLOCKED:
+                break
+            # A limb would turn too far while it holds: do without the last step of that hold.
+            blocked.append((path.states[parts.beyond].stance, path.states[parts.beyond + 1].stance))
         elapsed = time.perf_counter() - began
         if path is None:
             message = (
@@ -190,8 +207,7 @@ class Planner:
             reason = "limit reached" if path.status == LIMIT else "search exhausted"
             told = f"after {path.expanded} expansions, no way from {self.graph.ids(points)} to {target.tolist()}"
             return PlanningResult(None, reason, f"{reason} {told}", *numbers)
-        parts = assemble(self.graph, path.states, path.postures)
-        if not parts.inside_limits:
+        if parts.beyond is not None:
             message = "a limb that holds through several steps would leave its joint limits"
             return PlanningResult(None, "joint limits", message, *numbers)
         ids = self.graph.ids
@@ -351,6 +367,7 @@ class Planner:
     def _lazy_path(
         self, graph: LazyGraph, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
         g_weight: float, limit: int, progress: Callable[[int], None] | None,
+        blocked: list[tuple[tuple[int, ...], tuple[int, ...]]],
     ) -> _Path | None:  # fmt: skip
         max_step = graph.max_step
 
@@ -361,7 +378,7 @@ class Planner:
         def estimate(position: Array) -> Array:
             return cost.heuristic(heuristic, np.linalg.norm(position - target, axis=1), tolerance, max_step)
 
-        found = lazy_search(graph, first, is_goal, estimate, cost, g_weight, limit, progress)
+        found = lazy_search(graph, first, is_goal, estimate, cost, g_weight, limit, progress, blocked)
         chain = _chain(np.array(found.parents))
         postures = found.postures[chain[0]]
         for k in chain[1:]:
