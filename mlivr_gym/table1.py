@@ -186,27 +186,8 @@ def table_markdown(data: dict[str, Any]) -> str:
         "tried are not the paper's. Translation and steps depend on the start and the goal, which are calibrated, not known. "
         "Base and limb manipulability are those of the branches the plan is carried out on; Case 1 stays closer to the thresholds than "
         "the paper's, since each posture is chosen for the largest margin even where no threshold is set. The step cost breaks ties "
-        "by a fixed order, not by translation: with a small price of a regrasp (below) as few steps cost less translation.",
+        "by a fixed order, not by translation: with a small price of a regrasp as few steps cost less translation. How many plans of the "
+        "paper's kind could not be carried out, and what a price of a regrasp does: `table1_study.md`.",
         "",
     ]
-    if "transition_study" in data:
-        study = data["transition_study"]
-
-        def share(count: int) -> str:
-            return f"{100 * count / study['pairs']:.0f} %"
-
-        lines += [
-            f"**Beyond the paper: can the plan be carried out?** Of {study['pairs']} random start and goal pairs, "
-            f"{study['blocked']} node-only plans of the base cost ({share(study['blocked'])}) and "
-            f"{study['blocked_steps']} of the step cost ({share(study['blocked_steps'])}) could not have been carried "
-            f"out: on at least one step a holding limb would have had to let go or to pass a singularity. With "
-            f"steps checked, {study['solved']} of {study['pairs']} pairs get a plan that can be; its base translation "
-            f"is {100 * study['extra_translation']:.2f} % longer on average.",
-            "",
-        ]
-    if "pareto" in data:
-        lines += ["**Steps bought with translation** (weighted cost, means over random pairs, see `pareto.png`):", ""]
-        lines += ["| price of a regrasp [m] | steps | base translation [m] |", "|---|---|---|"]
-        lines += [f"| {r['price']:g} | {r['steps']:.2f} | {r['base_translation']:.3f} |" for r in data["pareto"]]
-        lines += [""]
     return "\n".join(lines)

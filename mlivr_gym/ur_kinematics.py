@@ -29,6 +29,9 @@ BRANCHES = 8
 SINGULAR = 1e-9
 """Squared sines and lengths [m^2] within this of zero count as zero."""
 
+WRIST_SINGULAR = 1e-9
+"""Below this |s5| inverse kinematics takes joints 4 and 6 as in line; its error is no larger [rad]."""
+
 
 @kernel
 def branch_terms(p, z, lengths, out):
@@ -169,7 +172,7 @@ def inverse_kinematics(p, r, lengths, out):
         zr = c1 * z[0] + s1 * z[1]
         c5 = s1 * z[0] - c1 * z[1]
         s5 = np.sqrt(zr * zr + z[2] * z[2])
-        if s5 * s5 < SINGULAR:
+        if s5 < WRIST_SINGULAR:
             theta = np.arctan2(u, d1 - wz)
             near = np.hypot(u, wz - d1) - abs(d5)
             if abs(near) < abs(abs(a2) - abs(a3)):
