@@ -29,6 +29,9 @@ BRANCHES = 8
 SINGULAR = 1e-9
 """Squared sines and lengths [m^2] within this of zero count as zero."""
 
+STRETCHED = 1e-7
+"""A stretched arm may fall short by this share of `c3^2`, about 1e-8 m: wrist noise is magnified there."""
+
 WRIST_SINGULAR = 1e-9
 """Below this |s5| inverse kinematics takes joints 4 and 6 as in line; its error is no larger [rad]."""
 
@@ -186,7 +189,7 @@ def inverse_kinematics(p, r, lengths, out):
         px = u - d5 * sin_theta
         pz = wz - d1 + d5 * cos_theta
         c3 = (px * px + pz * pz - a2 * a2 - a3 * a3) / (2.0 * a2 * a3)
-        if c3 * c3 > 1.0 + SINGULAR:
+        if c3 * c3 > 1.0 + STRETCHED:
             continue
         s3 = np.sqrt(max(0.0, 1.0 - c3 * c3))
         if branch & 1:

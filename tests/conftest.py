@@ -6,8 +6,13 @@ if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
+
+# The same examples in every run.
+settings.register_profile("reproducible", derandomize=True)
+settings.load_profile("reproducible")
 
 
 @pytest.fixture(scope="session")
