@@ -51,6 +51,11 @@ def _axes(grasp_map: GraspMap) -> tuple[Any, Any]:
 
 def save_figure(figure: Any, path: str | Path) -> None:
     """Write a figure as PNG, whole or not at all."""
+    for axes in figure.axes:
+        if axes.name == "3d":
+            # The clip box of 3-D axes is a square in their middle, narrower than the module.
+            for artist in axes.get_children():
+                artist.set_clip_on(False)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     write_whole(path, buffer.getvalue())
