@@ -58,9 +58,9 @@ def edge_mask(
 
 
 @kernel
-def fill_row(start, stop, held, s0, row, out, edges):
-    """`edge_mask` from `s0` to `row[start:stop]`, into `out`; `edges` are its further arguments."""
-    for k in range(start, stop):
+def fill_row(held, s0, row, out, edges):
+    """`edge_mask` from `s0` to each stance of `row`, into `out`; `edges` are its further arguments."""
+    for k in range(len(row)):
         out[k] = edge_mask(held, s0, row[k], *edges)
 
 
@@ -231,7 +231,7 @@ class PairGraph(StanceGraph):
         out = np.full(len(row), 0xFFFF, dtype=np.int64)
         if not self.settings.transitions:
             return out
-        fill_row(0, len(row), held, s, row, out, self.edges)
+        fill_row(held, s, row, out, self.edges)
         return out
 
     @contextmanager

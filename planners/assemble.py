@@ -153,7 +153,7 @@ def _joint_angles(
             high[5] += np.pi * flips[first, limb]
             fewest = np.ceil((limits[:, 0] - LIMIT_TOLERANCE - low) / (2.0 * np.pi))
             most = np.floor((limits[:, 1] + LIMIT_TOLERANCE - high) / (2.0 * np.pi))
-            if (fewest > most).any():
+            if kinds and (fewest > most).any():
                 beyond = last - 1
             nearest = np.rint((before - joints[first, limb]) / (2.0 * np.pi))
             joints[first : last + 1, limb] += 2.0 * np.pi * np.clip(nearest, fewest, np.maximum(fewest, most))

@@ -415,3 +415,11 @@ def test_steps_taken_out_of_a_graph_come_back(small_graph):
     with small_graph.without([(before, after), (before, after)]):
         assert small_graph.edge_masks(0, s, row)[0] == 0
     assert small_graph.edge_masks(0, s, row)[0] == known
+
+
+def test_unchecked_plans_do_without_joint_limits(small_map):
+    """Where steps are not checked, limits over a hold are not either, and nothing fails for it."""
+    robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=((-1.0, 1.0),) * 6))
+    graph = stance_graph(small_map, robot, Settings(transitions=False))
+    plan = Planner(graph).plan(graph.points[0].tolist(), graph.position[-1], goal_tolerance=0.3).unwrap()
+    assert np.isfinite(plan.joint_positions).all() and {step.path for step in plan.steps} == {"unchecked"}
