@@ -21,6 +21,10 @@ class RobotError(MlivrError):
     """A robot description is faulty or cannot be used on the map."""
 
 
+class ShapeError(MlivrError):
+    """A collision shape is faulty."""
+
+
 class SettingError(MlivrError):
     """A parameter is outside its valid range or choices."""
 

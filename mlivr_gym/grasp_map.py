@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import GoalError, MapError, MlivrError, SettingError, UnknownPointError, nonnegative
+from mlivr_gym.shapes import Box, boxes_from
+from mlivr_gym.surroundings import handrail_boxes, module_boxes, track_box
 
 FACES = ("deck", "forward", "aft", "overhead", "starboard", "port")
 """Names of the cabin's six faces."""
@@ -65,9 +67,9 @@ class GraspMap:
         faces: m names out of `FACES`.
         cabin: Shape (2, 3); lower and upper corner of the space a base may be in [m].
         name: Short name of the map.
-        segments: Rails that the points lie on, for pictures and the scene.
-        handrails: Handrails, for pictures and the scene.
-        scene: Further measured figures that only the scene uses.
+        segments: Rails that the points lie on.
+        handrails: Handrails.
+        boxes: What stands round the points: tracks and handrails, racks and walls.
     """
 
     ids: tuple[str, ...]
@@ -78,7 +80,7 @@ class GraspMap:
     name: str = "map"
     segments: tuple[Segment, ...] = ()
     handrails: tuple[Handrail, ...] = ()
-    scene: dict[str, Any] = field(default_factory=dict, repr=False)
+    boxes: tuple[Box, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         """Check shapes and values, and freeze the arrays."""
@@ -136,7 +138,7 @@ class GraspMap:
             name=name or self.name,
             segments=self.segments,
             handrails=self.handrails,
-            scene=self.scene,
+            boxes=self.boxes,
         )
 
     def sparse(self, seed: int, keep: tuple[str, ...] = (), clear_deck: tuple[float, float] | None = None) -> GraspMap:
@@ -177,8 +179,9 @@ class GraspMap:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash of the points: plans carry it, so that they are not used on another map."""
+        """Hash of points and boxes: plans carry it, so that they are not used on another map."""
         digest = hashlib.sha256("\n".join(self.ids).encode())
+        digest.update(json.dumps([box.to_dict() for box in self.boxes]).encode())
         for array in (self.positions, self.rotations):
             digest.update((np.round(array, 9) + 0.0).tobytes())
         return digest.hexdigest()[:16]
@@ -210,7 +213,7 @@ class GraspMap:
         `normal`), `spacing` of points along segments (0.2), `handrails` (list
         of `id`, `face`, `min`, `max`), `clearance` round handrails inside which
         points are left out (0.03), `cabin` (`min`, `max`; by default the points'
-        bounding box), `name`.
+        bounding box), `boxes` (whatever else the robot must not touch, see `Box.from_dict`), `name`.
         A point of a segment counts with the rail's width.
 
         Args:
@@ -253,7 +256,12 @@ class GraspMap:
             name=str(data.get("name", name)),
             segments=segments,
             handrails=handrails,
-            scene=data.get("scene", {}) | {"racks": data.get("racks", [])},
+            boxes=(
+                *module_boxes(data.get("scene", {}), data.get("racks", [])),
+                *map(track_box, segments),
+                *(box for rail in handrails for box in handrail_boxes(rail)),
+                *boxes_from(data.get("boxes", []), "panel"),
+            ),
         )
 
 

@@ -10,58 +10,173 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.base_path import ARC, STRAIGHT
 from mlivr_gym.compiled import in_parallel, kernel
+from mlivr_gym.errors import StanceError
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.posture import Postures
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stance_graph import Array, IntArray, StanceGraph, State, Successors
+from mlivr_gym.stance_graph import STUCK, Array, IntArray, StanceGraph, State, Successors
+from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, release
 from mlivr_gym.transitions import hold_mask
 
 KNOWN = 1 << 16
-"""Bit of an edge entry: the entry is filled."""
+"""Bit of an edge entry: the entry is filled. Below it are the branches and flips on which the limb can hold."""
+ARC_BITS, FOLD_BITS = 17, 33
+"""First bits of the branches and flips that need the arc, and of the folds on the line and on the arc (2 bits each)."""
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 
 
 @kernel
-def edge_mask(
-    held, s0, s1, points, local, degree, offset, table, position, rotation, mask,
-    mount_rotations, mount_positions, lengths, grips, tools, pivots, determinant_floor, limits, full_turn,
-):  # fmt: skip
+def settle(s, edges):
+    """Take from a stance's masks, once, the branches on which a limb cannot let go without touching anything."""
+    points, position, rotation, mask = edges[0], edges[5], edges[6], edges[7]
+    mount_rotations, mount_positions, lengths, pivots, limits = edges[8], edges[9], edges[10], edges[13], edges[15]
+    collide, ready, released, normals, rails, tool_length, lift, folds, bodies = edges[17]
+    overlay, _, near, mask0, ready0, released0, _, obstacles = edges[18]
+    if not collide or ready[s]:
+        return
+    placed = np.empty((8, len(bodies[0][0]), 2, 3))
+    for layer in range(2):
+        if ready0[s] if layer == 0 else not overlay:
+            continue
+        for limb in range(2):
+            point, other = points[s, limb], 1 - limb
+            if layer == 1:
+                mask[s, limb] &= mask0[s, limb]
+                released[s, limb] = released0[s, limb]
+                if not near[s]:
+                    continue
+            masks, answers, count = mask0, released0, 0
+            if layer == 1:
+                masks, answers = mask, released
+            if not masks[s, 0] or not masks[s, 1]:
+                break
+            if layer == 0:
+                count = place_branches(
+                    other, masks[s, other], pivots[points[s, other]], normals[points[s, other]], tool_length, position[s],
+                    rotation[s], mount_rotations, mount_positions, lengths, bodies[0], 0, placed,
+                )  # fmt: skip
+            answers[s, limb] = release(
+                limb, masks[s, limb], pivots[point], normals[point], rails[point], tool_length, lift, position[s], rotation[s],
+                placed[:count], folds, limits, mount_rotations, mount_positions, lengths,
+                bodies if layer == 0 else obstacles, layer == 0, np.int64(-1) if layer == 0 else released0[s, limb],
+            )  # fmt: skip
+            masks[s, limb] = answers[s, limb] & 0xFFFF
+        if layer == 0:
+            if not mask0[s, 0] or not mask0[s, 1]:
+                mask0[s, 0] = mask0[s, 1] = 0
+            ready0[s] = True
+    if not mask[s, 0] or not mask[s, 1]:
+        mask[s, 0] = mask[s, 1] = 0
+    ready[s] = True
+
+
+@kernel
+def edge_entry(held, s0, s1, edges):
     """Branches that limb `held` can keep on the step from stance `s0` to `s1`, looked up or worked out.
 
-    Every array is a field of `PairGraph` of the same name; `determinant_floor` is in [m^3]. Both directions of
-    the step are entered.
+    Both directions of the step are entered.
+
+    Args:
+        held: The limb that holds.
+        s0: Stance before the step.
+        s1: Stance after it.
+        edges: `PairGraph.edges`.
+
+    Returns:
+        The entry; see `KNOWN`, `ARC_BITS` and `FOLD_BITS`.
     """
-    point = points[s0, held]
+    points, local, degree, offset, table, _, _, mask = edges[:8]
+    released = edges[17][2]
+    _, boxes, near, mask0, _, released0, table0, obstacles = edges[18]
+    point, mover = points[s0, held], 1 - held
     here = offset[held, point] + local[held, s0] * degree[held, point] + local[held, s1]
-    entry = table[here]
-    if entry & KNOWN:
-        return entry & 0xFFFF
-    wanted = mask[s0, held] & mask[s1, held]
-    found = np.int64(0)
-    for kind in range(2):
-        rest = wanted & ~found
-        if rest:
-            found |= hold_mask(
-                kind, pivots[point], grips[point], tools[point], position[s0], rotation[s0],
-                position[s1], rotation[s1], mount_rotations[held], mount_positions[held], lengths,
-                determinant_floor, limits, full_turn, rest,
-            )  # fmt: skip
     there = offset[held, point] + local[held, s1] * degree[held, point] + local[held, s0]
-    table[here] = table[there] = found | KNOWN
-    return found
+    if table[here] & KNOWN:
+        return table[here]
+    settle(s0, edges)
+    settle(s1, edges)
+    if not table0[here] & KNOWN:
+        wanted = mask0[s0, held] & mask0[s1, held]
+        together = (released0[s0, mover] & released0[s1, mover]) >> TOGETHER & 15
+        table0[here] = table0[there] = _carry(
+            held, s0, s1, wanted, np.int64(0), together, together, edges, edges[17][8], True
+        )  # fmt: skip
+    if boxes:
+        entry = table0[here]
+        left = entry & mask[s0, held] & mask[s1, held]
+        arc = entry >> ARC_BITS & left
+        left &= ~arc
+        together = (released[s0, mover] & released[s1, mover]) >> TOGETHER & 15
+        if near[s0] or near[s1]:
+            entry = _carry(
+                held, s0, s1, left, arc, together & 1 << (entry >> FOLD_BITS & 3),
+                together & 1 << (entry >> (FOLD_BITS + 2) & 3), edges, obstacles, False,
+            )  # fmt: skip
+        else:
+            entry = entry & ~np.int64(0xFFFF) | left | arc
+        table[here] = table[there] = entry
+    return table[here]
+
+
+@kernel
+def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, inside):
+    """An edge entry from the branches to look at on the line and on the arc and the folds to look at.
+
+    With `inside` the limb that holds must also be shown to keep its branch, and what the line leaves of `wanted` is
+    tried on the arc.
+    """
+    points, position, rotation = edges[0], edges[5], edges[6]
+    mount_rotations, mount_positions, lengths, grips, tools, pivots = edges[8:14]
+    determinant_floor, limits, full_turn = edges[14:17]
+    collide, normals, folds = edges[17][0], edges[17][3], edges[17][7]
+    point, mover = points[s0, held], 1 - held
+    entry = np.int64(KNOWN)
+    for kind in range(2):
+        rest = wanted if kind == 0 else arc
+        if inside:
+            rest = wanted & ~entry
+            if rest:
+                rest = hold_mask(
+                    kind, pivots[point], grips[point], tools[point], position[s0], rotation[s0],
+                    position[s1], rotation[s1], mount_rotations[held], mount_positions[held], lengths,
+                    determinant_floor, limits, full_turn, rest,
+                )  # fmt: skip
+        if rest and collide:
+            path = (position[s0], rotation[s0], position[s1], rotation[s1], kind, pivots[point])
+            fold = carried(
+                mover, line_folds if kind == 0 else arc_folds, path, folds, mount_rotations, mount_positions, lengths, bodies,
+                inside,
+            )  # fmt: skip
+            if fold < 0:
+                continue
+            rest = holding(
+                held, rest, grips[point], tools[point], pivots[point], normals[point], path, mover, fold, folds,
+                mount_rotations, mount_positions, lengths, bodies, inside,
+            )  # fmt: skip
+            entry |= np.int64(fold) << (FOLD_BITS + 2 * kind)
+        entry |= rest | (rest << ARC_BITS if kind == 1 else 0)
+    return entry
+
+
+@kernel
+def edge_mask(held, s0, s1, edges):
+    """The branches and flips of `edge_entry`."""
+    return edge_entry(held, s0, s1, edges) & 0xFFFF
 
 
 @kernel
 def fill_row(held, s0, row, out, edges):
     """`edge_mask` from `s0` to each stance of `row`, into `out`; `edges` are its further arguments."""
     for k in range(len(row)):
-        out[k] = edge_mask(held, s0, row[k], *edges)
+        out[k] = edge_mask(held, s0, row[k], edges)
 
 
 @kernel
@@ -79,7 +194,7 @@ def pair_successors(s, mask0, mask1, check, rows, row_start, limb, stance, left,
                 continue
             after = mine & mask[s2, held]
             if check and after:
-                after &= edge_mask(held, s, s2, *edges)
+                after &= edge_mask(held, s, s2, edges)
             if after:
                 limb[count], stance[count], left[count] = moving, s2, after
                 count += 1
@@ -104,7 +219,7 @@ def _fill_points(start, stop, held, rows, row_start, edges):
     for point in range(start, stop):
         for i in range(row_start[held, point], row_start[held, point + 1]):
             for j in range(row_start[held, point], i):
-                edge_mask(held, rows[held, i], rows[held, j], *edges)
+                edge_mask(held, rows[held, i], rows[held, j], edges)
 
 
 def fill_rows(graph: PairGraph, progress: Callable[[int, int], None] | None = None) -> None:
@@ -167,18 +282,54 @@ class PairGraph(StanceGraph):
         self.local: IntArray = np.empty((2, n), dtype=np.int64)
         for limb in range(2):
             self.local[limb, self.rows[limb]] = np.arange(n) - self.row_start[limb, ordered[limb]]
-        self.table = np.zeros(int((self.degree**2).sum()) if settings.transitions else 1, dtype=np.int32)
+        self.table = np.zeros(int((self.degree**2).sum()) if settings.transitions else 1, dtype=np.int64)
         """Edge entries, zero where not known yet."""
         self.complete = False
         """Whether every edge entry is known."""
         self._keys = self.points[:, 0] * m + self.points[:, 1]
-        self.edges = (
+        self._free = self.mask, np.zeros(n, dtype=np.bool_), np.zeros((n, 2), dtype=np.int64), self.table
+        self.edges = self._edges()
+        """Arguments of `edge_entry`: the graph in the kernels' form."""
+
+    def _edges(self) -> tuple[Any, ...]:
+        """The kernels' arguments: masks, releases and entries with the present obstacles, and those without."""
+        robot, solver, settings = self.robot, self.solver, self.settings
+        mask0, ready0, released0, table0 = self._free
+        self.mask, ready, released, self.table, near = mask0, ready0, released0, table0, np.zeros(0, dtype=np.bool_)
+        overlay, boxes = bool(self.obstacles or self.occupied), False
+        if overlay:
+            near = self._near_obstacles()
+            boxes = bool(near.any())
+            self.mask, released, ready = mask0.copy(), released0.copy(), ready0 & ~near
+            taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
+            taken[list(self.occupied)] = True
+            self.mask[taken[self.points[:, 0]] | taken[self.points[:, 1]]] = 0
+            if boxes:
+                self.table = np.zeros_like(table0)
+        return (
             self.points, self.local, self.degree, self.offset, self.table, self.position, self.rotation, self.mask,
-            self.solver.mount_rotations, self.solver.mount_positions, self.solver.lengths, self.grips,
-            self.solver.tools, self.grasp_map.positions.copy(),
-            settings.path_floor * robot.characteristic_length**3, self.solver.limits, self.solver.full_turn,
+            solver.mount_rotations, solver.mount_positions, solver.lengths, self.grips,
+            solver.tools, solver.points, settings.path_floor * robot.characteristic_length**3, solver.limits, solver.full_turn,
+            (
+                settings.collisions, ready, released, solver.normals, solver.rails, robot.tool_length, robot.lift,
+                solver.folds, solver.bodies.arrays,
+            ),
+            (overlay, boxes, near, mask0, ready0, released0, table0, self.hindrance.arrays),
         )  # fmt: skip
-        """Further arguments of `edge_mask`."""
+
+    def _near_obstacles(self) -> NDArray[np.bool_]:
+        """Stances whose robot, on a step from or to them, may come near an obstacle, shape (n,)."""
+        near = np.zeros(len(self), dtype=np.bool_)
+        reach = self.robot.extent + self.settings.clearance + 0.8 * self.max_step
+        for box in self.obstacles:
+            low, high = box.bounds
+            away = self.position - np.clip(self.position, low, high)
+            near |= np.einsum("ij,ij->i", away, away) <= reach**2
+        return near
+
+    def _obstacles_changed(self) -> None:
+        self.edges = self._edges()
+        self.complete = False
 
     def __len__(self) -> int:
         """Number of stances."""
@@ -196,7 +347,7 @@ class PairGraph(StanceGraph):
             f"{self.base_threshold:g} with limbs that can depart at w_m >= {self.settings.path_floor:g}"
         )
 
-    def find(self, stance: tuple[int, ...]) -> int:
+    def find(self, stance: Sequence[int]) -> int:
         """Index of a stance given by point indices, or -1 if it is no node."""
         key = stance[0] * len(self.grasp_map) + stance[1]
         k = int(np.searchsorted(self._keys, key))
@@ -206,9 +357,33 @@ class PairGraph(StanceGraph):
         """The state of a robot that takes hold of a stance; see `StanceGraph.state`."""
         points = self.indices(stance)
         s = self.find(points)
+        if s >= 0:
+            if self.settings.transitions:
+                settle(s, self.edges)
+            if self.mask[s].all():
+                return State(points, tuple(self.mask[s].tolist()))
+            fault = self._fault(points, self.posture(points)) if self.occupied & set(points) else STUCK
+            raise StanceError(f"stance {self.ids(points)} cannot be held: {fault}")
+        return super().state(points)
+
+    def released(self, stance: tuple[int, ...], posture: Postures) -> IntArray:
+        """On which branches each limb can let go of a stance; see `StanceGraph.released`."""
+        s = self.find(stance)
         if s < 0:
-            return super().state(points)
-        return State(points, tuple(self.mask[s].tolist()))
+            return super().released(stance, posture)
+        settle(s, self.edges)
+        answers: IntArray = self.edges[17][2][s]
+        return answers
+
+    def way(
+        self, before: Sequence[int], after: Sequence[int], limb: int, posture: Postures, masks: Sequence[int]
+    ) -> tuple[int, int]:
+        """Path kind of a step that is an edge, and the fold in which `limb` can be carried; see `StanceGraph.way`."""
+        if not self.settings.collisions:
+            return super().way(before, after, limb, posture, masks)
+        entry = edge_entry(1 - limb, self.find((before[0], before[1])), self.find((after[0], after[1])), self.edges)
+        kind = ARC if entry >> ARC_BITS & masks[1 - limb] else STRAIGHT
+        return kind, int(entry >> (FOLD_BITS + 2 * kind) & 3)
 
     def posture(self, stance: Sequence[int]) -> Postures:
         """Posture of one stance given by point indices, every array with a leading 1."""
@@ -217,8 +392,9 @@ class PairGraph(StanceGraph):
             return super().posture(stance)
         at = slice(s, s + 1)
         return Postures(
-            self.position[at], self.rotation[at], self.w_m[at], self.w_b[at], self.branch[at], self.mask[at]
-        )
+            self.position[at], self.rotation[at], self.w_m[at], self.w_b[at], self.branch[at], self.mask[at],
+            np.zeros(1, dtype=np.int64),
+        )  # fmt: skip
 
     def row(self, held: int, s: int) -> IntArray:
         """The other stances that limb `held` of stance `s` shares its point with."""

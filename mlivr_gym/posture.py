@@ -5,24 +5,28 @@ across the line through the grasps; yaw (and, for N > 2, which way round) follow
 Procrustes fit of the mounts' azimuths to the grasps; the origin is the grasps' centroid plus a
 height along that direction. Heights and rolls about the line through the grasps are tried, and the
 candidate with the largest margin `min(w_m / w_m_min over limbs, w_b / w_b_min)` is kept, with its
-branch for each limb; of equal ones the first. Between opposite walls the mean normal vanishes:
+branch for each limb; of equal ones the first. With collisions checked, candidates that touch something do not
+count. Between opposite walls the mean normal vanishes:
 there the body rolls all the way round the line through the grasps.
 
-The result depends on the relative geometry of the grasps alone. It is worked out in
-the frame of the first grasp on figures rounded to `RESOLUTION`, once for each geometry.
+But for the surroundings, the result depends on the relative geometry of the grasps alone. It is worked out in
+the frame of the first grasp on figures rounded to `RESOLUTION`, once for each geometry; where that posture touches
+the surroundings, the candidates are tried once more in place.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.bodies import Bodies
 from mlivr_gym.compiled import in_parallel
 from mlivr_gym.grasp_map import GraspMap
-from mlivr_gym.posture_kernels import TIE, solve_geometries
+from mlivr_gym.limb_shapes import LimbShapes
+from mlivr_gym.posture_kernels import TIE, clear_of_world, hands_clear, solve_geometries
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
 
@@ -53,6 +57,8 @@ class Postures:
         w_b: Base manipulability, shape (k,).
         branch: Branch of each limb that gives the margin, shape (k, N).
         mask: Branches and flips each limb may hold on, 16-bit masks, shape (k, N).
+        cause: What the best posture touches where that alone keeps the stance from being held, shape (k,); see
+            `collision_kernels`.
     """
 
     position: Array
@@ -61,22 +67,21 @@ class Postures:
     w_b: Array
     branch: IntArray
     mask: IntArray
+    cause: IntArray
 
     @property
     def reachable(self) -> NDArray[np.bool_]:
         """Whether inverse kinematics has a solution, shape (k,)."""
-        return self.w_b > 0.0
+        reachable: NDArray[np.bool_] = (self.w_b > 0.0) | (self.cause > 0)
+        return reachable
 
     def take(self, index: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Postures:
         """Postures of the chosen stances."""
-        return Postures(
-            self.position[index],
-            self.rotation[index],
-            self.w_m[index],
-            self.w_b[index],
-            self.branch[index],
-            self.mask[index],
-        )
+        return Postures(*(getattr(self, name)[index] for name in FIELDS))
+
+
+FIELDS = tuple(field.name for field in fields(Postures))
+"""Names of a posture's arrays."""
 
 
 def base_frames(grasps: Array, normals: Array, rails: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
@@ -140,6 +145,17 @@ class PostureSolver:
         self.lengths = robot.limb.lengths
         self.limits, self.full_turn = robot.limb.limits, robot.full_turn
         self.tools = tool_rotations(grasp_map)
+        self.points, self.normals = grasp_map.positions.copy(), np.ascontiguousarray(grasp_map.normals)
+        self.rails, self.folds = np.ascontiguousarray(grasp_map.rotations[:, :, 0]), np.array(robot.folds)
+        self.shapes = LimbShapes(robot)
+        self.bodies = Bodies(self.shapes, grasp_map.boxes, settings.clearance)
+        self.point_cause = np.zeros(len(grasp_map), dtype=np.int64)
+        """What a hand touches that holds each point, see `collision_kernels`; 0 if nothing, shape (m,)."""
+        if settings.collisions:
+            hands_clear(
+                self.points, self.normals, robot.tool_length, self.lengths, self.bodies.arrays, self.point_cause
+            )  # fmt: skip
+        self._alone = Bodies(self.shapes, (), settings.clearance)
         self._rows: dict[bytes, int] = {}
         self._solved = _Table(robot.limbs)
 
@@ -164,14 +180,46 @@ class PostureSolver:
             self._solve_new(rows[np.array(new)])
         local = self._solved.take(where[inverse])
         frames = self.grasp_map.rotations[stances[:, 0]]
-        return Postures(
+        postures = Postures(
             position=self.grasp_map.positions[stances[:, 0]] + np.einsum("kij,kj->ki", frames, local.position),
             rotation=frames @ local.rotation,
             w_m=local.w_m,
             w_b=local.w_b,
             branch=local.branch,
             mask=local.mask,
+            cause=local.cause,
         )
+        if self.settings.collisions:
+            self._avoid_boxes(stances, postures)
+        return postures
+
+    def _avoid_boxes(self, stances: IntArray, postures: Postures) -> None:
+        """Take branches that touch a box out of the postures, and choose another posture where the own ones do."""
+        nodes = np.flatnonzero(np.all(postures.mask > 0, axis=1))
+        touching = self.point_cause[stances[nodes]].max(axis=1)
+        postures.cause[nodes] = touching
+        postures.mask[nodes[touching > 0]] = 0
+        nodes = nodes[touching == 0]
+        in_parallel(
+            len(nodes), clear_of_world, nodes, stances, self.points, self.normals, self.robot.tool_length,
+            postures.position, postures.rotation, postures.branch, postures.mask, self.settings.transitions,
+            self.mount_rotations, self.mount_positions, self.lengths, self.bodies.arrays, postures.cause,
+        )  # fmt: skip
+        again = nodes[postures.cause[nodes] > 0]
+        if not len(again):
+            return
+        held = stances[again]
+        centres = self.points[held].mean(axis=1)
+        rotations = self.grasp_map.rotations[held]
+        new = self._solve_in_place(
+            self.points[held] - centres[:, None], np.ascontiguousarray(rotations[..., 2]),
+            np.ascontiguousarray(rotations[..., 0]), centres, self.bodies, True,
+        )  # fmt: skip
+        better = np.all(new.mask > 0, axis=1)
+        postures.mask[again] = 0
+        for name in FIELDS:
+            getattr(postures, name)[again[better]] = getattr(new, name)[better]
+        postures.position[again[better]] += centres[better]
 
     def _group(self, stances: IntArray) -> tuple[IntArray, NDArray[np.intp]]:
         """Distinct relative geometries as whole multiples of `RESOLUTION`, and which one each stance has."""
@@ -193,36 +241,53 @@ class PostureSolver:
         return rows[index], inverse
 
     def _solve_new(self, rows: IntArray) -> None:
-        robot, settings = self.robot, self.settings
-        k, count = len(rows), robot.limbs
+        k, count = len(rows), self.robot.limbs
         blocks = rows.reshape(k, count - 1, 9) * RESOLUTION
-        grasps, tools = np.zeros((k, count, 3)), np.empty((k, count, 3, 3))
+        grasps = np.zeros((k, count, 3))
         normals, rails = np.zeros((k, count, 3)), np.zeros((k, count, 3))
         normals[:, 0, 2] = rails[:, 0, 0] = 1.0
         grasps[:, 1:] = blocks[:, :, :3]
         normals[:, 1:] = blocks[:, :, 3:6] / np.linalg.norm(blocks[:, :, 3:6], axis=2, keepdims=True)
         rails[:, 1:] = blocks[:, :, 6:] / np.linalg.norm(blocks[:, :, 6:], axis=2, keepdims=True)
         centroid = grasps.mean(axis=1, keepdims=True)
-        grasps -= centroid
+        out = self._solve_in_place(grasps - centroid, normals, rails, np.zeros((k, 3)), self._alone, False)
+        out.position[:] += centroid[:, 0]
+        self._solved.append(out)
+
+    def _scales(self) -> tuple[float, float]:
+        """Limb and base manipulability that count as margin 1."""
+        given, default = self.settings.thresholds(self.robot.limbs), Settings().thresholds(self.robot.limbs)
+        return given[0] or default[0], given[1] or default[1]
+
+    def _solve_in_place(
+        self, grasps: Array, normals: Array, rails: Array, centres: Array, bodies: Bodies, avoid: bool
+    ) -> Postures:
+        """Postures from the grasps' centroids; `centres` are these in the world of `bodies`.
+
+        With `avoid` the best posture of all is known to touch something.
+        """
+        robot, settings = self.robot, self.settings
+        k, count = grasps.shape[:2]
+        tools = np.empty((k, count, 3, 3))
         tools[..., 0], tools[..., 2] = rails, -normals
         tools[..., 1] = np.cross(tools[..., 2], tools[..., 0])
         out = Postures(
             np.zeros((k, 3)), np.zeros((k, 3, 3)), np.zeros((k, count)), np.zeros(k),
-            np.zeros((k, count), dtype=np.int64), np.zeros((k, count), dtype=np.int64),
+            np.zeros((k, count), dtype=np.int64), np.zeros((k, count), dtype=np.int64), np.zeros(k, dtype=np.int64),
         )  # fmt: skip
         w_m_min, w_b_min = settings.thresholds(count)
-        scale_m, scale_b = Settings().thresholds(count)
+        least = min(a / b for a, b in zip((w_m_min, w_b_min), self._scales(), strict=True))
         wide_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
         frames = base_frames(grasps, normals, np.ascontiguousarray(rails[:, 0]))
         in_parallel(
             k, solve_geometries, grasps, normals, tools, *frames, self.mount_rotations, self.mount_positions,
             self.lengths, self.limits, self.full_turn, robot.tool_length, robot.lift,
             robot.characteristic_length, np.array(robot.heights), np.array(robot.rolls), np.array(OPPOSED_HEIGHTS),
-            wide_rolls, w_m_min or scale_m, w_b_min or scale_b, w_m_min, w_b_min, settings.path_floor,
-            settings.transitions, out.position, out.rotation, out.w_m, out.w_b, out.branch, out.mask,
+            wide_rolls, *self._scales(), w_m_min, w_b_min, settings.path_floor, least * (1.0 - 3.0 * TIE), avoid,
+            settings.transitions, settings.collisions, centres, bodies.arrays,
+            out.position, out.rotation, out.w_m, out.w_b, out.branch, out.mask, out.cause,
         )  # fmt: skip
-        out.position[:] += centroid[:, 0]
-        self._solved.append(out)
+        return out
 
 
 class _Table:
@@ -231,12 +296,13 @@ class _Table:
     def __init__(self, limbs: int) -> None:
         shapes: list[tuple[tuple[int, ...], type]] = [
             ((3,), float), ((3, 3), float), ((limbs,), float), ((), float), ((limbs,), np.int64), ((limbs,), np.int64),
+            ((), np.int64),
         ]  # fmt: skip
         self._arrays: list[NDArray[Any]] = [np.zeros((0, *shape), dtype=kind) for shape, kind in shapes]
         self._used = 0
 
     def append(self, new: Postures) -> None:
-        parts = (new.position, new.rotation, new.w_m, new.w_b, new.branch, new.mask)
+        parts = [getattr(new, name) for name in FIELDS]
         end = self._used + len(new.w_b)
         for i, part in enumerate(parts):
             if end > len(self._arrays[i]):

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.base_path import STRAIGHT, certify, expand_classes, flange_in_limb, turn, within_limits
+from mlivr_gym.collision_kernels import CLEAR, SELF, against_body, against_limb, frames_of_branch, place, to_world
 from mlivr_gym.compiled import kernel
 from mlivr_gym.manipulability import inverse_root_determinant, limb_information
+from mlivr_gym.swept_kernels import against_all
 from mlivr_gym.ur_kinematics import SINGULAR, branch_terms
 
 TIE = 1e-9
@@ -99,10 +101,55 @@ def combined(information, branch, scratch):
 
 
 @kernel
-def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scratch):
+def limb_status(i, b, p, z, position, rotation, point, normal, mount_rotation, mount_position, lengths, checker, status, ends):
+    """What limb `i` on branch `b` touches at a posture on its own: an answer, looked up or worked out.
+
+    Args:
+        i: Limb.
+        b: Branch.
+        p: Flange position in the limb base frame [m].
+        z: Flange axis there.
+        position: Base position in the world [m].
+        rotation: Base rotation.
+        point: The grasp in the world [m].
+        normal: Surface normal there.
+        mount_rotation: Shape (3, 3).
+        mount_position: Shape (3,) [m].
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        checker: `Bodies.arrays` with zeros and scratch arrays.
+        status: Answers by limb and branch, -1 where unknown, shape (N, 8).
+        ends: Capsule ends by limb and branch in the body frame, shape (N, 8, c, 2, 3).
+    """
+    if status[i, b] < 0:
+        shapes, gripper, hand, fixed, world, clearance, _, still, shift, spin, frames, world_ends = checker
+        status[i, b] = CLEAR + 1
+        if frames_of_branch(p, z, lengths, b, frames):
+            place(frames, shapes, mount_rotation, mount_position, ends[i, b])
+            found = against_body(i, ends[i, b], still, shift, spin, 0.0, shapes, fixed, clearance)
+            if found == CLEAR:
+                to_world(ends[i, b], position, rotation, world_ends)
+                found = against_all(world_ends, still, 0, hand, shapes, world, gripper, point, normal, clearance)
+            status[i, b] = found
+    return status[i, b]
+
+
+@kernel
+def pair_status(i, b, j, c, ends, pairs, checker):
+    """Whether limb `i` on branch `b` keeps clear of limb `j` on branch `c`, both in place: an answer, looked up or worked out."""
+    if pairs[i, b, j, c] < 0:
+        found = against_limb(ends[i, b], checker[7], ends[j, c], checker[7], checker[0], checker[5])
+        pairs[i, b, j, c] = pairs[j, c, i, b] = found
+    return pairs[i, b, j, c]
+
+
+@kernel
+def _best_branches(
+    w, information, scale_m, scale_b, floor, branch, trial, scratch, collide, usable, ends, pairs, checker
+):  # fmt: skip
     """Branches of the largest margin above `floor` for one base pose; returns the margin and its `w_b`.
 
-    `w_b` is formed only where `w_m` leaves room for a better margin; `trial` has shape (N,).
+    `w_b` is formed only where `w_m` leaves room for a better margin; `trial` has shape (N,). If `collide`, only branches
+    that are `usable`, shape (N, 8), and keep clear of each other count.
     """
     count = len(branch)
     best, best_wb = floor, 0.0
@@ -120,12 +167,14 @@ def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scrat
         for i in range(count):
             trial[i] = rest & 7
             rest >>= 3
-            bound = min(bound, w[i, trial[i] >> 1])
+            bound = min(bound, w[i, trial[i] >> 1] if usable[i, trial[i]] else 0.0)
         bound /= scale_m
         if bound > best * (1.0 + TIE) and bound >= least:
             w_b = combined(information, trial, scratch)
             margin = min(bound, w_b / scale_b)
             if margin > best * (1.0 + TIE):
+                if collide and not _apart(trial, ends, pairs, checker):
+                    continue
                 best, best_wb = margin, w_b
                 for i in range(count):
                     branch[i] = trial[i]
@@ -133,10 +182,20 @@ def _best_branches(w, information, scale_m, scale_b, floor, branch, trial, scrat
 
 
 @kernel
+def _apart(trial, ends, pairs, checker):
+    """Whether limbs in place on a combination of branches keep clear of each other."""
+    for i in range(len(trial)):
+        for j in range(i):
+            if pair_status(i, trial[i], j, trial[j], ends, pairs, checker) != CLEAR:
+                return False
+    return True
+
+
+@kernel
 def solve_geometries(
     start, stop, grasps, normals, tools, frames, outs, lines, opposed, mount_rotations, mount_positions, lengths, limits,
     full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b, w_m_min, w_b_min, floor,
-    check, position, rotation, w_m, w_b, branch, mask,
+    nodes_margin, first_avoid, check, collide, centres, bodies, position, rotation, w_m, w_b, branch, mask, cause,
 ):  # fmt: skip
     """Best posture of each geometry from `start` to `stop`.
 
@@ -167,25 +226,43 @@ def solve_geometries(
         w_m_min: Threshold of `w_m`.
         w_b_min: Threshold of `w_b`.
         floor: Least `w_m` on the departure.
+        nodes_margin: A margin below that of every node.
+        first_avoid: Whether the best posture of all is known to touch something.
         check: Whether branches are looked at; if not, every node has all of them.
+        collide: Whether postures must touch nothing.
+        centres: Centroids of the grasps in the world of `bodies` [m], shape (k, 3).
+        bodies: `Bodies.arrays`.
         position: Filled, from the centroid, shape (k, 3).
         rotation: Filled, shape (k, 3, 3).
         w_m: Filled, shape (k, N); 0 where nothing is in reach.
         w_b: Filled, shape (k,).
         branch: Filled, shape (k, N).
         mask: Zeros, shape (k, N), filled at nodes; see `_hold_masks`.
+        cause: Zeros, shape (k,), filled with what the best posture touches where that alone keeps a node away.
     """
     count = grasps.shape[1]
     members = np.empty((8**count, count), dtype=np.int64)
     allowed, kept = np.empty((count, 8), dtype=np.bool_), np.empty((count, 8), dtype=np.bool_)
     most = max(len(heights) * len(rolls), len(wide_heights) * len(wide_rolls))
     w_class = np.empty((most, count, 4))
-    bounds = np.empty(most)
+    bounds, first_bounds = np.empty(most), np.empty(most)
     p, z = np.empty((most, count, 3)), np.empty((most, count, 3))
     turned, origins = np.empty((most, 3, 3)), np.empty((most, 3))
     information, scratch = np.empty((count, 8, 6, 6)), np.empty((2, 6, 6))
     found, trial = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    shapes, gripper, hand, fixed, world, clearance, body = bodies
+    capsules = len(shapes[0])
+    checker = (
+        shapes, gripper, hand, fixed, world, clearance, body, np.zeros((capsules, 2)), np.zeros((5, 4)), np.zeros((5, 7)),
+        np.empty((7, 4, 3)), np.empty((capsules, 2, 3)),
+    )  # fmt: skip
+    status, pairs = np.empty((count, 8), dtype=np.int64), np.empty((count, 8, count, 8), dtype=np.int64)
+    ends, world_position, points = np.empty((count, 8, capsules, 2, 3)), np.empty(3), np.empty((count, 3))
+    usable = np.ones((count, 8), dtype=np.bool_)
     for g in range(start, stop):
+        for i in range(count):
+            for axis in range(3):
+                points[i, axis] = centres[g, axis] + grasps[g, i, axis]
         try_rolls = wide_rolls if opposed[g] else rolls
         try_heights = wide_heights if opposed[g] else heights
         candidates = len(try_rolls) * len(try_heights)
@@ -200,50 +277,93 @@ def solve_geometries(
             up = turn(lines[g], cosine, sine, outs[g, 0], outs[g, 1], outs[g, 2])
             for axis in range(3):
                 origins[c, axis] = height * up[axis]
-            bounds[c] = limb_choices(
+            first_bounds[c] = limb_choices(
                 grasps[g], normals[g], tool_length, origins[c], turned[c], mount_rotations, mount_positions,
                 lengths, l_c, p[c], z[c], w_class[c],
             ) / scale_m  # fmt: skip
-        margin = 0.0
-        chosen = 0
-        w_b[g] = 0.0
-        for i in range(count):
-            w_m[g, i] = 0.0
+        # The best posture of all first; only if that touches something, the best of those that touch nothing.
+        avoid = first_avoid
+        node = False
+        touches = CLEAR
         while True:
-            c = 0
-            for other in range(1, candidates):
-                if bounds[other] > bounds[c]:
-                    c = other
-            if bounds[c] <= margin * (1.0 + TIE) or bounds[c] <= 0.0:
-                break
-            bounds[c] = 0.0
+            margin = nodes_margin if avoid else 0.0
+            chosen = 0
+            cause[g] = touches
+            w_b[g] = 0.0
             for i in range(count):
+                w_m[g, i] = 0.0
                 for b in range(8):
-                    if w_class[c, i, b >> 1] > margin * scale_m:
-                        limb_information(
-                            p[c, i], z[c, i], lengths, b, mount_rotations[i], mount_positions[i], l_c,
-                            information[i, b],
-                        )  # fmt: skip
-            better, better_wb = _best_branches(w_class[c], information, scale_m, scale_b, margin, found, trial, scratch)
-            if better > margin:
-                margin = better
-                w_b[g] = better_wb
-                for axis in range(3):
-                    position[g, axis] = origins[c, axis]
-                    for col in range(3):
-                        rotation[g, axis, col] = turned[c, axis, col]
-                chosen = c
+                    usable[i, b] = True
+            for c in range(candidates):
+                bounds[c] = first_bounds[c]
+            while True:
+                c = 0
+                for other in range(1, candidates):
+                    if bounds[other] > bounds[c]:
+                        c = other
+                if bounds[c] <= margin * (1.0 + TIE) or bounds[c] <= 0.0:
+                    break
+                bounds[c] = 0.0
+                if avoid:
+                    _forget(status, pairs)
+                    for axis in range(3):
+                        world_position[axis] = centres[g, axis] + origins[c, axis]
+                    if not _usable(
+                        w_class[c], margin * scale_m, p[c], z[c], world_position, turned[c], points, normals[g],
+                        mount_rotations, mount_positions, lengths, checker, status, ends, usable,
+                    ):  # fmt: skip
+                        continue
                 for i in range(count):
-                    branch[g, i] = found[i]
-                    w_m[g, i] = w_class[c, i, found[i] >> 1]
-        node = margin > 0.0 and w_b[g] >= w_b_min
-        for i in range(count):
-            node = node and w_m[g, i] >= w_m_min
+                    for b in range(8):
+                        if w_class[c, i, b >> 1] > margin * scale_m and usable[i, b]:
+                            limb_information(
+                                p[c, i], z[c, i], lengths, b, mount_rotations[i], mount_positions[i], l_c,
+                                information[i, b],
+                            )  # fmt: skip
+                better, better_wb = _best_branches(
+                    w_class[c], information, scale_m, scale_b, margin, found, trial, scratch, avoid, usable, ends, pairs,
+                    checker,
+                )  # fmt: skip
+                if better > margin:
+                    margin = better
+                    w_b[g] = better_wb
+                    for axis in range(3):
+                        position[g, axis] = origins[c, axis]
+                        for col in range(3):
+                            rotation[g, axis, col] = turned[c, axis, col]
+                    chosen = c
+                    for i in range(count):
+                        branch[g, i] = found[i]
+                        w_m[g, i] = w_class[c, i, found[i] >> 1]
+            node = w_b[g] > 0.0 and w_b[g] >= w_b_min
+            for i in range(count):
+                node = node and w_m[g, i] >= w_m_min
+            if not node or not collide:
+                break
+            _forget(status, pairs)
+            for axis in range(3):
+                world_position[axis] = centres[g, axis] + position[g, axis]
+            touches = CLEAR
+            for i in range(count):
+                touches = max(
+                    touches,
+                    limb_status(
+                        i, branch[g, i], p[chosen, i], z[chosen, i], world_position, rotation[g], points[i], normals[g, i],
+                        mount_rotations[i], mount_positions[i], lengths, checker, status, ends,
+                    ),
+                )  # fmt: skip
+            if touches == CLEAR and not _apart(branch[g], ends, pairs, checker):
+                touches = SELF
+            if touches == CLEAR or avoid:
+                cause[g] = CLEAR
+                break
+            avoid = True
         if node and check:
             _hold_masks(
                 grasps[g], normals[g], tools[g], position[g], rotation[g], branch[g], p[chosen], z[chosen], w_class[chosen],
                 mount_rotations, mount_positions, lengths, limits, full_turn, tool_length, lift, l_c, w_m_min, w_b_min,
-                floor, information, scratch, members, allowed, kept, mask[g],
+                floor, collide, points, world_position, checker, status, ends, pairs, information, scratch, members,
+                allowed, kept, mask[g],
             )  # fmt: skip
         elif node:
             for i in range(count):
@@ -251,15 +371,130 @@ def solve_geometries(
 
 
 @kernel
+def _usable(
+    w, least, p, z, position, rotation, points, normals, mount_rotations, mount_positions, lengths, checker, status, ends,
+    usable,
+):  # fmt: skip
+    """Which branches of a `w_m` above `least` touch nothing at a posture, into `usable`; whether every limb has one."""
+    for i in range(len(points)):
+        some = False
+        for b in range(8):
+            usable[i, b] = w[i, b >> 1] > least and CLEAR == limb_status(
+                i, b, p[i], z[i], position, rotation, points[i], normals[i], mount_rotations[i], mount_positions[i], lengths,
+                checker, status, ends,
+            )  # fmt: skip
+            some = some or usable[i, b]
+        if not some:
+            return False
+    return True
+
+
+@kernel
+def hands_clear(points, normals, tool_length, lengths, bodies, answers):
+    """What the capsules on the flange axis touch when they hold each point, whatever the posture, into `answers`.
+
+    Args:
+        points: Points of the map [m], shape (m, 3).
+        normals: Their surface normals, shape (m, 3).
+        tool_length: Flange to grasp [m].
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        bodies: `Bodies.arrays`.
+        answers: Filled, shape (m,).
+    """
+    shapes, gripper, hand, _, world, clearance, _ = bodies
+    link, local = shapes[0], shapes[1]
+    ends, still = np.empty((len(link), 2, 3)), np.zeros((len(link), 2))
+    for m in range(len(points)):
+        for c in range(hand, len(link)):
+            for e in range(2):
+                along = local[c, e, 2] if link[c] == 6 else local[c, e, 1] - lengths[5]
+                for k in range(3):
+                    ends[c, e, k] = points[m, k] + (tool_length - along) * normals[m, k]
+        answers[m] = against_all(ends, still, hand, len(link), shapes, world, gripper, points[m], normals[m], clearance)
+
+
+@kernel
+def clear_of_world(
+    start, stop, chosen, points, positions, normals, tool_length, position, rotation, branch, mask, check, mount_rotations,
+    mount_positions, lengths, bodies, cause,
+):  # fmt: skip
+    """Take the branches that touch a box out of the masks of postures that keep clear of themselves.
+
+    Args:
+        start: First of `chosen`.
+        stop: One past the last.
+        chosen: Stances to look at.
+        points: Point indices of all stances, shape (k, N).
+        positions: Points of the map [m], shape (m, 3).
+        normals: Their surface normals, shape (m, 3).
+        tool_length: Flange to grasp [m].
+        position: Base positions [m], shape (k, 3).
+        rotation: Base rotations, shape (k, 3, 3).
+        branch: The postures' own branches, shape (k, N).
+        mask: Branches and flips of each limb, shape (k, N), changed.
+        check: Whether branches other than the own ones count.
+        mount_rotations: Shape (N, 3, 3).
+        mount_positions: Shape (N, 3) [m].
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        bodies: `Bodies.arrays`.
+        cause: Shape (k,), filled with the cause where an own branch touches a box.
+    """
+    shapes, gripper, hand, _, world, clearance, _ = bodies
+    capsules = len(shapes[0])
+    ends, world_ends, still = np.empty((capsules, 2, 3)), np.empty((capsules, 2, 3)), np.zeros((capsules, 2))
+    frames, p, z = np.empty((7, 4, 3)), np.empty(3), np.empty(3)
+    grip, approach, normal = np.empty(3), np.empty(3), np.empty(3)
+    for n in range(start, stop):
+        k = chosen[n]
+        for i in range(points.shape[1]):
+            point = points[k, i]
+            for axis in range(3):
+                normal[axis] = normals[point, axis]
+                approach[axis] = -normal[axis]
+                grip[axis] = positions[point, axis] + tool_length * normal[axis]
+            flange_in_limb(
+                grip, approach, position[k], rotation[k], approach, 0.0, mount_rotations[i], mount_positions[i], p, z
+            )
+            for b in range(8):
+                own = b == branch[k, i]
+                if not own and not (check and mask[k, i] & (0x0101 << b)):
+                    continue
+                found = CLEAR + 1
+                if frames_of_branch(p, z, lengths, b, frames):
+                    place(frames, shapes, mount_rotations[i], mount_positions[i], ends)
+                    to_world(ends, position[k], rotation[k], world_ends)
+                    found = against_all(
+                        world_ends, still, 0, hand, shapes, world, gripper, positions[point], normal, clearance
+                    )  # fmt: skip
+                if found != CLEAR:
+                    if check:
+                        mask[k, i] &= ~(0x0101 << b)
+                    if own:
+                        cause[k] = found
+
+
+@kernel
+def _forget(status, pairs):
+    """Mark every answer as unknown."""
+    for i in range(status.shape[0]):
+        for b in range(8):
+            status[i, b] = -1
+            for j in range(status.shape[0]):
+                for c in range(8):
+                    pairs[i, b, j, c] = -1
+
+
+@kernel
 def _hold_masks(
     grasps, normals, tools, position, rotation, branch, p, z, w, mount_rotations, mount_positions, lengths, limits, full_turn,
-    tool_length, lift, l_c, w_m_min, w_b_min, floor, information, scratch, members, allowed, kept, mask,
+    tool_length, lift, l_c, w_m_min, w_b_min, floor, collide, points, world_position, checker, status, ends, pairs,
+    information, scratch, members, allowed, kept, mask,
 ):  # fmt: skip
     """Branches and flips on which each limb may hold at a posture, a product set, into `mask`, shape (N,).
 
     A branch belongs if `w_m` meets the threshold, if the limb can depart along the surface normal on it with
-    `w_m` above the floor and inside its joint limits, and if every combination with the other limbs' branches
-    meets the threshold of `w_b`. The set grows from the posture's own branches in a fixed order.
+    `w_m` above the floor and inside its joint limits, if it touches nothing, and if every combination with the other
+    limbs' branches meets the threshold of `w_b` and keeps them apart. The set grows from the posture's own branches in a fixed order.
 
     Further arguments as in `solve_geometries`, for one geometry, and scratch arrays.
     """
@@ -289,10 +524,15 @@ def _hold_masks(
         mask[i] = bits
         for b in range(8):
             allowed[i, b] = (bits | bits >> 8) >> b & 1
+            if collide and allowed[i, b]:
+                allowed[i, b] = CLEAR == limb_status(
+                    i, b, p[i], z[i], world_position, rotation, points[i], normals[i], mount_rotations[i],
+                    mount_positions[i], lengths, checker, status, ends,
+                )  # fmt: skip
             kept[i, b] = False
             if allowed[i, b]:
                 limb_information(p[i], z[i], lengths, b, mount_rotations[i], mount_positions[i], l_c, information[i, b])
-    _grow(allowed, information, branch, w_b_min, members, scratch, kept)
+    _grow(allowed, information, branch, w_b_min, collide, ends, pairs, checker, members, scratch, kept)
     for i in range(count):
         bits = 0
         for b in range(8):
@@ -302,8 +542,8 @@ def _hold_masks(
 
 
 @kernel
-def _grow(allowed, information, own, w_b_min, members, scratch, kept):
-    """Product set reached from `own` by adding branches one at a time, every combination at or above `w_b_min`.
+def _grow(allowed, information, own, w_b_min, collide, ends, pairs, checker, members, scratch, kept):
+    """Product set reached from `own` by adding branches one at a time, every combination at or above `w_b_min` and clear.
 
     `members`, shape (8^N, N), takes the combinations of the set; `kept`, shape (N, 8), says which branches are in it.
     """
@@ -325,7 +565,11 @@ def _grow(allowed, information, own, w_b_min, members, scratch, kept):
                     for j in range(count):
                         members[end, j] = members[k, j]
                     members[end, i] = b
-                    if combined(information, members[end], scratch) < w_b_min:
+                    apart = True
+                    for j in range(count):
+                        if collide and j != i and apart:
+                            apart = pair_status(i, b, j, members[end, j], ends, pairs, checker) == CLEAR
+                    if not apart or combined(information, members[end], scratch) < w_b_min:
                         end = -1
                         break
                     end += 1

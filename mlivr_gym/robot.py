@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import RobotError
+from mlivr_gym.errors import MlivrError, RobotError
+from mlivr_gym.shapes import Capsule
 
 LIMB_COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
 """Colour of each limb, in the scene and in figures."""
@@ -72,6 +73,18 @@ class Limb:
         return float(np.abs(self.lengths).sum())
 
 
+FOLDS = (
+    (0.3, np.pi - 0.3, 1.2, 1.6, 0.75),
+    (-0.6, np.pi, 2.4, 0.0, -0.75),
+    (0.3, np.pi, 0.0, -1.6, 0.75),
+)
+"""Joints 1 to 5 [rad] of a UR limb folded beside the body, on the side away from the surface.
+
+Chosen from a grid of postures that keep 0.04 m from the body: each in turn adds most stances of the JEM from which a
+limb can be folded, and steps over which it can be carried.
+"""
+
+
 @dataclass(frozen=True)
 class RobotSpec:
     """A body with `limbs` equal limbs, mounted at equal angles about the body's z axis.
@@ -90,7 +103,11 @@ class RobotSpec:
         heights: Heights of the base over the grasps' centroid that are tried [m].
         rolls: Rolls about the line through the grasps that are tried [rad].
         lift: How far a gripper departs along the surface normal before it swings [m].
-        body_size: Edge of the body [m], for the scene.
+        folds: Angles of joints 1 to 5 [rad] in which a free limb may be carried while the base moves, at most four, the
+            preferred first.
+        capsules: Collision shapes of a limb; by default those of the UR5e, stretched to the limb's lengths, and a
+            gripper from the flange to the grasp.
+        body_size: Edge of the body, a cube [m].
         body_mass: Mass of the body [kg].
         gripper_mass: Mass of a gripper [kg].
     """
@@ -106,6 +123,8 @@ class RobotSpec:
     heights: tuple[float, ...] = (0.60, 0.65, 0.70, 0.75)
     rolls: tuple[float, ...] = tuple(np.deg2rad([0.0, -15.0, 15.0, -30.0, 30.0]).tolist())
     lift: float = 0.1
+    folds: tuple[tuple[float, ...], ...] = FOLDS
+    capsules: tuple[Capsule, ...] | None = None
     body_size: float = 0.2
     body_mass: float = 20.0
     gripper_mass: float = 0.5
@@ -121,6 +140,12 @@ class RobotSpec:
             if not values or not np.isfinite(values).all():
                 raise RobotError(f"{name} {values} must be one or more finite numbers")
             object.__setattr__(self, name, values)
+        folds = np.array(self.folds, dtype=np.float64)
+        if folds.ndim != 2 or folds.shape[1] != 5 or not 1 <= len(folds) <= 4 or not np.isfinite(folds).all():
+            raise RobotError(f"folds {self.folds} must be one to four rows of five joint angles")
+        object.__setattr__(self, "folds", tuple(tuple(row) for row in folds.tolist()))
+        if self.capsules is not None:
+            object.__setattr__(self, "capsules", tuple(self.capsules))
         for name in ("mount_radius", "tool_length", "grasp_separation", "lift"):
             self._check(name, getattr(self, name) >= 0.0)
         for name in ("characteristic_length", "span", "body_size", "body_mass", "gripper_mass"):
@@ -146,6 +171,34 @@ class RobotSpec:
     def mount_positions(self) -> NDArray[np.float64]:
         """Shape (N, 3): limb base origins in the body frame [m]."""
         return self.mount_radius * self.mount_rotations[:, :, 2]
+
+    @property
+    def extent(self) -> float:
+        """An upper bound of the distance of any part of the robot from the body's middle [m]."""
+        thickest = max(capsule.radius for capsule in self.shapes)
+        return self.mount_radius + self.limb.reach + self.tool_length + thickest
+
+    @cached_property
+    def shapes(self) -> tuple[Capsule, ...]:
+        """Collision shapes of a limb in its link frames, the base fixed to the body, the gripper's frame the flange's."""
+        if self.capsules is not None:
+            return self.capsules
+        data, limb = ur5e_data(), self.limb
+        published = data["dh"]
+        stretch = {
+            "upper_arm": (limb.a2 / published["a2"], 1.0, limb.d4 / published["d4"]),
+            "forearm": (limb.a3 / published["a3"], 1.0, limb.d4 / published["d4"]),
+            "wrist_1": (1.0, 1.0, limb.d5 / published["d5"]), "wrist_3": (1.0, 1.0, limb.d6 / published["d6"]),
+        }  # fmt: skip
+        out = []
+        for entry in data["capsules"]:
+            factor = np.array(stretch.get(entry["link"], (1.0, 1.0, 1.0)))
+            start, end = (tuple((np.array(entry[name]) * factor).tolist()) for name in ("p0", "p1"))
+            out.append(Capsule(entry["link"], start, end, entry["r"]))
+        radius = data["gripper"]["radius"]
+        tip = self.tool_length - radius
+        out.append(Capsule("gripper", (0.0, 0.0, min(0.0, tip)), (0.0, 0.0, tip), radius))
+        return tuple(out)
 
     @property
     def full_turn(self) -> bool:
@@ -177,9 +230,12 @@ class RobotSpec:
                 for name in given:
                     if name not in known:
                         raise RobotError(f"unknown robot field {name!r}; valid fields are {', '.join(known)}")
-            return cls(**{**data, "limb": Limb(**data.get("limb", {}))})
+            values = {**data, "limb": Limb(**data.get("limb", {}))}
+            if data.get("capsules") is not None:
+                values["capsules"] = tuple(Capsule(**entry) for entry in data["capsules"])
+            return cls(**values)
         except (TypeError, ValueError) as error:
-            if isinstance(error, RobotError):
+            if isinstance(error, MlivrError):
                 raise
             raise RobotError(f"faulty robot description: {error}") from None
 

@@ -15,6 +15,9 @@ BASE_THRESHOLD = 0.001
 PATH_FLOOR = 0.03
 """Least limb manipulability of a holding limb between two stances."""
 
+CLEARANCE = 0.02
+"""Least distance between shapes [m]."""
+
 
 def base_threshold(limbs: int) -> float:
     """Default threshold of `w_b`: `||qdot||` is shared among more joints as N grows, so it falls as `N^-3`."""
@@ -31,6 +34,8 @@ class Settings:
         limb_threshold: Least `w_m` of each limb.
         base_threshold: Least `w_b`; by default `0.001 (2/N)^3`.
         path_floor: Least `w_m` of a holding limb between stances.
+        collisions: Whether stances and steps must touch nothing.
+        clearance: Least distance between any two shapes that are checked [m].
     """
 
     manipulability: bool = True
@@ -38,10 +43,12 @@ class Settings:
     limb_threshold: float = LIMB_THRESHOLD
     base_threshold: float | None = None
     path_floor: float = PATH_FLOOR
+    collisions: bool = True
+    clearance: float = CLEARANCE
 
     def __post_init__(self) -> None:
         """Check the thresholds."""
-        for name in ("limb_threshold", "path_floor"):
+        for name in ("limb_threshold", "path_floor", "clearance"):
             object.__setattr__(self, name, nonnegative(name, getattr(self, name)))
         if self.base_threshold is not None:
             object.__setattr__(self, "base_threshold", nonnegative("base_threshold", self.base_threshold))

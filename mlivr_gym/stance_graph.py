@@ -9,20 +9,25 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mlivr_gym.base_path import ARC, STRAIGHT, follow
+from mlivr_gym.bodies import Bodies
+from mlivr_gym.collision_kernels import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
 from mlivr_gym.compiled import is_cached, second_process
-from mlivr_gym.errors import RobotError, StanceError
+from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
 from mlivr_gym.grasp_map import GraspMap, jem_map
-from mlivr_gym.posture import OPPOSED_HEIGHTS, Postures, PostureSolver
+from mlivr_gym.posture import FIELDS, OPPOSED_HEIGHTS, Postures, PostureSolver
 from mlivr_gym.posture_kernels import solve_geometries
+from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, release, together_apart
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
+from mlivr_gym.shapes import Box
 from mlivr_gym.transitions import hold_mask, quaternion
 
 if TYPE_CHECKING:
@@ -30,6 +35,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+
+TOUCHED = {
+    UNDECIDED: "something", SELF: "the robot itself", CABIN: "the cabin", HANDRAIL: "a handrail", OBSTACLE: "an obstacle",
+}  # fmt: skip
+"""What a cause of a collision is called in a sentence."""
+
+STUCK = "a limb could not let go and be folded without touching something"
 
 
 class State(NamedTuple):
@@ -92,11 +105,77 @@ class StanceGraph(ABC):
         self.partner_start: IntArray = np.searchsorted(self.pairs[:, 0], np.arange(len(grasp_map) + 1))
         self.grips: Array = positions + robot.tool_length * grasp_map.normals
         """Flange position at each grasp [m], shape (m, 3)."""
+        self.obstacles: tuple[Box, ...] = ()
+        """What stands in the way at present, besides the map's own boxes."""
+        self.occupied: frozenset[int] = frozenset()
+        """Points that may not be grasped at present, by index."""
+        self.version = 0
+        """Number of changes of obstacles and occupied points."""
+        self.hindrance = Bodies(self.solver.shapes, (), settings.clearance)
+        """The obstacles in the form the compiled checks read."""
 
     @property
     def limbs(self) -> int:
         """Number of limbs."""
         return self.robot.limbs
+
+    @property
+    def checks(self) -> list[tuple[tuple[Any, ...], bool]]:
+        """What motions are checked against: bodies, and whether with the robot's own shapes."""
+        if not self.settings.collisions:
+            return []
+        found = [(self.solver.bodies.arrays, True)]
+        return [*found, (self.hindrance.arrays, False)] if self.obstacles else found
+
+    def add_obstacles(self, boxes: Sequence[Box]) -> None:
+        """Put boxes into the world: they take away the stances and steps that touch them.
+
+        Nothing is worked out again but what lies near, and that when it is asked for. Stances keep their postures.
+
+        Raises:
+            ShapeError: If a box of that id is there already.
+            SettingError: If collisions are not checked.
+        """
+        if boxes and not self.settings.collisions:
+            raise SettingError("obstacles need collisions=True; this stance graph does not look at collisions")
+        ids = [box.id for box in self.obstacles]
+        for box in boxes:
+            if box.id in ids:
+                raise ShapeError(f"obstacle {box.id!r} is there already")
+            ids.append(box.id)
+        self._set_obstacles((*self.obstacles, *boxes), self.occupied)
+
+    def remove_obstacles(self, ids: Sequence[str] | None = None) -> None:
+        """Take boxes out of the world again, by default all.
+
+        Raises:
+            ShapeError: If there is no box of an id.
+        """
+        there = [box.id for box in self.obstacles]
+        for name in ids or ():
+            if name not in there:
+                raise ShapeError(f"no obstacle {name!r}; there are {', '.join(map(repr, there)) or 'none'}")
+        left = tuple(box for box in self.obstacles if ids is not None and box.id not in ids)
+        self._set_obstacles(left, self.occupied)
+
+    def occupy(self, points: Sequence[str | int]) -> None:
+        """Make points unavailable: no limb may take hold of them until they are vacated."""
+        self._set_obstacles(self.obstacles, self.occupied | {self.grasp_map.index(point) for point in points})
+
+    def vacate(self, points: Sequence[str | int] | None = None) -> None:
+        """Make points available again, by default all."""
+        gone = self.occupied if points is None else {self.grasp_map.index(point) for point in points}
+        self._set_obstacles(self.obstacles, self.occupied - gone)
+
+    def _set_obstacles(self, boxes: tuple[Box, ...], occupied: frozenset[int]) -> None:
+        if boxes != self.obstacles:
+            self.hindrance = Bodies(self.solver.shapes, boxes, self.settings.clearance)
+        self.obstacles, self.occupied = boxes, frozenset(occupied)
+        self.version += 1
+        self._obstacles_changed()
+
+    def _obstacles_changed(self) -> None:
+        """Forget what no longer holds."""
 
     def partners(self, point: int) -> IntArray:
         """Points that may be held together with `point`."""
@@ -155,10 +234,21 @@ class StanceGraph(ABC):
         points = self.indices(stance)
         posture = self.posture(points)
         if not self.is_node(posture)[0]:
-            raise StanceError(f"stance {self.ids(points)} cannot be held: {self._fault(posture)}")
-        return State(points, tuple(int(m) for m in posture.mask[0]))
+            raise StanceError(f"stance {self.ids(points)} cannot be held: {self._fault(points, posture)}")
+        masks = posture.mask[0]
+        if self.settings.collisions and self.settings.transitions:
+            masks = self.released(points, posture) & 0xFFFF
+            if not masks.all():
+                raise StanceError(f"stance {self.ids(points)} cannot be held: {STUCK}")
+        return State(points, tuple(int(m) for m in masks))
 
-    def _fault(self, posture: Postures) -> str:
+    def _fault(self, points: tuple[int, ...], posture: Postures) -> str:
+        taken = [self.grasp_map.ids[p] for p in points if p in self.occupied]
+        if taken:
+            return f"point {taken[0]!r} is occupied"
+        cause = int(posture.cause[0])
+        if cause:
+            return f"every posture that meets the thresholds touches {TOUCHED[cause]}"
         w_m, w_b = posture.w_m[0], float(posture.w_b[0])
         if not posture.reachable[0]:
             return "the points are out of reach from every base pose tried"
@@ -202,21 +292,34 @@ class StanceGraph(ABC):
         """An upper bound of the base displacement of one step [m]."""
 
     def transition(self, state: State, after: Sequence[int], posture: Postures) -> Transition | None:
-        """The base path from a state to a neighbouring stance, or None if the holding limbs cannot follow.
+        """The base path from a state to a neighbouring stance, or None if the step cannot be carried out.
 
         Args:
             state: Where the step departs.
             after: Point index of each limb after the step.
             posture: Postures of the two stances, in this order.
         """
-        held = [i for i in range(self.limbs) if state.stance[i] == after[i]]
+        limb = next(i for i in range(self.limbs) if state.stance[i] != after[i])
+        held = [i for i in range(self.limbs) if i != limb]
         pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
         masks = [int(m) for m in posture.mask[1]]
         if not self.settings.transitions:
             return Transition(pivot, tuple(masks))
+        together = 0
+        before = [int(m) for m in state.masks]
+        if self.settings.collisions:
+            first = self.released(state.stance, posture.take(slice(0, 1)))
+            second = self.released(tuple(after), posture.take(slice(1, 2)))
+            together = int(first[limb] & second[limb]) >> TOGETHER & 15
+            before = [m & int(r) & 0xFFFF for m, r in zip(before, first, strict=True)]
+            masks = [m & int(r) & 0xFFFF for m, r in zip(masks, second, strict=True)]
+            if not all(before) or not all(masks):
+                return None
         gained = dict.fromkeys(held, 0)
         for kind in (STRAIGHT, ARC):
-            left = {i: self.hold(kind, pivot, after[i], i, posture, state.masks[i] & masks[i]) for i in held}
+            left = {i: self.hold(kind, pivot, after[i], i, posture, before[i] & masks[i] & ~gained[i]) for i in held}
+            if self.settings.collisions and all(left.values()):
+                _, left = self._carry(kind, pivot, limb, after, posture, left, together)
             if len(held) == 1:
                 # One limb may take some branches along the line and others along the arc.
                 gained[held[0]] |= left[held[0]]
@@ -226,6 +329,94 @@ class StanceGraph(ABC):
         if not all(gained.values()):
             return None
         return Transition(pivot, tuple(gained.get(i, masks[i]) for i in range(self.limbs)))
+
+    def way(
+        self, before: Sequence[int], after: Sequence[int], limb: int, posture: Postures, masks: Sequence[int]
+    ) -> tuple[int, int]:
+        """Path kind of a step that is an edge, and the fold in which `limb` can be carried (-1 without collisions).
+
+        Args:
+            before: Point index of each limb before the step.
+            after: And after it.
+            limb: The limb that moves.
+            posture: Postures of the two stances.
+            masks: The branch and flip each limb is on, as a mask.
+        """
+        held = [i for i in range(self.limbs) if i != limb]
+        pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
+        for kind in (STRAIGHT, ARC):
+            left = {i: self.hold(kind, pivot, after[i], i, posture, int(masks[i])) for i in held}
+            if not all(left.values()):
+                continue
+            if not self.settings.collisions:
+                return kind, -1
+            first = self.released(tuple(before), posture.take(slice(0, 1)))
+            second = self.released(tuple(after), posture.take(slice(1, 2)))
+            together = int(first[limb] & second[limb]) >> TOGETHER & 15
+            fold, left = self._carry(kind, pivot, limb, after, posture, left, together)
+            if all(left.values()):
+                return kind, fold
+        return ARC, -1
+
+    def released(self, stance: tuple[int, ...], posture: Postures) -> IntArray:
+        """On which branches each limb can let go of a stance, see `release_kernels.release`; zeros if one cannot."""
+        solver, robot = self.solver, self.robot
+        limbs = self.limbs
+        masks = [int(m) for m in posture.mask[0]]
+        answers = np.full(limbs, -1, dtype=np.int64)
+        here = (np.ascontiguousarray(posture.position[0]), np.ascontiguousarray(posture.rotation[0]))
+        for bodies, inside in self.checks:
+            placed = np.empty((8 * (limbs - 1), len(solver.shapes), 2, 3))
+            for limb in range(limbs):
+                count = 0
+                for other in range(limbs):
+                    if inside and other != limb:
+                        point = stance[other]
+                        count = place_branches(
+                            other, masks[other], solver.points[point], solver.normals[point], robot.tool_length, *here,
+                            solver.mount_rotations, solver.mount_positions, solver.lengths, bodies[0], count, placed,
+                        )  # fmt: skip
+                point = stance[limb]
+                answers[limb] = release(
+                    limb, masks[limb], solver.points[point], solver.normals[point], solver.rails[point], robot.tool_length,
+                    robot.lift, *here, placed[:count], solver.folds, solver.limits, solver.mount_rotations,
+                    solver.mount_positions, solver.lengths, bodies, inside, answers[limb],
+                )  # fmt: skip
+                masks[limb] = int(answers[limb]) & 0xFFFF
+                if not masks[limb]:
+                    return np.zeros(limbs, dtype=np.int64)
+        return answers
+
+    def _carry(
+        self, kind: int, pivot: Array, limb: int, after: Sequence[int], posture: Postures, left: dict[int, int], together: int
+    ) -> tuple[int, dict[int, int]]:
+        """The first fold in which `limb` can be carried along a base path, and the branches left to the limbs that hold."""
+        solver = self.solver
+        path = (
+            posture.position[0], posture.rotation[0], posture.position[1], posture.rotation[1], kind, pivot,
+        )  # fmt: skip
+        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
+        for bodies, inside in self.checks:
+            fold = int(carried(limb, together, path, solver.folds, *mounts, bodies, inside))
+            if fold < 0:
+                return -1, dict.fromkeys(left, 0)
+            # Another fold might serve the next world; the first must serve all.
+            together = 1 << fold
+            for i, mask in left.items():
+                point = after[i]
+                left[i] = int(
+                    holding(
+                        i, mask, self.grips[point], solver.tools[point], solver.points[point], solver.normals[point], path, limb,
+                        fold, solver.folds, *mounts, bodies, inside,
+                    )
+                )  # fmt: skip
+            for i, j in combinations(left, 2) if inside else ():
+                a, b = after[i], after[j]
+                first, second = together_apart(
+                    i, j, left[i], left[j], self.grips[a], solver.tools[a], self.grips[b], solver.tools[b], path, *mounts, bodies,
+                )  # fmt: skip
+                left[i], left[j] = int(first), int(second)
+        return fold, left
 
     def hold(self, kind: int, pivot: Array, point: int, limb: int, posture: Postures, mask: int) -> int:
         """Those of the branches and flips in `mask` on which a limb can hold along a base path.
@@ -262,6 +453,28 @@ class StanceGraph(ABC):
 
 class LazyGraph(StanceGraph):
     """Stance graph of any number of limbs, whose neighbours are worked out when asked for."""
+
+    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
+        """Start with nothing known."""
+        super().__init__(grasp_map, robot, settings)
+        self._released: dict[tuple[int, ...], IntArray] = {}
+
+    def postures(self, stances: IntArray) -> Postures:
+        """Postures of stances, shape (k, N), feasible or not; with occupied points they cannot be held."""
+        stances = np.asarray(stances, dtype=np.int64).reshape(-1, self.limbs)
+        found = super().postures(stances)
+        if self.occupied:
+            found.mask[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
+        return found
+
+    def released(self, stance: tuple[int, ...], posture: Postures) -> IntArray:
+        """On which branches each limb can let go, worked out once."""
+        if stance not in self._released:
+            self._released[stance] = super().released(stance, posture)
+        return self._released[stance]
+
+    def _obstacles_changed(self) -> None:
+        self._released = {}
 
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
         """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
@@ -322,7 +535,7 @@ def join(first: Postures, second: Postures) -> Postures:
     return Postures(
         *(
             np.concatenate([getattr(first, name), getattr(second, name)])
-            for name in ("position", "rotation", "w_m", "w_b", "branch", "mask")
+            for name in FIELDS
         )
     )
 

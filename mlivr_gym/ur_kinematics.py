@@ -136,7 +136,8 @@ def limb_axes(p, z, lengths, branch, axes, origins):
 
 
 @kernel
-def _wrap(angle):
+def wrap(angle):
+    """The angle plus whole turns that lies nearest to zero [rad]."""
     return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
 
 
@@ -201,13 +202,65 @@ def inverse_kinematics(p, r, lengths, out):
         c6 = r[0, 0] * x5[0] + r[1, 0] * x5[1] + r[2, 0] * x5[2]
         s6 = -(r[0, 0] * z4[0] + r[1, 0] * z4[1] + r[2, 0] * z4[2])
         out[branch, 0] = np.arctan2(s1, c1)
-        out[branch, 1] = _wrap(q2)
+        out[branch, 1] = wrap(q2)
         out[branch, 2] = q3
-        out[branch, 3] = _wrap(theta - q2 - q3)
+        out[branch, 3] = wrap(theta - q2 - q3)
         out[branch, 4] = np.arctan2(s5, c5)
         out[branch, 5] = np.arctan2(s6, c6)
         mask |= 1 << branch
     return mask
+
+
+@kernel
+def branch_angles(p, x, z, lengths, branch, q):
+    """Joint angles of one branch away from singularities.
+
+    Args:
+        p: Flange position in the limb base frame [m], shape (3,).
+        x: First axis of the flange, shape (3,).
+        z: Flange axis, shape (3,).
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        branch: Branch label.
+        q: Filled with joint angles [rad], shape (6,), on no particular winding.
+
+    Returns:
+        Whether the pose is within reach and away from the wrist singularity.
+    """
+    d1, a2, a3, d4, d5, d6 = lengths
+    wx, wy, wz = p[0] - d6 * z[0], p[1] - d6 * z[1], p[2] - d6 * z[2]
+    rho2 = wx * wx + wy * wy
+    u2 = rho2 - d4 * d4
+    if u2 <= 0.0:
+        return False
+    u = -np.sqrt(u2) if branch & 4 else np.sqrt(u2)
+    c1 = (u * wx - d4 * wy) / rho2
+    s1 = (u * wy + d4 * wx) / rho2
+    zr = c1 * z[0] + s1 * z[1]
+    c5 = s1 * z[0] - c1 * z[1]
+    s5 = np.sqrt(zr * zr + z[2] * z[2])
+    if s5 * s5 < SINGULAR:
+        return False
+    if branch & 2:
+        s5 = -s5
+    sin_theta, cos_theta = -z[2] / s5, -zr / s5
+    px = u - d5 * sin_theta
+    pz = wz - d1 + d5 * cos_theta
+    c3 = (px * px + pz * pz - a2 * a2 - a3 * a3) / (2.0 * a2 * a3)
+    if c3 * c3 > 1.0:
+        return False
+    s3 = np.sqrt(1.0 - c3 * c3)
+    if branch & 1:
+        s3 = -s3
+    q[0] = np.arctan2(s1, c1)
+    q[1] = np.arctan2(pz, px) - np.arctan2(a3 * s3, a2 + a3 * c3)
+    q[2] = np.arctan2(s3, c3)
+    q[3] = np.arctan2(sin_theta, cos_theta) - q[1] - q[2]
+    q[4] = np.arctan2(s5, c5)
+    x5 = c5 * cos_theta * c1 + s5 * s1, c5 * cos_theta * s1 - s5 * c1, c5 * sin_theta
+    c6 = x[0] * x5[0] + x[1] * x5[1] + x[2] * x5[2]
+    s6 = -(x[0] * sin_theta * c1 + x[1] * sin_theta * s1 - x[2] * cos_theta)
+    q[5] = np.arctan2(s6, c6)
+    return True
 
 
 def forward_kinematics(q: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:

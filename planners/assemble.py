@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.base_path import ARC, LIMIT_TOLERANCE, PATH_KINDS, SAMPLES, STRAIGHT, follow
+from mlivr_gym.base_path import LIMIT_TOLERANCE, PATH_KINDS, SAMPLES, STRAIGHT, follow
 from mlivr_gym.planners.plan import Step
+from mlivr_gym.planners.swing import Hold, Swing, SwingFinder
 from mlivr_gym.posture import Postures
 from mlivr_gym.posture_kernels import base_along, choices_along
 from mlivr_gym.stance_graph import StanceGraph, State
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 class Assembly(NamedTuple):
-    """A plan's branches, angles, manipulability and steps; `beyond` is a step that a hold's joint limits forbid."""
+    """A plan's branches, angles, manipulability and steps; `beyond` is a step that joint limits or shapes forbid."""
 
     branches: NDArray[np.int64]
     joints: Array
@@ -28,11 +29,11 @@ class Assembly(NamedTuple):
     beyond: int | None
 
 
-def holds(states: Sequence[State], limb: int) -> list[tuple[int, int]]:
-    """First and last stance of each time `limb` holds one point."""
+def holds(points: NDArray[np.int64], limb: int) -> list[tuple[int, int]]:
+    """First and last stance of each time `limb` holds one point; `points` has shape (K, N)."""
     spans, first = [], 0
-    for k in range(1, len(states) + 1):
-        if k == len(states) or states[k].stance[limb] != states[first].stance[limb]:
+    for k in range(1, len(points) + 1):
+        if k == len(points) or points[k, limb] != points[first, limb]:
             spans.append((first, k - 1))
             first = k
     return spans
@@ -64,15 +65,15 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
     flips = np.zeros((count, limbs), dtype=np.int64)
     if checked:
         for limb in range(limbs):
-            for first, last in holds(states, limb):
+            for first, last in holds(points, limb):
                 mask = states[last].masks[limb]
                 least = w[first : last + 1, limb].min(axis=0)
                 bits = [bit for bit in range(16) if mask >> bit & 1]
                 bit = max(bits, key=lambda b: (round(float(least[(b & 7) >> 1]), 12), -b))
                 branches[first : last + 1, limb], flips[first : last + 1, limb] = bit & 7, bit >> 3
     pivots = _pivots(graph, points)
-    kinds = _path_kinds(graph, points, pivots, postures, branches + 8 * flips) if checked else []
-    joints, beyond = _joint_angles(graph, states, points, pivots, postures, branches, flips, kinds)
+    ways = _ways(graph, points, postures, branches + 8 * flips) if checked else []
+    joints, spans, beyond = _joint_angles(graph, points, pivots, postures, branches, flips, ways)
     w_m = np.take_along_axis(w, branches[..., None] >> 1, axis=2)[..., 0]
     w_b = np.empty(count)
     base_along(p, z, branches, *mounts, np.empty((limbs, 8, 6, 6)), np.empty((2, 6, 6)), w_b)
@@ -80,17 +81,59 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
     for k in range(count - 1):
         limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
         x, y, height = pivots[k].tolist()
+        kind, fold = ways[k] if checked else (STRAIGHT, -1)
+        swing = Swing("unchecked", np.zeros((0, 7)))
+        if checked and graph.settings.collisions and beyond is None:
+            path = (
+                postures.position[k], postures.rotation[k], postures.position[k + 1], postures.rotation[k + 1], kind, pivots[k],
+            )  # fmt: skip
+            held = [i for i in range(limbs) if i != limb]
+            finder = SwingFinder(
+                graph, limb, path, [Hold(i, int(points[k, i]), int(branches[k, i])) for i in held]
+            )  # fmt: skip
+            start = _lifted(graph, points, postures, branches, flips, joints, k, limb)
+            end = _lifted(graph, points, postures, branches, flips, joints, k + 1, limb)
+            last, fewest, most = spans[limb][k + 1]
+            found = finder.find(start, end, (fewest, most), fold)
+            if found is None:
+                beyond = k
+            else:
+                swing = found
+                turned = np.rint((swing.knots[-1, 1:] - end) / (2.0 * np.pi))
+                joints[k + 1 : last + 1, limb] += 2.0 * np.pi * turned
         steps.append(
             Step(
                 limb=limb,
                 departs=graph.grasp_map.ids[points[k, limb]],
                 lands=graph.grasp_map.ids[points[k + 1, limb]],
-                path=PATH_KINDS[kinds[k]] if checked else "unchecked",
+                path=PATH_KINDS[kind] if checked else "unchecked",
                 pivot=(x, y, height),
                 displacement=float(np.linalg.norm(postures.position[k + 1] - postures.position[k])),
+                swing=swing.kind,
+                knots=tuple(tuple(knot) for knot in swing.knots.tolist()),
             )
         )
     return Assembly(branches, joints, w_m, w_b, tuple(steps), beyond)
+
+
+def _lifted(
+    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, branches: NDArray[np.int64], flips: NDArray[np.int64],
+    joints: Array, k: int, limb: int,
+) -> Array:  # fmt: skip
+    """Joint angles of a limb that has departed from its point at stance `k`, on the windings it has there."""
+    solver, point = graph.solver, int(points[k, limb])
+    # To depart along the normal is to move the base the other way.
+    lifted = postures.position[k] - graph.robot.lift * solver.normals[point]
+    here = (lifted, postures.rotation[k])
+    q = joints[k, limb].copy()
+    q[5] -= np.pi * flips[k, limb]
+    follow(
+        graph.grips[point], solver.tools[point], *here, *here, STRAIGHT, lifted, solver.mount_rotations[limb],
+        solver.mount_positions[limb], solver.lengths, branches[k, limb], 0, np.empty(6), q, np.full(6, np.inf),
+        np.full(6, -np.inf),
+    )  # fmt: skip
+    q[5] += np.pi * flips[k, limb]
+    return q
 
 
 def _pivots(graph: StanceGraph, points: NDArray[np.int64]) -> Array:
@@ -100,48 +143,53 @@ def _pivots(graph: StanceGraph, points: NDArray[np.int64]) -> Array:
     return centres
 
 
-def _path_kinds(
-    graph: StanceGraph, points: NDArray[np.int64], pivots: Array, postures: Postures, bits: NDArray[np.int64]
-) -> list[int]:
-    """Straight where every holding limb can keep its branch and flip on it, else an arc."""
-    kinds = []
+def _ways(
+    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, bits: NDArray[np.int64]
+) -> list[tuple[int, int]]:
+    """Path kind and fold of each step on the branches and flips chosen."""
+    ways = []
     for k in range(len(points) - 1):
-        pivot, ends = pivots[k], postures.take(slice(k, k + 2))
-        held = np.flatnonzero(points[k] == points[k + 1])
-        straight = all(graph.hold(STRAIGHT, pivot, int(points[k, i]), int(i), ends, 1 << int(bits[k, i])) for i in held)
-        kinds.append(STRAIGHT if straight else ARC)
-    return kinds
+        limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
+        masks = [1 << int(bits[k, i]) for i in range(graph.limbs)]
+        way = graph.way(points[k].tolist(), points[k + 1].tolist(), limb, postures.take(slice(k, k + 2)), masks)
+        ways.append(way)
+    return ways
 
 
 def _joint_angles(
     graph: StanceGraph,
-    states: Sequence[State],
     points: NDArray[np.int64],
     pivots: Array,
     postures: Postures,
     branches: NDArray[np.int64],
     flips: NDArray[np.int64],
-    kinds: list[int],
-) -> tuple[Array, int | None]:
-    """Joint angles at every stance (K, N, 6) [rad], and the last step of a hold that does not fit inside the limits."""
+    ways: list[tuple[int, int]],
+) -> tuple[Array, list[dict[int, tuple[int, Array, Array]]], int | None]:
+    """Joint angles at every stance (K, N, 6) [rad], continuous over each hold.
+
+    Also, for each limb and first stance of a hold, its last stance and the fewest and most whole turns that may be added
+    to the angles over it; and the last step of a hold that does not fit inside the limits, if there is one.
+    """
     solver, limits = graph.solver, graph.robot.limb.limits
-    joints = np.empty((len(states), graph.limbs, 6))
+    joints = np.empty((len(points), graph.limbs, 6))
+    spans: list[dict[int, tuple[int, Array, Array]]] = []
     beyond = None
     for limb in range(graph.limbs):
         mount = (solver.mount_rotations[limb], solver.mount_positions[limb], solver.lengths)
         before = np.zeros(6)
-        for first, last in holds(states, limb):
+        spans.append({})
+        for first, last in holds(points, limb):
             grip, tool = graph.grips[points[first, limb]], solver.tools[points[first, limb]]
             low, high = np.full(6, np.inf), np.full(6, -np.inf)
             q = np.full(6, np.nan)
             for k in range(first, last + 1):
-                if not kinds:
+                if not ways:
                     q[:] = np.nan
                 here = (postures.position[k], postures.rotation[k])
                 start = joints[k, limb]
-                if kinds and k < last:
+                if ways and k < last:
                     follow(
-                        grip, tool, *here, postures.position[k + 1], postures.rotation[k + 1], kinds[k], pivots[k],
+                        grip, tool, *here, postures.position[k + 1], postures.rotation[k + 1], ways[k][0], pivots[k],
                         *mount, branches[k, limb], SAMPLES, start, q, low, high,
                     )  # fmt: skip
                 else:
@@ -153,9 +201,11 @@ def _joint_angles(
             high[5] += np.pi * flips[first, limb]
             fewest = np.ceil((limits[:, 0] - LIMIT_TOLERANCE - low) / (2.0 * np.pi))
             most = np.floor((limits[:, 1] + LIMIT_TOLERANCE - high) / (2.0 * np.pi))
-            if kinds and (fewest > most).any():
+            if ways and (fewest > most).any():
                 beyond = last - 1
-            nearest = np.rint((before - joints[first, limb]) / (2.0 * np.pi))
-            joints[first : last + 1, limb] += 2.0 * np.pi * np.clip(nearest, fewest, np.maximum(fewest, most))
+            most = np.maximum(fewest, most)
+            nearest = np.clip(np.rint((before - joints[first, limb]) / (2.0 * np.pi)), fewest, most)
+            joints[first : last + 1, limb] += 2.0 * np.pi * nearest
+            spans[limb][first] = last, fewest - nearest, most - nearest
             before = joints[last, limb]
-    return joints, beyond
+    return joints, spans, beyond

@@ -121,9 +121,9 @@ def search(
                 if closed[s, moved] & left == left:
                     continue
                 before = out_node[above]
+                left = edge_mask(held, before // 3, s, edges)
                 if before % 3 != 2 and before % 3 == moved:
                     left &= out_mask[above]
-                left &= edge_mask(held, before // 3, s, *edges)
             if left & ~closed[s, moved] == 0:
                 continue
             full = left == mask[s, held]

@@ -15,10 +15,11 @@ from mlivr_gym.files import write_whole
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
+from mlivr_gym.shapes import Box, boxes_from
 
 Array = NDArray[np.float64]
 
-FORMAT = 1
+FORMAT = 2
 """Version of the file format."""
 
 
@@ -33,6 +34,9 @@ class Step:
         path: `"straight"`, `"arc"`, or `"unchecked"` where steps were not checked.
         pivot: Centre of the arc: centroid of the held points [m].
         displacement: Base displacement [m].
+        swing: Kind of the limb's way, one of `planners.swing.SWING_KINDS`.
+        knots: Base parameter from 0 to 1 and the limb's six joint angles [rad] at each knot of its way, from above the
+            point it leaves to above the point it takes hold of; in between both change linearly.
     """
 
     limb: int
@@ -41,6 +45,8 @@ class Step:
     path: str
     pivot: tuple[float, float, float]
     displacement: float
+    swing: str = "unchecked"
+    knots: tuple[tuple[float, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,7 +75,9 @@ class Plan:
         feasibility_time: Time spent on postures and stances for this query [s].
         search_time: Time spent on search and step checks [s].
         map_name: Name of the map.
-        map_fingerprint: Hash of the map's points.
+        map_fingerprint: Hash of the map's points and boxes.
+        obstacles: Boxes that stood in the way when the plan was made.
+        occupied: Ids of points that were not to be grasped.
         robot: Description of the robot.
         settings: Thresholds and switches.
     """
@@ -96,6 +104,8 @@ class Plan:
     search_time: float
     map_name: str
     map_fingerprint: str
+    obstacles: tuple[Box, ...] = ()
+    occupied: tuple[str, ...] = ()
     robot: RobotSpec = field(default_factory=RobotSpec)
     settings: Settings = field(default_factory=Settings)
 
@@ -121,6 +131,7 @@ class Plan:
             value = getattr(self, name)
             data[name] = value.tolist() if isinstance(value, np.ndarray) else value
         data["steps"] = [asdict(step) for step in self.steps]
+        data["obstacles"] = [box.to_dict() for box in self.obstacles]
         data["robot"], data["settings"] = self.robot.to_dict(), asdict(self.settings)
         return data
 
@@ -153,7 +164,9 @@ class Plan:
             values["branches"] = np.array(values["branches"], dtype=np.int64)
             values["stances"] = tuple(tuple(map(str, stance)) for stance in values["stances"])
             values["actions"] = tuple((int(limb), str(point)) for limb, point in values["actions"])
-            values["steps"] = tuple(Step(**{**s, "pivot": tuple(s["pivot"])}) for s in values["steps"])
+            values["steps"] = tuple(_step(step) for step in values["steps"])
+            values["obstacles"] = boxes_from(values["obstacles"], "obstacle")
+            values["occupied"] = tuple(map(str, values["occupied"]))
             values["goal"] = tuple(float(v) for v in values["goal"])
             values["robot"] = RobotSpec.from_dict(values["robot"])
             values["settings"] = Settings(**values["settings"])
@@ -195,3 +208,8 @@ class Plan:
         except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
             raise PlanError(f"cannot read plan {str(path)!r}: {error}") from None
         return cls.from_dict(data, grasp_map)
+
+
+def _step(data: dict[str, Any]) -> Step:
+    knots = tuple(tuple(float(value) for value in knot) for knot in data["knots"])
+    return Step(**{**data, "pivot": tuple(data["pivot"]), "knots": knots})

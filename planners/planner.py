@@ -208,7 +208,7 @@ class Planner:
             told = f"after {path.expanded} expansions, no way from {self.graph.ids(points)} to {target.tolist()}"
             return PlanningResult(None, reason, f"{reason} {told}", *numbers)
         if parts.beyond is not None:
-            message = "a limb that holds through several steps would leave its joint limits"
+            message = "limbs that hold through several steps would leave their joint limits, or find no way to swing"
             return PlanningResult(None, "joint limits", message, *numbers)
         ids = self.graph.ids
         plan = Plan(
@@ -234,6 +234,8 @@ class Planner:
             search_time=elapsed,
             map_name=self.graph.grasp_map.name,
             map_fingerprint=self.graph.grasp_map.fingerprint,
+            obstacles=self.graph.obstacles,
+            occupied=ids(sorted(self.graph.occupied)),
             robot=self.graph.robot,
             settings=self.graph.settings,
         )
@@ -273,7 +275,7 @@ class Planner:
         graph = self._two_limbs()
         priced = Cost.named(cost, regrasp_price)
         target, tolerance = graph.grasp_map.check_goal(goal), nonnegative("goal_tolerance", goal_tolerance)
-        key = (*target.tolist(), tolerance, priced)
+        key = (*target.tolist(), tolerance, priced, self.graph.version)
         if key not in self._exact:
             self._exact[key] = CostToGo(graph, target, tolerance, priced, progress)
             if len(self._exact) > CACHED_TABLES:
@@ -359,7 +361,7 @@ class Planner:
         path = stance[chain]
         postures = Postures(
             graph.position[path], graph.rotation[path], graph.w_m[path], graph.w_b[path], graph.branch[path],
-            graph.mask[path],
+            graph.mask[path], np.zeros(len(path), dtype=np.int64),
         )  # fmt: skip
         tree = np.stack([graph.position[stance[parent[1:]]], graph.position[stance[1:]]], axis=1)
         return _Path(int(status), states, postures, float(g[-1]), (len(stance), int(generated)), tree)

@@ -1,0 +1,34 @@
+"""What a robot may not touch: its shapes, a world of boxes, and the clearance, in the form the compiled checks read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+from mlivr_gym.box_world import BoxWorld
+from mlivr_gym.limb_shapes import LimbShapes
+from mlivr_gym.shapes import Box
+
+
+class Bodies:
+    """A robot's shapes among boxes.
+
+    Attributes:
+        shapes: The robot's shapes.
+        world: The boxes.
+        clearance: Least distance [m].
+    """
+
+    def __init__(self, shapes: LimbShapes, boxes: Sequence[Box], clearance: float) -> None:
+        """Put `shapes` among `boxes`."""
+        self.shapes, self.world, self.clearance = shapes, BoxWorld(boxes), clearance
+
+    @cached_property
+    def arrays(self) -> tuple[Any, ...]:
+        """Shapes of a limb, first capsules of gripper and hand, what is fixed to the body, boxes, clearance, body radius."""
+        shapes = self.shapes
+        return (
+            shapes.arrays, shapes.first_gripper, shapes.hand, shapes.fixed, self.world.arrays, self.clearance,
+            shapes.body_radius,
+        )  # fmt: skip

@@ -1,0 +1,90 @@
+"""Boxes in the form the compiled checks read: arrays, a grid of cells, and the largest empty box found in the middle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.collision_kernels import CABIN, HANDRAIL, OBSTACLE
+from mlivr_gym.shapes import Box
+
+Array = NDArray[np.float64]
+
+CELL = 0.25
+"""Edge of a grid cell [m]; a matter of speed only."""
+
+CAUSES = {"handrail": HANDRAIL, "stanchion": HANDRAIL, "obstacle": OBSTACLE}
+"""Cause of a collision with a box of some kind; `CABIN` with all others."""
+
+
+class BoxWorld:
+    """A set of boxes that shapes are checked against.
+
+    Attributes:
+        boxes: The boxes.
+        arrays: What `collision_kernels.against_boxes` takes.
+    """
+
+    def __init__(self, boxes: Sequence[Box]) -> None:
+        """Sort the boxes into cells."""
+        self.boxes = tuple(boxes)
+        n = len(self.boxes)
+        centre = np.array([box.centre for box in self.boxes]).reshape(n, 3)
+        half = np.array([box.half for box in self.boxes]).reshape(n, 3)
+        rotation = np.array([box.rotation for box in self.boxes]).reshape(n, 3, 3)
+        tilted = np.abs(rotation - np.eye(3)).reshape(n, 9).max(axis=1, initial=0.0) > 1e-12
+        reach = np.einsum("nij,nj->ni", np.abs(rotation), half)
+        low, high = centre - reach, centre + reach
+        kind = np.array([CAUSES.get(box.kind, CABIN) for box in self.boxes], dtype=np.int64)
+        hull = np.stack([low.min(axis=0), high.max(axis=0)]) if n else np.array([[np.inf] * 3, [-np.inf] * 3])
+        origin = hull[0] if n else np.zeros(3)
+        dims = np.maximum(np.ceil((hull[1] - hull[0]) / CELL), 1).astype(np.int64) if n else np.ones(3, dtype=np.int64)
+        cells, owners = [], []
+        for b in range(n):
+            first = np.clip(((low[b] - origin) / CELL).astype(np.int64), 0, dims - 1)
+            last = np.clip(((high[b] - origin) / CELL).astype(np.int64), 0, dims - 1)
+            i, j, k = np.ix_(*(np.arange(a, z + 1) for a, z in zip(first, last, strict=True)))
+            here = ((i * dims[1] + j) * dims[2] + k).ravel()
+            cells.append(here)
+            owners.append(np.full(len(here), b, dtype=np.int64))
+        cell = np.concatenate(cells) if cells else np.zeros(0, dtype=np.int64)
+        order = np.argsort(cell, kind="stable")
+        items = np.concatenate(owners)[order] if owners else np.zeros(0, dtype=np.int64)
+        start = np.searchsorted(cell[order], np.arange(int(dims.prod()) + 1))
+        self.arrays: tuple[Any, ...] = (
+            centre, half, rotation, tilted, low, high, kind, _core(low, high, hull), hull, origin, CELL, dims, start,
+            items,
+        )  # fmt: skip
+
+    def __len__(self) -> int:
+        """Number of boxes."""
+        return len(self.boxes)
+
+
+def _core(low: Array, high: Array, hull: Array) -> Array:
+    """A large empty box round the middle of the hull [m], shape (2, 3); an impossible one where that is occupied."""
+    empty = np.array([[np.inf] * 3, [-np.inf] * 3])
+    if not len(low):
+        return empty
+    seed = hull.mean(axis=0)
+    if ((low <= seed) & (seed <= high)).all(axis=1).any():
+        return empty
+    core = hull.copy()
+    away = np.maximum(np.maximum(low - seed, seed - high), 0.0).max(axis=1)
+    for b in np.argsort(away, kind="stable"):
+        if (low[b] >= core[1]).any() or (high[b] <= core[0]).any():
+            continue
+        best, cut = -1.0, core
+        for axis in range(3):
+            for side, face in ((1, low[b, axis]), (0, high[b, axis])):
+                trial = core.copy()
+                trial[side, axis] = face
+                if trial[0, axis] < seed[axis] < trial[1, axis]:
+                    volume = float((trial[1] - trial[0]).prod())
+                    if volume > best:
+                        best, cut = volume, trial
+        core = cut
+    return core

@@ -1,0 +1,454 @@
+"""Compiled collision checks of one limb: shapes in place, distances, and bounds of motion; see `collisions`.
+
+A limb is a set of capsules fixed to its links. What stands round it is the robot's body, the limb's own links,
+other limbs, and boxes. Every query compares the distance of two axes or of an axis and a box with two lengths: `inner`,
+radii plus clearance, and `outer`, inner plus what the shapes may move over an interval. Below `inner` the answer is the
+cause, from `outer` on `CLEAR`, between them `UNDECIDED`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlivr_gym.compiled import kernel
+from mlivr_gym.ur_kinematics import limb_axes
+
+CLEAR, UNDECIDED, SELF, CABIN, HANDRAIL, OBSTACLE = 0, 1, 2, 3, 4, 5
+"""Answers of a query: the last four are causes of a collision."""
+
+PARTS = 4
+"""Parts of a capsule that are compared one by one where the whole is undecided."""
+
+FLUSH = 2e-3
+"""A box counts as behind a grasp if it stands out beyond the surface no more than this [m]."""
+
+
+@kernel
+def frames_of_branch(p, z, lengths, branch, frames):
+    """Link frames in the limb base frame of one inverse-kinematics branch, without forming joint angles.
+
+    Args:
+        p: Flange position in the limb base frame [m], shape (3,).
+        z: Flange axis, shape (3,).
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        branch: Branch label.
+        frames: Shape (7, 4, 3), filled for links 0 (fixed) to 6 with origin [m] and axes x, y, z, those of the
+            manufacturer's link frames; x and y of link 6 are any pair across the flange axis.
+
+    Returns:
+        Whether the pose is within reach.
+    """
+    axes, origins = np.empty((6, 3)), np.empty((6, 3))
+    if not limb_axes(p, z, lengths, branch, axes, origins):
+        return False
+    a2, a3, d4 = lengths[1], lengths[2], lengths[3]
+    _fixed_frames(lengths, -axes[1, 1], axes[1, 0], frames)
+    for k in range(3):
+        frames[2, 0, k] = origins[1, k]
+        frames[2, 1, k] = (origins[2, k] - origins[1, k]) / a2
+        frames[3, 0, k] = origins[2, k]
+        frames[3, 1, k] = (origins[3, k] - origins[2, k]) / a3
+        frames[4, 0, k] = origins[3, k] + d4 * axes[1, k]
+        frames[4, 2, k] = -axes[4, k]
+        frames[5, 0, k] = origins[4, k]
+        frames[5, 2, k] = axes[5, k]
+        frames[5, 3, k] = axes[4, k]
+        frames[6, 0, k] = p[k]
+        frames[6, 3, k] = z[k]
+        for link in range(2, 5):
+            frames[link, 3, k] = axes[1, k]
+    _cross(frames, 2, 3, 1, 2)
+    _cross(frames, 3, 3, 1, 2)
+    _cross(frames, 4, 2, 3, 1)
+    _cross(frames, 5, 2, 3, 1)
+    for k in range(3):
+        frames[6, 1, k] = frames[5, 1, k]
+    _cross(frames, 6, 3, 1, 2)
+    return True
+
+
+@kernel
+def frames_of_angles(q, lengths, frames):
+    """Link frames in the limb base frame of joint angles `q`, shape (6,) [rad]; see `frames_of_branch`."""
+    d1, a2, a3, d4, d5, d6 = lengths
+    c1, s1 = np.cos(q[0]), np.sin(q[0])
+    _fixed_frames(lengths, c1, s1, frames)
+    angle = 0.0
+    for link in range(2, 5):
+        angle += q[link - 1]
+        c, s = np.cos(angle), np.sin(angle)
+        frames[link, 1, 0], frames[link, 1, 1], frames[link, 1, 2] = c * c1, c * s1, s
+        frames[link, 2, 0], frames[link, 2, 1], frames[link, 2, 2] = -s * c1, -s * s1, c
+        frames[link, 3, 0], frames[link, 3, 1], frames[link, 3, 2] = s1, -c1, 0.0
+    c5, s5 = np.cos(q[4]), np.sin(q[4])
+    for k in range(3):
+        frames[2, 0, k] = frames[1, 0, k]
+        frames[3, 0, k] = frames[2, 0, k] + a2 * frames[2, 1, k]
+        frames[4, 0, k] = frames[3, 0, k] + a3 * frames[3, 1, k] + d4 * frames[4, 3, k]
+        frames[5, 0, k] = frames[4, 0, k] - d5 * frames[4, 2, k]
+        frames[5, 1, k] = c5 * frames[4, 1, k] + s5 * frames[4, 3, k]
+        frames[5, 2, k] = c5 * frames[4, 3, k] - s5 * frames[4, 1, k]
+        frames[5, 3, k] = -frames[4, 2, k]
+        frames[6, 0, k] = frames[5, 0, k] + d6 * frames[5, 2, k]
+        frames[6, 1, k] = frames[5, 1, k]
+        frames[6, 2, k] = -frames[5, 3, k]
+        frames[6, 3, k] = frames[5, 2, k]
+
+
+@kernel
+def _fixed_frames(lengths, c1, s1, frames):
+    """Frames of the limb's base and of the shoulder, whose joint has cosine `c1` and sine `s1`."""
+    for link in range(2):
+        for row in range(4):
+            for k in range(3):
+                frames[link, row, k] = 1.0 if row == k + 1 else 0.0
+    frames[1, 0, 2] = lengths[0]
+    frames[1, 1, 0], frames[1, 1, 1] = c1, s1
+    frames[1, 2, 0], frames[1, 2, 1] = -s1, c1
+
+
+@kernel
+def _cross(frames, link, a, b, out):
+    """Cross product of two rows of a link's frame into a third."""
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        frames[link, out, k] = frames[link, a, i] * frames[link, b, j] - frames[link, a, j] * frames[link, b, i]
+
+
+@kernel
+def place(frames, shapes, mount_rotation, mount_position, ends):
+    """Ends of a limb's capsules in the body frame, into `ends`, shape (c, 2, 3) [m]."""
+    link, local = shapes[0], shapes[1]
+    for c in range(len(link)):
+        f = link[c]
+        for e in range(2):
+            x, y, z = local[c, e, 0], local[c, e, 1], local[c, e, 2]
+            u = frames[f, 0, 0] + x * frames[f, 1, 0] + y * frames[f, 2, 0] + z * frames[f, 3, 0]
+            v = frames[f, 0, 1] + x * frames[f, 1, 1] + y * frames[f, 2, 1] + z * frames[f, 3, 1]
+            w = frames[f, 0, 2] + x * frames[f, 1, 2] + y * frames[f, 2, 2] + z * frames[f, 3, 2]
+            for k in range(3):
+                ends[c, e, k] = (
+                    mount_position[k] + mount_rotation[k, 0] * u + mount_rotation[k, 1] * v + mount_rotation[k, 2] * w
+                )
+
+
+@kernel
+def to_world(ends, position, rotation, out):
+    """Capsule ends from the body frame to the world, shape (c, 2, 3) [m]."""
+    for c in range(ends.shape[0]):
+        for e in range(2):
+            x, y, z = ends[c, e, 0], ends[c, e, 1], ends[c, e, 2]
+            for k in range(3):
+                out[c, e, k] = position[k] + rotation[k, 0] * x + rotation[k, 1] * y + rotation[k, 2] * z
+
+
+@kernel
+def segments_apart(p, u, q, v):
+    """Squared distance [m^2] of the segments from `p` to `p + u` and from `q` to `q + v`, each three numbers [m].
+
+    The closest points of the lines, clamped to each segment in turn (Ericson, Real-Time Collision Detection, 5.1.9).
+    """
+    ux, uy, uz = u
+    vx, vy, vz = v
+    rx, ry, rz = p[0] - q[0], p[1] - q[1], p[2] - q[2]
+    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
+    uv = ux * vx + uy * vy + uz * vz
+    ur, vr = ux * rx + uy * ry + uz * rz, vx * rx + vy * ry + vz * rz
+    s = t = 0.0
+    if uu <= 1e-14:
+        if vv > 1e-14:
+            t = min(max(vr / vv, 0.0), 1.0)
+    elif vv <= 1e-14:
+        s = min(max(-ur / uu, 0.0), 1.0)
+    else:
+        span = uu * vv - uv * uv
+        if span > 1e-12 * uu * vv:
+            s = min(max((uv * vr - ur * vv) / span, 0.0), 1.0)
+        t = (uv * s + vr) / vv
+        if t < 0.0:
+            t = 0.0
+            s = min(max(-ur / uu, 0.0), 1.0)
+        elif t > 1.0:
+            t = 1.0
+            s = min(max((uv - ur) / uu, 0.0), 1.0)
+    dx, dy, dz = rx + s * ux - t * vx, ry + s * uy - t * vy, rz + s * uz - t * vz
+    return dx * dx + dy * dy + dz * dz
+
+
+@kernel
+def _slope(t, p, d, half):
+    """Half the derivative by `t` of the squared distance between a point `p + t d` and a box about the origin."""
+    total = 0.0
+    for k in range(3):
+        x = p[k] + t * d[k]
+        if x > half[k]:
+            total += (x - half[k]) * d[k]
+        elif x < -half[k]:
+            total += (x + half[k]) * d[k]
+    return total
+
+
+@kernel
+def segment_box_apart(p, d, half):
+    """Squared distance [m^2] of the segment from `p` to `p + d` and a box of half edges `half` about the origin.
+
+    The squared distance along the segment is convex, and its derivative linear between the six places where the segment
+    crosses a face's plane. Those places narrow the interval in which the derivative changes sign; there it is
+    solved exactly.
+
+    Args:
+        p: Three numbers [m].
+        d: Three numbers [m].
+        half: Three numbers [m].
+    """
+    low, high = 0.0, 1.0
+    at_low, at_high = _slope(0.0, p, d, half), _slope(1.0, p, d, half)
+    if at_low >= 0.0:
+        t = 0.0
+    elif at_high <= 0.0:
+        t = 1.0
+    else:
+        for k in range(3):
+            if d[k] != 0.0:
+                for side in (-1.0, 1.0):
+                    at = (side * half[k] - p[k]) / d[k]
+                    if low < at < high:
+                        slope = _slope(at, p, d, half)
+                        if slope < 0.0:
+                            low, at_low = at, slope
+                        else:
+                            high, at_high = at, slope
+        t = low if at_high == at_low else low - at_low * (high - low) / (at_high - at_low)
+    total = 0.0
+    for k in range(3):
+        x = abs(p[k] + t * d[k]) - half[k]
+        if x > 0.0:
+            total += x * x
+    return total
+
+
+@kernel
+def segments_answer(p, u, q, v, inner, more, at_p, at_u):
+    """Two capsules: `CLEAR`, `UNDECIDED` or `SELF`.
+
+    Args:
+        p: One end of the first axis [m].
+        u: From there to the other.
+        q: One end of the second axis.
+        v: From there to the other.
+        inner: Radii and clearance [m].
+        more: How far the second may move [m].
+        at_p: How far the first may move at `p`.
+        at_u: How far it may move at the other end; in between linearly.
+    """
+    square = segments_apart(p, u, q, v)
+    if square < inner * inner:
+        return SELF
+    outer = inner + more + max(at_p, at_u)
+    if square >= outer * outer:
+        return CLEAR
+    if at_p == at_u:
+        return UNDECIDED
+    # An end that moves far need not be the one that is near.
+    part = 1.0 / PARTS
+    short = u[0] * part, u[1] * part, u[2] * part
+    for k in range(PARTS):
+        a, b = k * part, (k + 1) * part
+        outer = inner + more + max(at_p + a * (at_u - at_p), at_p + b * (at_u - at_p))
+        if segments_apart((p[0] + a * u[0], p[1] + a * u[1], p[2] + a * u[2]), short, q, v) < outer * outer:
+            return UNDECIDED
+    return CLEAR
+
+
+@kernel
+def box_answer(p, d, half, inner, at_p, at_d):
+    """A capsule and a box about the origin: `CLEAR`, `UNDECIDED` or `SELF`; arguments as in `segments_answer`."""
+    square = segment_box_apart(p, d, half)
+    if square < inner * inner:
+        return SELF
+    outer = inner + max(at_p, at_d)
+    if square >= outer * outer:
+        return CLEAR
+    if at_p == at_d:
+        return UNDECIDED
+    part = 1.0 / PARTS
+    short = d[0] * part, d[1] * part, d[2] * part
+    for k in range(PARTS):
+        a, b = k * part, (k + 1) * part
+        outer = inner + max(at_p + a * (at_d - at_p), at_p + b * (at_d - at_p))
+        if segment_box_apart((p[0] + a * d[0], p[1] + a * d[1], p[2] + a * d[2]), short, half) < outer * outer:
+            return UNDECIDED
+    return CLEAR
+
+
+@kernel
+def against_boxes(ends, motion, c, inner, world, grasping, point, normal):
+    """Capsule `c` against the boxes of a world.
+
+    Args:
+        ends: Capsule ends in the world [m], shape (c, 2, 3).
+        motion: How far the ends may move in the world [m], shape (c, 2).
+        c: Row of `ends`.
+        inner: Radius plus clearance [m].
+        world: `BoxWorld.arrays`.
+        grasping: Whether the capsule belongs to a gripper at a grasp, and boxes behind that grasp do not count.
+        point: The grasp [m], shape (3,).
+        normal: Outward surface normal there, shape (3,).
+
+    Returns:
+        An answer.
+    """
+    centre, half, rotation, tilted, low, high, kind, core, hull, origin, cell, dims, start, items = world
+    outer = inner + max(motion[c, 0], motion[c, 1])
+    ax, ay, az = ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2]
+    bx, by, bz = ends[c, 1, 0], ends[c, 1, 1], ends[c, 1, 2]
+    x0, x1 = min(ax, bx) - outer, max(ax, bx) + outer
+    y0, y1 = min(ay, by) - outer, max(ay, by) + outer
+    z0, z1 = min(az, bz) - outer, max(az, bz) + outer
+    if x0 > hull[1, 0] or y0 > hull[1, 1] or z0 > hull[1, 2] or x1 < hull[0, 0] or y1 < hull[0, 1] or z1 < hull[0, 2]:
+        return CLEAR
+    if (
+        x0 > core[0, 0] and y0 > core[0, 1] and z0 > core[0, 2]
+        and x1 < core[1, 0] and y1 < core[1, 1] and z1 < core[1, 2]
+    ):  # fmt: skip
+        return CLEAR
+    i0, i1 = max(int((x0 - origin[0]) / cell), 0), min(int((x1 - origin[0]) / cell), dims[0] - 1)
+    j0, j1 = max(int((y0 - origin[1]) / cell), 0), min(int((y1 - origin[1]) / cell), dims[1] - 1)
+    k0, k1 = max(int((z0 - origin[2]) / cell), 0), min(int((z1 - origin[2]) / cell), dims[2] - 1)
+    answer = CLEAR
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            for k in range(k0, k1 + 1):
+                here = (i * dims[1] + j) * dims[2] + k
+                for entry in range(start[here], start[here + 1]):
+                    b = items[entry]
+                    if (
+                        x0 > high[b, 0] or y0 > high[b, 1] or z0 > high[b, 2]
+                        or x1 < low[b, 0] or y1 < low[b, 1] or z1 < low[b, 2]
+                    ):  # fmt: skip
+                        continue
+                    if grasping:
+                        out = 0.0
+                        for axis in range(3):
+                            out += (centre[b, axis] - point[axis]) * normal[axis]
+                        for col in range(3):
+                            turned = 0.0
+                            for axis in range(3):
+                                turned += rotation[b, axis, col] * normal[axis]
+                            out += abs(turned) * half[b, col]
+                        if out <= FLUSH:
+                            continue
+                    px, py, pz = ax - centre[b, 0], ay - centre[b, 1], az - centre[b, 2]
+                    dx, dy, dz = bx - ax, by - ay, bz - az
+                    if tilted[b]:
+                        px, py, pz = (
+                            rotation[b, 0, 0] * px + rotation[b, 1, 0] * py + rotation[b, 2, 0] * pz,
+                            rotation[b, 0, 1] * px + rotation[b, 1, 1] * py + rotation[b, 2, 1] * pz,
+                            rotation[b, 0, 2] * px + rotation[b, 1, 2] * py + rotation[b, 2, 2] * pz,
+                        )
+                        dx, dy, dz = (
+                            rotation[b, 0, 0] * dx + rotation[b, 1, 0] * dy + rotation[b, 2, 0] * dz,
+                            rotation[b, 0, 1] * dx + rotation[b, 1, 1] * dy + rotation[b, 2, 1] * dz,
+                            rotation[b, 0, 2] * dx + rotation[b, 1, 2] * dy + rotation[b, 2, 2] * dz,
+                        )
+                    found = box_answer(
+                        (px, py, pz), (dx, dy, dz), (half[b, 0], half[b, 1], half[b, 2]), inner, motion[c, 0], motion[c, 1]
+                    )
+                    if found == SELF:
+                        return kind[b]
+                    answer = max(answer, found)
+    return answer
+
+
+@kernel
+def seen_from(row, c, e, shapes, shift, spin):
+    """How far end `e` of capsule `c` moves at most, seen from link `row`: its anchor's motion and its link's turn [m]."""
+    return shift[row, shapes[4][c, e]] + shapes[5][c, e] * spin[row, shapes[0][c]]
+
+
+@kernel
+def axis_of(ends, c):
+    """One end of a capsule's axis and the way to the other."""
+    x, y, z = ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2]
+    return (x, y, z), (ends[c, 1, 0] - x, ends[c, 1, 1] - y, ends[c, 1, 2] - z)
+
+
+@kernel
+def against_body(limb, ends, motion, shift, spin, share, shapes, fixed, clearance):
+    """A limb against its own links, the body's box and the fixed capsules on it, in the body frame.
+
+    Args:
+        limb: Index of the limb.
+        ends: Shape (c, 2, 3) [m].
+        motion: How far each end may move in the body frame [m], shape (c, 2).
+        shift: How far anchors move, seen from each link, see `swept_kernels.joint_motion`.
+        spin: How far links turn, seen from each link.
+        share: Share of that motion that counts.
+        shapes: `LimbShapes.arrays`.
+        fixed: `LimbShapes.fixed`.
+        clearance: Least distance [m].
+
+    Returns:
+        An answer.
+    """
+    link, radius, pairs = shapes[0], shapes[2], shapes[3]
+    answer = CLEAR
+    for k in range(pairs.shape[0]):
+        i, j = pairs[k, 0], pairs[k, 1]
+        q, v = axis_of(ends, i)
+        p, u = axis_of(ends, j)
+        found = segments_answer(
+            p, u, q, v, radius[i] + radius[j] + clearance, 0.0,
+            share * seen_from(link[i], j, 0, shapes, shift, spin), share * seen_from(link[i], j, 1, shapes, shift, spin),
+        )  # fmt: skip
+        if found == SELF:
+            return SELF
+        answer = max(answer, found)
+    mounts, mount_radius, half, least_link = fixed
+    for c in range(len(link)):
+        if link[c] < 2:
+            continue
+        inner = radius[c] + clearance
+        p, u = axis_of(ends, c)
+        found = box_answer(p, u, (half[0], half[1], half[2]), inner, motion[c, 0], motion[c, 1])
+        if found == SELF:
+            return SELF
+        answer = max(answer, found)
+        for m in range(mounts.shape[0]):
+            if link[c] < least_link[limb, m]:
+                continue
+            q, v = axis_of(mounts, m)
+            found = segments_answer(p, u, q, v, inner + mount_radius[m], 0.0, motion[c, 0], motion[c, 1])
+            if found == SELF:
+                return SELF
+            answer = max(answer, found)
+    return answer
+
+
+@kernel
+def against_limb(ends, motion, other, other_motion, shapes, clearance):
+    """Two limbs against each other: their capsule ends in one frame and how far these may move [m]; an answer."""
+    radius = shapes[2]
+    answer = CLEAR
+    for i in range(len(radius)):
+        p, u = axis_of(ends, i)
+        for j in range(len(radius)):
+            inner = radius[i] + radius[j] + clearance
+            more = max(other_motion[j, 0], other_motion[j, 1])
+            outer = inner + more + max(motion[i, 0], motion[i, 1])
+            apart = False
+            for k in range(3):
+                if (
+                    min(ends[i, 0, k], ends[i, 1, k]) - max(other[j, 0, k], other[j, 1, k]) > outer
+                    or min(other[j, 0, k], other[j, 1, k]) - max(ends[i, 0, k], ends[i, 1, k]) > outer
+                ):
+                    apart = True
+                    break
+            if apart:
+                continue
+            q, v = axis_of(other, j)
+            found = segments_answer(p, u, q, v, inner, more, motion[i, 0], motion[i, 1])
+            if found == SELF:
+                return SELF
+            answer = max(answer, found)
+    return answer

@@ -1,0 +1,509 @@
+"""Compiled checks of whole motions: departures, swings, and limbs that hold while the base moves.
+
+**Advancement.** A motion is cut into intervals. At the middle of one the shapes are put in place and compared with
+everything they can meet, see `collision_kernels`. If every distance exceeds radii and clearance by more than the shapes
+can move from the middle to either end, nothing comes nearer than the clearance anywhere on the interval, however thin
+it is: no step can skip a shape. If a distance is below radii and clearance the motion is blocked; otherwise the
+interval is halved, down to `2^-DEPTH` of the motion, where the answer errs on the safe side.
+
+**How far shapes move.** Each capsule end hangs on an anchor, limb base, elbow E, forearm end F or wrist point w, and moves
+no farther than the anchor moves plus its distance from it times the turn of its link. Joints 2 to 4 are parallel and across
+joint 1, so link k up to 4 turns by `hypot(q1, q2 + .. + qk)`, and joint 5 adds its own; E, F and w follow one from the
+other. Two links of one limb are compared as one sees the other: only the joints between them count. On a line in joint
+space all this is exact. A limb whose flange is given (it holds, or departs along the normal) is solved at the middle and
+both ends of an interval; its joints are taken to stay within the larger of the two changes plus the whole second
+difference, eight times what a parabola through the three values needs. The limb stays away from its singularities there,
+which `base_path.certify` has proved.
+
+On a moving base a point at distance rho from its origin moves in the world at most `v + omega rho` more. A limb that holds
+is also followed from its grasp, which stands still: the flange does not move in the world, wrist 2 turns with joint 6 alone,
+wrist 1 with joints 5 and 6, and so on. The smaller bound counts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlivr_gym.base_path import STRAIGHT, angle_about, flange_in_limb, position_on_path, relative_rotation, turn
+from mlivr_gym.collision_kernels import (
+    CLEAR,
+    UNDECIDED,
+    against_body,
+    against_boxes,
+    against_limb,
+    frames_of_angles,
+    place,
+    seen_from,
+    to_world,
+)
+from mlivr_gym.compiled import kernel
+from mlivr_gym.ur_kinematics import branch_angles, wrap
+
+DEPTH = 9
+"""Halvings after which an interval counts as blocked."""
+
+FIRST_INTERVAL = 0.4
+"""Travel that an interval of the first division covers [m]; a matter of speed only."""
+
+
+@kernel
+def joint_motion(plus, minus, lengths, shift, spin):
+    """Bounds of motion between joint angles `plus` and `minus` away from the middle, seen from each of the links 0 to 4.
+
+    Args:
+        plus: Changes of the six joints towards one end [rad].
+        minus: Changes towards the other; the opposite on a line in joint space.
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        shift: Shape (5, 4), filled with how far the anchors move, seen from link `row` [m].
+        spin: Shape (5, 7), filled with how far the links beyond it turn [rad].
+    """
+    for row in range(5):
+        first = _largest(plus[0], minus[0]) if row == 0 else 0.0
+        forth = back = 0.0
+        for link in range(7):
+            spin[row, link] = 0.0
+        spin[row, 1] = first
+        for link in range(max(row + 1, 2), 5):
+            forth += plus[link - 1]
+            back += minus[link - 1]
+            spin[row, link] = np.hypot(first, _largest(forth, back))
+        spin[row, 5] = spin[row, 6] = spin[row, 4] + _largest(plus[4], minus[4])
+        shift[row, 0] = 0.0
+        shift[row, 1] = abs(lengths[1]) * spin[row, 2]
+        shift[row, 2] = shift[row, 1] + abs(lengths[2]) * spin[row, 3]
+        shift[row, 3] = shift[row, 2] + np.hypot(lengths[3], lengths[4]) * spin[row, 4]
+
+
+@kernel
+def _largest(plus, minus):
+    """Bound of a change whose values at both ends are given: the larger, and the second difference."""
+    return max(abs(plus), abs(minus)) + abs(plus + minus)
+
+
+@kernel
+def capsule_motion(shapes, shift, spin, share, motion):
+    """How far each capsule end moves at most in the limb frame over a share of a motion, into `motion`, (c, 2) [m]."""
+    for c in range(motion.shape[0]):
+        for e in range(2):
+            motion[c, e] = share * seen_from(0, c, e, shapes, shift, spin)
+
+
+@kernel
+def moved_by_base(ends, motion, travel, swing, out):
+    """How far each capsule end moves in the world: `motion` and what the base adds, `travel` [m] and `swing` [rad]."""
+    for c in range(motion.shape[0]):
+        for e in range(2):
+            rho = np.sqrt(ends[c, e, 0] ** 2 + ends[c, e, 1] ** 2 + ends[c, e, 2] ** 2)
+            out[c, e] = motion[c, e] + travel + swing * (rho + motion[c, e])
+
+
+@kernel
+def seen_from_grasp(plus, minus, lengths, shapes, out):
+    """Lower `out`, shape (c, 2) [m], to how far each capsule end of a holding limb moves, followed from the grasp."""
+    wrist_2 = _largest(plus[5], minus[5])
+    wrist_1 = wrist_2 + _largest(plus[4], minus[4])
+    fore = wrist_1 + _largest(plus[3], minus[3])
+    upper = wrist_1 + _largest(plus[3] + plus[2], minus[3] + minus[2])
+    end = np.hypot(lengths[3], lengths[4]) * wrist_1
+    elbow = end + abs(lengths[2]) * fore
+    link, anchor, arm = shapes[0], shapes[4], shapes[5]
+    for c in range(len(link)):
+        for e in range(2):
+            start, turned = elbow, upper
+            if link[c] == 6:
+                start, turned = 0.0, 0.0
+            elif link[c] == 5:
+                start, turned = 0.0, wrist_2
+            elif link[c] == 4:
+                start, turned = end if anchor[c, e] == 2 else 0.0, wrist_1
+            elif link[c] == 3:
+                start, turned = end if anchor[c, e] == 2 else elbow, fore
+            elif link[c] == 1 or anchor[c, e] == 0:
+                continue
+            out[c, e] = min(out[c, e], start + arm[c, e] * turned)
+
+
+@kernel
+def path_speed(path):
+    """Largest speed of the base origin on a path of unit duration [m]."""
+    t0, r0, t1, r1, kind, pivot = path
+    rho0 = rho1 = shift = 0.0
+    for k in range(3):
+        rho0 += (t0[k] - pivot[k]) ** 2
+        rho1 += (t1[k] - pivot[k]) ** 2
+        shift += (t1[k] - t0[k]) ** 2
+    if kind == STRAIGHT:
+        return np.sqrt(shift)
+    rho0, rho1 = np.sqrt(rho0), np.sqrt(rho1)
+    return np.hypot(rho1 - rho0, max(rho0, rho1) * angle_about(t0, t1, pivot))
+
+
+@kernel
+def pose_on_path(path, axis, omega, s, position, rotation):
+    """Base pose at `s` on a path (t0, r0, t1, r1, kind, pivot) whose rotation turns by `omega` about `axis`."""
+    t0, r0, t1, r1, kind, pivot = path
+    position_on_path(t0, t1, kind, pivot, s, position)
+    c, sine = np.cos(s * omega), np.sin(s * omega)
+    for row in range(3):
+        # A row of R exp(w) is the row of R turned back.
+        x, y, z = turn(axis, c, -sine, r0[row, 0], r0[row, 1], r0[row, 2])
+        rotation[row, 0], rotation[row, 1], rotation[row, 2] = x, y, z
+
+
+@kernel
+def against_all(ends, motion, first, stop, shapes, world, gripper, point, normal, clearance):
+    """Capsules `first` to `stop` of a limb in the world against the boxes; those from `gripper` on are at a grasp; an answer."""
+    radius = shapes[2]
+    answer = CLEAR
+    for c in range(first, stop):
+        found = against_boxes(ends, motion, c, radius[c] + clearance, world, c >= gripper, point, normal)
+        if found > UNDECIDED:
+            return found
+        answer = max(answer, found)
+    return answer
+
+
+@kernel
+def departure_free(
+    limb, p, x, z, away, lift, lengths, branch, mount_rotation, mount_position, position, rotation, others, shapes, gripper,
+    fixed, world, point, normal, clearance, inside,
+):  # fmt: skip
+    """Whether a limb can move off its grasp along the surface normal on one branch, while all else stands still.
+
+    Args:
+        limb: Index of the limb.
+        p: Flange position at the grasp in the limb base frame [m], shape (3,).
+        x: First axis of the flange there.
+        z: Flange axis there.
+        away: Surface normal there.
+        lift: How far it departs [m].
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        branch: Branch label.
+        mount_rotation: Shape (3, 3).
+        mount_position: Shape (3,) [m].
+        position: Base position [m].
+        rotation: Base rotation.
+        others: Capsule ends of other limbs in the body frame, one set for each branch, shape (k, c, 2, 3).
+        shapes: `LimbShapes.arrays`.
+        gripper: First capsule of the gripper.
+        fixed: `LimbShapes.fixed`.
+        world: `BoxWorld.arrays`.
+        point: The grasp in the world [m].
+        normal: Surface normal in the world.
+        clearance: Least distance [m].
+        inside: Whether the robot's own shapes are looked at, not the boxes alone.
+
+    Returns:
+        `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
+    """
+    count = len(shapes[0])
+    ends, world_ends = np.empty((count, 2, 3)), np.empty((count, 2, 3))
+    motion, still = np.empty((count, 2)), np.zeros((count, 2))
+    frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
+    here, q, plus, minus = np.empty(3), np.empty(6), np.empty(6), np.empty(6)
+    stack_s, stack_half = np.empty(DEPTH + 2), np.empty(DEPTH + 2)
+    stack_s[0] = stack_half[0] = 0.5
+    top = 1
+    shortest = 0.5**DEPTH
+    while top > 0:
+        top -= 1
+        s, half = stack_s[top], stack_half[top]
+        for side in range(3):
+            at = lift * (s + (half if side == 1 else -half if side == 2 else 0.0))
+            for k in range(3):
+                here[k] = p[k] + at * away[k]
+            if not branch_angles(here, x, z, lengths, branch, q if side == 0 else plus if side == 1 else minus):
+                return UNDECIDED
+        for joint in range(6):
+            plus[joint], minus[joint] = wrap(plus[joint] - q[joint]), wrap(minus[joint] - q[joint])
+        joint_motion(plus, minus, lengths, shift, spin)
+        frames_of_angles(q, lengths, frames)
+        place(frames, shapes, mount_rotation, mount_position, ends)
+        to_world(ends, position, rotation, world_ends)
+        capsule_motion(shapes, shift, spin, 1.0, motion)
+        answer = against_all(world_ends, motion, 0, count, shapes, world, gripper, point, normal, clearance)
+        if answer > UNDECIDED:
+            return answer
+        if inside:
+            found = against_body(limb, ends, motion, shift, spin, 1.0, shapes, fixed, clearance)
+            if found > UNDECIDED:
+                return found
+            answer = max(answer, found)
+            for k in range(others.shape[0]):
+                found = against_limb(ends, motion, others[k], still, shapes, clearance)
+                if found > UNDECIDED:
+                    return found
+                answer = max(answer, found)
+        if answer == UNDECIDED:
+            if half < shortest:
+                return UNDECIDED
+            for side in range(2):
+                stack_s[top], stack_half[top] = s + (side - 0.5) * half, 0.5 * half
+                top += 1
+    return CLEAR
+
+
+@kernel
+def swing_free(
+    limb, path, u0, u1, q0, q1, lengths, mount_rotation, mount_position, others, shapes, fixed, world, clearance, inside, body
+):  # fmt: skip
+    """Whether a free limb can go from `q0` to `q1` on a line in joint space while the base goes from `u0` to `u1` on a path.
+
+    Limbs that hold are not looked at (`hold_free` does), but for those at rest in `others`.
+
+    Args:
+        limb: Index of the limb.
+        path: Base path (t0, r0, t1, r1, kind, pivot).
+        u0: Where the base is on it at the start.
+        u1: Where it is at the end.
+        q0: Joint angles at the start, shape (6,) [rad].
+        q1: Joint angles at the end.
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        mount_rotation: Shape (3, 3).
+        mount_position: Shape (3,) [m].
+        others: See `departure_free`.
+        shapes: `LimbShapes.arrays`.
+        fixed: `LimbShapes.fixed`.
+        world: `BoxWorld.arrays`.
+        clearance: Least distance [m].
+        inside: Whether the robot's own shapes are looked at, not the boxes alone.
+        body: Radius of a sphere round the body that is checked against the boxes [m], or 0.
+
+    Returns:
+        `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
+    """
+    count = len(shapes[0])
+    ends, world_ends, middle = np.empty((count, 2, 3)), np.empty((count, 2, 3)), np.empty((1, 2, 3))
+    motion, world_motion, still = np.empty((count, 2)), np.empty((count, 2)), np.zeros((count, 2))
+    frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
+    q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
+    position, rotation, moved = np.empty(3), np.empty((3, 3)), np.empty((1, 2))
+    omega = relative_rotation(path[1], path[3], axis)
+    speed = path_speed(path) * abs(u1 - u0)
+    spin_rate = omega * abs(u1 - u0)
+    for k in range(6):
+        plus[k] = q1[k] - q0[k]
+        minus[k] = -plus[k]
+    joint_motion(plus, minus, lengths, shift, spin)
+    travel = shift[0, 3] + speed + spin_rate
+    pieces = min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), 1 << DEPTH)
+    stack_s, stack_half = np.empty(DEPTH + 2), np.empty(DEPTH + 2)
+    piece = top = 0
+    shortest = 0.5 ** (DEPTH + 1)
+    while top > 0 or piece < pieces:
+        if top > 0:
+            top -= 1
+            s, half = stack_s[top], stack_half[top]
+        else:
+            half = 0.5 / pieces
+            s = (2 * piece + 1) * half
+            piece += 1
+        for k in range(6):
+            q[k] = q0[k] + s * plus[k]
+        frames_of_angles(q, lengths, frames)
+        place(frames, shapes, mount_rotation, mount_position, ends)
+        pose_on_path(path, axis, omega, u0 + s * (u1 - u0), position, rotation)
+        to_world(ends, position, rotation, world_ends)
+        capsule_motion(shapes, shift, spin, half, motion)
+        moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
+        answer = against_all(world_ends, world_motion, 0, count, shapes, world, count, position, position, clearance)
+        if answer > UNDECIDED:
+            return answer
+        if body > 0.0:
+            for e in range(2):
+                moved[0, e] = speed * half
+                for k in range(3):
+                    middle[0, e, k] = position[k]
+            found = against_boxes(middle, moved, 0, body + clearance, world, False, position, position)
+            if found > UNDECIDED:
+                return found
+            answer = max(answer, found)
+        if inside:
+            found = against_body(limb, ends, motion, shift, spin, half, shapes, fixed, clearance)
+            if found > UNDECIDED:
+                return found
+            answer = max(answer, found)
+            for k in range(others.shape[0]):
+                found = against_limb(ends, motion, others[k], still, shapes, clearance)
+                if found > UNDECIDED:
+                    return found
+                answer = max(answer, found)
+        if answer == UNDECIDED:
+            if half < shortest:
+                return UNDECIDED
+            for side in range(2):
+                stack_s[top], stack_half[top] = s + (side - 0.5) * half, 0.5 * half
+                top += 1
+    return CLEAR
+
+
+@kernel
+def holding_angles(grip, tool, path, axis, omega, s, mount_rotation, mount_position, lengths, branch, q):
+    """Joint angles of a holding limb at `s` on a base path, into `q`; whether the branch exists there."""
+    position, p, x, z, column = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    t0, r0, t1, r1, kind, pivot = path
+    position_on_path(t0, t1, kind, pivot, s, position)
+    for k in range(3):
+        column[k] = tool[k, 0]
+    flange_in_limb(grip, column, position, r0, axis, s * omega, mount_rotation, mount_position, p, x)
+    for k in range(3):
+        column[k] = tool[k, 2]
+    flange_in_limb(grip, column, position, r0, axis, s * omega, mount_rotation, mount_position, p, z)
+    return branch_angles(p, x, z, lengths, branch, q)
+
+
+@kernel
+def hold_free(
+    limb, grip, tool, path, u0, u1, branch, lengths, mount_rotation, mount_position, q0, q1, mover_rotation, mover_position,
+    shapes, gripper, fixed, world, point, normal, clearance, inside,
+):  # fmt: skip
+    """Whether a limb can hold on one branch while the base goes from `u0` to `u1` on a path.
+
+    It is checked against the boxes, the body, its own links, and the limb that moves from `q0` to `q1` meanwhile.
+
+    Args:
+        limb: Index of the limb.
+        grip: Flange position in the world [m], shape (3,).
+        tool: Flange rotation in the world, shape (3, 3).
+        path: Base path (t0, r0, t1, r1, kind, pivot).
+        u0: Where the base is on it at the start.
+        u1: Where it is at the end.
+        branch: Branch label.
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        mount_rotation: Of the limb that holds, shape (3, 3).
+        mount_position: Shape (3,) [m].
+        q0: Joint angles of the limb that moves at the start [rad].
+        q1: At the end.
+        mover_rotation: Mount of the limb that moves, shape (3, 3).
+        mover_position: Shape (3,) [m].
+        shapes: `LimbShapes.arrays`.
+        gripper: First capsule of the gripper.
+        fixed: `LimbShapes.fixed`.
+        world: `BoxWorld.arrays`.
+        point: The grasp [m].
+        normal: Surface normal there.
+        clearance: Least distance [m].
+        inside: Whether the robot's own shapes are looked at, not the boxes alone.
+
+    Returns:
+        `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
+    """
+    count = len(shapes[0])
+    ends, world_ends, others = np.empty((count, 2, 3)), np.empty((count, 2, 3)), np.empty((count, 2, 3))
+    motion, world_motion, other_motion = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))
+    frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
+    other_shift, other_spin = np.empty((5, 4)), np.empty((5, 7))
+    q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
+    position, rotation = np.empty(3), np.empty((3, 3))
+    omega = relative_rotation(path[1], path[3], axis)
+    speed = path_speed(path) * abs(u1 - u0)
+    spin_rate = omega * abs(u1 - u0)
+    for k in range(6):
+        plus[k] = q1[k] - q0[k]
+        minus[k] = -plus[k]
+    joint_motion(plus, minus, lengths, other_shift, other_spin)
+    pieces = min(max(int(np.ceil((speed + spin_rate) / FIRST_INTERVAL)), 1), 1 << DEPTH)
+    stack_s, stack_half = np.empty(DEPTH + 2), np.empty(DEPTH + 2)
+    piece = top = 0
+    shortest = 0.5 ** (DEPTH + 1)
+    while top > 0 or piece < pieces:
+        if top > 0:
+            top -= 1
+            s, half = stack_s[top], stack_half[top]
+        else:
+            half = 0.5 / pieces
+            s = (2 * piece + 1) * half
+            piece += 1
+        for side in range(3):
+            at = u0 + (s + (half if side == 1 else -half if side == 2 else 0.0)) * (u1 - u0)
+            into = q if side == 0 else plus if side == 1 else minus
+            if not holding_angles(
+                grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, into
+            ):  # fmt: skip
+                return UNDECIDED
+        for joint in range(6):
+            plus[joint], minus[joint] = wrap(plus[joint] - q[joint]), wrap(minus[joint] - q[joint])
+        joint_motion(plus, minus, lengths, shift, spin)
+        frames_of_angles(q, lengths, frames)
+        place(frames, shapes, mount_rotation, mount_position, ends)
+        pose_on_path(path, axis, omega, u0 + s * (u1 - u0), position, rotation)
+        to_world(ends, position, rotation, world_ends)
+        capsule_motion(shapes, shift, spin, 1.0, motion)
+        moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
+        seen_from_grasp(plus, minus, lengths, shapes, world_motion)
+        answer = against_all(world_ends, world_motion, 0, count, shapes, world, gripper, point, normal, clearance)
+        if answer > UNDECIDED:
+            return answer
+        if inside:
+            found = against_body(limb, ends, motion, shift, spin, 1.0, shapes, fixed, clearance)
+            if found > UNDECIDED:
+                return found
+            answer = max(answer, found)
+            for k in range(6):
+                q[k] = q0[k] + s * (q1[k] - q0[k])
+            frames_of_angles(q, lengths, frames)
+            place(frames, shapes, mover_rotation, mover_position, others)
+            capsule_motion(shapes, other_shift, other_spin, half, other_motion)
+            found = against_limb(ends, motion, others, other_motion, shapes, clearance)
+            if found > UNDECIDED:
+                return found
+            answer = max(answer, found)
+        if answer == UNDECIDED:
+            if half < shortest:
+                return UNDECIDED
+            for side in range(2):
+                stack_s[top], stack_half[top] = s + (side - 0.5) * half, 0.5 * half
+                top += 1
+    return CLEAR
+
+
+@kernel
+def holds_apart(
+    grip_a, tool_a, branch_a, rotation_a, position_a, grip_b, tool_b, branch_b, rotation_b, position_b, path, lengths, shapes,
+    clearance,
+):  # fmt: skip
+    """Whether two limbs that hold keep clear of each other while the base follows a path; arguments as in `hold_free`."""
+    count = len(shapes[0])
+    ends, others = np.empty((count, 2, 3)), np.empty((count, 2, 3))
+    motion, other_motion = np.empty((count, 2)), np.empty((count, 2))
+    frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
+    q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
+    omega = relative_rotation(path[1], path[3], axis)
+    pieces = min(max(int(np.ceil((path_speed(path) + omega) / FIRST_INTERVAL)), 1), 1 << DEPTH)
+    stack_s, stack_half = np.empty(DEPTH + 2), np.empty(DEPTH + 2)
+    piece = top = 0
+    shortest = 0.5 ** (DEPTH + 1)
+    while top > 0 or piece < pieces:
+        if top > 0:
+            top -= 1
+            s, half = stack_s[top], stack_half[top]
+        else:
+            half = 0.5 / pieces
+            s = (2 * piece + 1) * half
+            piece += 1
+        for limb in range(2):
+            grip, tool, branch = (grip_a, tool_a, branch_a) if limb == 0 else (grip_b, tool_b, branch_b)
+            mount_rotation, mount_position = (rotation_a, position_a) if limb == 0 else (rotation_b, position_b)
+            for side in range(3):
+                at = s + (half if side == 1 else -half if side == 2 else 0.0)
+                into = q if side == 0 else plus if side == 1 else minus
+                if not holding_angles(
+                    grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, into
+                ):  # fmt: skip
+                    return UNDECIDED
+            for joint in range(6):
+                plus[joint], minus[joint] = wrap(plus[joint] - q[joint]), wrap(minus[joint] - q[joint])
+            joint_motion(plus, minus, lengths, shift, spin)
+            frames_of_angles(q, lengths, frames)
+            place(frames, shapes, mount_rotation, mount_position, ends if limb == 0 else others)
+            capsule_motion(shapes, shift, spin, 1.0, motion if limb == 0 else other_motion)
+        answer = against_limb(ends, motion, others, other_motion, shapes, clearance)
+        if answer > UNDECIDED:
+            return answer
+        if answer == UNDECIDED:
+            if half < shortest:
+                return UNDECIDED
+            for side in range(2):
+                stack_s[top], stack_half[top] = s + (side - 0.5) * half, 0.5 * half
+                top += 1
+    return CLEAR

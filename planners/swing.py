@@ -1,0 +1,152 @@
+"""The way of the limb that moves: from above the point it leaves to above the point it takes hold of.
+
+A swing is a chain of knots: where the base is on its path, from 0 to 1, and the limb's six joint angles; between knots both
+change linearly together. The shortest kind that touches nothing is taken:
+
+* `direct`: one line in joint space while the base moves;
+* `over`: by way of one of the robot's folds, the base moving all along;
+* `folded`: fold, move the base, unfold; this is what the stance graph has shown to be possible;
+* `sampled`: fold and unfold on ways found by a sampling planner, where a limb has turned so far while it held that
+  the ways known to the graph would leave its joint limits.
+
+Each line is checked as a whole, see `swept_kernels`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.collision_kernels import CLEAR
+from mlivr_gym.release_kernels import fold_near
+from mlivr_gym.stance_graph import StanceGraph
+from mlivr_gym.swept_kernels import hold_free, swing_free
+
+Array = NDArray[np.float64]
+
+SWING_KINDS = ("direct", "over", "folded", "sampled", "unchecked")
+"""Names of the kinds of swings, the shortest first; `unchecked` where collisions are not looked at."""
+
+
+class Hold(NamedTuple):
+    """A limb that holds a point on a branch while another moves."""
+
+    limb: int
+    point: int
+    branch: int
+
+
+class Swing(NamedTuple):
+    """A swing: its kind, and its knots (k, 7), base parameter and joint angles [rad]."""
+
+    kind: str
+    knots: Array
+
+
+class SwingFinder:
+    """Finds the swing of one step.
+
+    Attributes:
+        graph: The stance graph.
+        limb: The limb that moves.
+        path: Base path (t0, r0, t1, r1, kind, pivot).
+        holds: The limbs that hold.
+    """
+
+    def __init__(self, graph: StanceGraph, limb: int, path: tuple[Any, ...], holds: list[Hold]) -> None:
+        """Look at the step in which `limb` moves while the base follows `path`."""
+        self.graph, self.limb, self.path, self.holds = graph, limb, path, holds
+
+    def find(self, start: Array, end: Array, turns: tuple[Array, Array], fold: int) -> Swing | None:
+        """The shortest swing between lifted postures.
+
+        Args:
+            start: Joint angles above the point it leaves, shape (6,) [rad].
+            end: Joint angles above the point it lands on, on any winding.
+            turns: Fewest and most whole turns that may be added to `end`, each (6,).
+            fold: The fold in which the graph has shown that the limb can be carried.
+        """
+        for kind, knots in self._ways(start, end, turns, fold):
+            if self.clear(knots):
+                return Swing(kind, knots)
+        from mlivr_gym.planners.sampling import sampled_swing
+
+        knots = sampled_swing(self, start, end, turns, fold)
+        return None if knots is None else Swing("sampled", knots)
+
+    def _ways(
+        self, start: Array, end: Array, turns: tuple[Array, Array], fold: int
+    ) -> Iterator[tuple[str, Array]]:
+        yield "direct", np.stack([_knot(0.0, start), _knot(1.0, landing(end, turns, start))])
+        count = len(self.graph.robot.folds)
+        for index in range(count):
+            middle = self.fold(index, start)
+            if middle is not None:
+                last = landing(end, turns, middle)
+                yield "over", np.stack([_knot(0.0, start), _knot(0.5, middle), _knot(1.0, last)])
+        orders = sorted(range(count), key=lambda k: k != fold)
+        for carried in orders:
+            for first in orders:
+                for last_fold in orders:
+                    knots = self._folded(start, end, turns, (first, carried, last_fold))
+                    if knots is not None:
+                        yield "folded", knots
+
+    def _folded(
+        self, start: Array, end: Array, turns: tuple[Array, Array], way: tuple[int, int, int]
+    ) -> Array | None:
+        """Fold by way of one fold, move in another, unfold by way of a third."""
+        knots = [_knot(0.0, start)]
+        for k, u in zip(way, (0.0, 0.0, 1.0), strict=True):
+            here = self.fold(k, knots[-1][1:])
+            if here is None:
+                return None
+            if u == 1.0:
+                knots.append(_knot(1.0, knots[-1][1:]))
+            if np.abs(here - knots[-1][1:]).max() > 1e-9:
+                knots.append(_knot(u, here))
+        knots.append(_knot(1.0, landing(end, turns, knots[-1][1:])))
+        return np.stack(knots)
+
+    def fold(self, index: int, near: Array) -> Array | None:
+        """A fold on the windings nearest to some joint angles [rad], or None outside the limits."""
+        out = np.empty(6)
+        return out if fold_near(self.graph.solver.folds[index], near, self.graph.solver.limits, out) else None
+
+    def clear(self, knots: Array) -> bool:
+        """Whether the robot touches nothing along a chain of knots."""
+        solver, limb = self.graph.solver, self.limb
+        for bodies, inside in self.graph.checks:
+            shapes, gripper, _, fixed, world, clearance, body = bodies
+            none = np.empty((0, len(shapes[0]), 2, 3))
+            for a, b in zip(knots, knots[1:], strict=False):
+                ends = (self.path, a[0], b[0])
+                found = swing_free(
+                    limb, *ends, a[1:], b[1:], solver.lengths, solver.mount_rotations[limb], solver.mount_positions[limb],
+                    none, shapes, fixed, world, clearance, inside, body,
+                )  # fmt: skip
+                if found != CLEAR:
+                    return False
+                for hold in self.holds:
+                    found = hold_free(
+                        hold.limb, self.graph.grips[hold.point], solver.tools[hold.point], *ends, hold.branch, solver.lengths,
+                        solver.mount_rotations[hold.limb], solver.mount_positions[hold.limb], a[1:], b[1:],
+                        solver.mount_rotations[limb], solver.mount_positions[limb], shapes, gripper, fixed, world,
+                        solver.points[hold.point], solver.normals[hold.point], clearance, inside,
+                    )  # fmt: skip
+                    if found != CLEAR:
+                        return False
+        return True
+
+
+def landing(end: Array, turns: tuple[Array, Array], near: Array) -> Array:
+    """The landing posture on the windings nearest to some joint angles, within the turns allowed [rad]."""
+    nearest: Array = end + 2.0 * np.pi * np.clip(np.rint((near - end) / (2.0 * np.pi)), *turns)
+    return nearest
+
+
+def _knot(u: float, joints: Array) -> Array:
+    return np.concatenate([[u], joints])
