@@ -72,6 +72,15 @@ class LimbShapes:
         )  # fmt: skip
         self.body_radius = float(np.linalg.norm(half))
 
+    def never(self, limb: int) -> list[tuple[str, str]]:
+        """Pairs of a limb's links, the body among them, that are not compared: neighbours, and those that cannot meet."""
+        names = ("body", *LINKS)
+        compared = {(self.names[i], self.names[j]) for i, j in self.arrays[3].tolist()}
+        meets_own_base = {name for name in self.names if LINKS.index(name) >= int(self.fixed[3][limb].max(initial=2))}
+        compared |= {("body", name) for name in self.names if LINKS.index(name) >= 2}
+        compared |= {("base", name) for name in meets_own_base}
+        return [(a, b) for k, a in enumerate(names) for b in names[k + 1 :] if (a, b) not in compared]
+
     def __len__(self) -> int:
         """Number of capsules that move."""
         return len(self.names)
