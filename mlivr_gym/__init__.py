@@ -7,9 +7,12 @@ from mlivr_gym.errors import MlivrError
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.robot import Limb, RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
+from mlivr_gym.shapes import Box, Capsule
 from mlivr_gym.stance_graph import State, stance_graph
 
 __all__ = [
+    "Box",
+    "Capsule",
     "GraspMap",
     "Limb",
     "MlivrError",

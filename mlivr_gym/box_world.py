@@ -25,7 +25,10 @@ class BoxWorld:
 
     Attributes:
         boxes: The boxes.
-        arrays: What `collision_kernels.against_boxes` takes.
+        arrays: What `collision_kernels.against_boxes` takes: for each box its bounds, centre, half edges, rotation by
+            rows, whether it is turned and the cause it gives, shape (n, 23); a large empty box inside, the hull, the
+            grid's origin, edge and number of cells, shape (19,); where the boxes of each cell begin in a list, that list,
+            and what the boxes fill of each cell, shape (cells, 2, 3).
     """
 
     def __init__(self, boxes: Sequence[Box]) -> None:
@@ -54,14 +57,26 @@ class BoxWorld:
         order = np.argsort(cell, kind="stable")
         items = np.concatenate(owners)[order] if owners else np.zeros(0, dtype=np.int64)
         start = np.searchsorted(cell[order], np.arange(int(dims.prod()) + 1))
-        self.arrays: tuple[Any, ...] = (
-            centre, half, rotation, tilted, low, high, kind, _core(low, high, hull), hull, origin, CELL, dims, start,
-            items,
-        )  # fmt: skip
+        filled = _filled(low, high, cell, np.concatenate(owners) if owners else items, origin, dims)
+        flat = np.column_stack([low, high, centre, half, rotation.reshape(n, 9), tilted, kind])
+        head = np.concatenate([_core(low, high, hull).ravel(), hull.ravel(), origin, [CELL], dims]).astype(np.float64)
+        self.arrays: tuple[Any, ...] = np.ascontiguousarray(flat), head, start, items, filled
 
     def __len__(self) -> int:
         """Number of boxes."""
         return len(self.boxes)
+
+
+def _filled(low: Array, high: Array, cell: NDArray[np.int64], owner: NDArray[np.int64], origin: Array, dims: Any) -> Array:
+    """Lower and upper corner of what the boxes fill of each cell [m], shape (cells, 2, 3)."""
+    corner = origin + CELL * np.stack(np.unravel_index(cell, tuple(dims)), axis=1)
+    out = np.empty((int(dims.prod()), 2, 3))
+    out[:, 0], out[:, 1] = np.inf, -np.inf
+    # Boxes beyond the outermost cells count as in them.
+    last = corner >= origin + CELL * (dims - 1) - 1e-9
+    np.minimum.at(out[:, 0], cell, np.maximum(low[owner], corner))
+    np.maximum.at(out[:, 1], cell, np.where(last, high[owner], np.minimum(high[owner], corner + CELL)))
+    return out
 
 
 def _core(low: Array, high: Array, hull: Array) -> Array:

@@ -15,6 +15,7 @@ EXAMPLES = """examples:
   mlivr-gym plan --start D1a:4 D1b:4 --goal 6.0 0 0.42 --cost steps --out plan.json --picture plan.png
   mlivr-gym plan --cost weighted --regrasp-price 0.1 --no-manipulability
   mlivr-gym plan --robot mlivr3 --goal 2.5 -0.4 -0.3 --cost weighted --regrasp-price 0.1
+  mlivr-gym plan --box 3.2 -1.0 -1.0 3.5 1.0 0.3 --occupied D3a:4 D3b:4
   mlivr-gym table1 --out results
   mlivr-gym info --map my_map.json
   mlivr-gym render --start D1a:4 D1b:4 --out start.png
@@ -44,13 +45,25 @@ def _parser() -> argparse.ArgumentParser:
     world.add_argument("--map", metavar="FILE", help="map as a JSON file (default: the measured JEM)")
     world.add_argument("--no-manipulability", action="store_true", help="do without both thresholds")
     world.add_argument("--no-transitions", action="store_true", help="do not check that steps can be carried out")
+    world.add_argument("--no-collisions", action="store_true", help="let limbs touch each other and the cabin")
+    world.add_argument(
+        "--clearance", type=float, default=0.02, metavar="M", help="least distance between shapes [m] (default: %(default)s)"
+    )
     world.add_argument(
         "--limb-threshold", type=float, default=0.1, metavar="W", help="least w_m (default: %(default)s)"
     )
     world.add_argument("--base-threshold", type=float, metavar="W", help="least w_b (default: 0.001 (2/N)^3)")
 
+    way = _Parser(add_help=False)
+    way.add_argument("--obstacles", metavar="FILE", help="boxes and occupied points as a JSON file")
+    way.add_argument(
+        "--box", nargs=6, type=float, action="append", default=[], metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
+        help="a box or keep-out zone in the way, lower and upper corner [m]; may be repeated",
+    )  # fmt: skip
+    way.add_argument("--occupied", nargs="+", default=[], metavar="POINT", help="points that may not be grasped")
+
     plan = commands.add_parser(
-        "plan", parents=[world], help="plan from a stance to a goal", epilog=EXAMPLES, formatter_class=formatter,
+        "plan", parents=[world, way], help="plan from a stance to a goal", epilog=EXAMPLES, formatter_class=formatter,
         description="Plan from a start stance to a goal position of the base. Start and goal have defaults.",
     )  # fmt: skip
     plan.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
@@ -83,7 +96,7 @@ def _parser() -> argparse.ArgumentParser:
 
     info = commands.add_parser(
         "info",
-        parents=[world],
+        parents=[world, way],
         help="what map, robot and stance graph hold",
         epilog=EXAMPLES,
         formatter_class=formatter,
@@ -105,13 +118,25 @@ def _parser() -> argparse.ArgumentParser:
 
 def _graph(args: argparse.Namespace) -> Any:
     from mlivr_gym import GraspMap, Settings, jem_map, robot_spec, stance_graph
+    from mlivr_gym.shapes import Box, load_obstacles
 
     settings = Settings(
         manipulability=not args.no_manipulability, transitions=not args.no_transitions,
-        limb_threshold=args.limb_threshold, base_threshold=args.base_threshold,
+        limb_threshold=args.limb_threshold, base_threshold=args.base_threshold, collisions=not args.no_collisions,
+        clearance=args.clearance,
     )  # fmt: skip
     grasp_map = GraspMap.load(args.map) if args.map else jem_map()
-    return stance_graph(grasp_map, robot_spec(args.robot), settings)
+    graph = stance_graph(grasp_map, robot_spec(args.robot), settings)
+    if "box" in args:
+        boxes = [Box.between(f"box{k}", "obstacle", box[:3], box[3:]) for k, box in enumerate(args.box)]
+        occupied = list(args.occupied)
+        if args.obstacles:
+            more, points = load_obstacles(args.obstacles)
+            boxes.extend(more)
+            occupied.extend(points)
+        graph.add_obstacles(boxes)
+        graph.occupy(occupied)
+    return graph
 
 
 def _default_task(graph: Any, args: argparse.Namespace) -> tuple[Any, Any]:

@@ -282,82 +282,93 @@ def box_answer(p, d, half, inner, at_p, at_d):
 
 
 @kernel
-def against_boxes(ends, motion, c, inner, world, grasping, point, normal):
-    """Capsule `c` against the boxes of a world.
+def against_boxes(ends, motion, first, stop, radius, world, gripper, point, normal, clearance):
+    """Capsules `first` to `stop` against the boxes of a world.
 
     Args:
         ends: Capsule ends in the world [m], shape (c, 2, 3).
         motion: How far the ends may move in the world [m], shape (c, 2).
-        c: Row of `ends`.
-        inner: Radius plus clearance [m].
+        first: First capsule.
+        stop: One past the last.
+        radius: Radii [m], shape (c,).
         world: `BoxWorld.arrays`.
-        grasping: Whether the capsule belongs to a gripper at a grasp, and boxes behind that grasp do not count.
+        gripper: Capsules from this one on are at a grasp, and boxes behind that do not count.
         point: The grasp [m], shape (3,).
         normal: Outward surface normal there, shape (3,).
+        clearance: Least distance [m].
 
     Returns:
         An answer.
     """
-    centre, half, rotation, tilted, low, high, kind, core, hull, origin, cell, dims, start, items = world
-    outer = inner + max(motion[c, 0], motion[c, 1])
-    ax, ay, az = ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2]
-    bx, by, bz = ends[c, 1, 0], ends[c, 1, 1], ends[c, 1, 2]
-    x0, x1 = min(ax, bx) - outer, max(ax, bx) + outer
-    y0, y1 = min(ay, by) - outer, max(ay, by) + outer
-    z0, z1 = min(az, bz) - outer, max(az, bz) + outer
-    if x0 > hull[1, 0] or y0 > hull[1, 1] or z0 > hull[1, 2] or x1 < hull[0, 0] or y1 < hull[0, 1] or z1 < hull[0, 2]:
-        return CLEAR
-    if (
-        x0 > core[0, 0] and y0 > core[0, 1] and z0 > core[0, 2]
-        and x1 < core[1, 0] and y1 < core[1, 1] and z1 < core[1, 2]
-    ):  # fmt: skip
-        return CLEAR
-    i0, i1 = max(int((x0 - origin[0]) / cell), 0), min(int((x1 - origin[0]) / cell), dims[0] - 1)
-    j0, j1 = max(int((y0 - origin[1]) / cell), 0), min(int((y1 - origin[1]) / cell), dims[1] - 1)
-    k0, k1 = max(int((z0 - origin[2]) / cell), 0), min(int((z1 - origin[2]) / cell), dims[2] - 1)
+    boxes, head, start, items, filled = world
+    cell, ni, nj, nk = head[15], int(head[16]), int(head[17]), int(head[18])
     answer = CLEAR
-    for i in range(i0, i1 + 1):
-        for j in range(j0, j1 + 1):
-            for k in range(k0, k1 + 1):
-                here = (i * dims[1] + j) * dims[2] + k
-                for entry in range(start[here], start[here + 1]):
-                    b = items[entry]
+    for c in range(first, stop):
+        inner = radius[c] + clearance
+        outer = inner + max(motion[c, 0], motion[c, 1])
+        ax, ay, az = ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2]
+        bx, by, bz = ends[c, 1, 0], ends[c, 1, 1], ends[c, 1, 2]
+        x0, x1 = min(ax, bx) - outer, max(ax, bx) + outer
+        y0, y1 = min(ay, by) - outer, max(ay, by) + outer
+        z0, z1 = min(az, bz) - outer, max(az, bz) + outer
+        if x0 > head[0] and y0 > head[1] and z0 > head[2] and x1 < head[3] and y1 < head[4] and z1 < head[5]:
+            continue
+        if x1 < head[6] or y1 < head[7] or z1 < head[8] or x0 > head[9] or y0 > head[10] or z0 > head[11]:
+            continue
+        i0, i1 = max(int((x0 - head[12]) / cell), 0), min(int((x1 - head[12]) / cell), ni - 1)
+        j0, j1 = max(int((y0 - head[13]) / cell), 0), min(int((y1 - head[13]) / cell), nj - 1)
+        k0, k1 = max(int((z0 - head[14]) / cell), 0), min(int((z1 - head[14]) / cell), nk - 1)
+        for i in range(i0, i1 + 1):
+            for j in range(j0, j1 + 1):
+                for k in range(k0, k1 + 1):
+                    here = (i * nj + j) * nk + k
                     if (
-                        x0 > high[b, 0] or y0 > high[b, 1] or z0 > high[b, 2]
-                        or x1 < low[b, 0] or y1 < low[b, 1] or z1 < low[b, 2]
+                        x0 > filled[here, 1, 0] or y0 > filled[here, 1, 1] or z0 > filled[here, 1, 2]
+                        or x1 < filled[here, 0, 0] or y1 < filled[here, 0, 1] or z1 < filled[here, 0, 2]
                     ):  # fmt: skip
                         continue
-                    if grasping:
-                        out = 0.0
-                        for axis in range(3):
-                            out += (centre[b, axis] - point[axis]) * normal[axis]
-                        for col in range(3):
-                            turned = 0.0
-                            for axis in range(3):
-                                turned += rotation[b, axis, col] * normal[axis]
-                            out += abs(turned) * half[b, col]
-                        if out <= FLUSH:
+                    for entry in range(start[here], start[here + 1]):
+                        b = items[entry]
+                        if (
+                            x0 > boxes[b, 3] or y0 > boxes[b, 4] or z0 > boxes[b, 5]
+                            or x1 < boxes[b, 0] or y1 < boxes[b, 1] or z1 < boxes[b, 2]
+                        ):  # fmt: skip
                             continue
-                    px, py, pz = ax - centre[b, 0], ay - centre[b, 1], az - centre[b, 2]
-                    dx, dy, dz = bx - ax, by - ay, bz - az
-                    if tilted[b]:
-                        px, py, pz = (
-                            rotation[b, 0, 0] * px + rotation[b, 1, 0] * py + rotation[b, 2, 0] * pz,
-                            rotation[b, 0, 1] * px + rotation[b, 1, 1] * py + rotation[b, 2, 1] * pz,
-                            rotation[b, 0, 2] * px + rotation[b, 1, 2] * py + rotation[b, 2, 2] * pz,
-                        )
-                        dx, dy, dz = (
-                            rotation[b, 0, 0] * dx + rotation[b, 1, 0] * dy + rotation[b, 2, 0] * dz,
-                            rotation[b, 0, 1] * dx + rotation[b, 1, 1] * dy + rotation[b, 2, 1] * dz,
-                            rotation[b, 0, 2] * dx + rotation[b, 1, 2] * dy + rotation[b, 2, 2] * dz,
-                        )
-                    found = box_answer(
-                        (px, py, pz), (dx, dy, dz), (half[b, 0], half[b, 1], half[b, 2]), inner, motion[c, 0], motion[c, 1]
-                    )
-                    if found == SELF:
-                        return kind[b]
-                    answer = max(answer, found)
+                        if c >= gripper and _behind(boxes, b, point, normal):
+                            continue
+                        px, py, pz = ax - boxes[b, 6], ay - boxes[b, 7], az - boxes[b, 8]
+                        dx, dy, dz = bx - ax, by - ay, bz - az
+                        if boxes[b, 21] > 0.0:
+                            px, py, pz = _turned(boxes, b, px, py, pz)
+                            dx, dy, dz = _turned(boxes, b, dx, dy, dz)
+                        found = box_answer(
+                            (px, py, pz), (dx, dy, dz), (boxes[b, 9], boxes[b, 10], boxes[b, 11]), inner, motion[c, 0],
+                            motion[c, 1],
+                        )  # fmt: skip
+                        if found == SELF:
+                            return int(boxes[b, 22])
+                        answer = max(answer, found)
     return answer
+
+
+@kernel
+def _turned(boxes, b, x, y, z):
+    """A vector in the axes of box `b`."""
+    return (
+        boxes[b, 12] * x + boxes[b, 15] * y + boxes[b, 18] * z,
+        boxes[b, 13] * x + boxes[b, 16] * y + boxes[b, 19] * z,
+        boxes[b, 14] * x + boxes[b, 17] * y + boxes[b, 20] * z,
+    )
+
+
+@kernel
+def _behind(boxes, b, point, normal):
+    """Whether a box lies behind the plane through `point` across `normal`, or stands out of it by `FLUSH` at most."""
+    out = 0.0
+    for axis in range(3):
+        out += (boxes[b, 6 + axis] - point[axis]) * normal[axis]
+    u, v, w = _turned(boxes, b, normal[0], normal[1], normal[2])
+    return out + abs(u) * boxes[b, 9] + abs(v) * boxes[b, 10] + abs(w) * boxes[b, 11] <= FLUSH
 
 
 @kernel
@@ -430,6 +441,19 @@ def against_limb(ends, motion, other, other_motion, shapes, clearance):
     """Two limbs against each other: their capsule ends in one frame and how far these may move [m]; an answer."""
     radius = shapes[2]
     answer = CLEAR
+    for k in range(3):
+        # Limbs that some plane across an axis keeps apart are not looked at in pairs.
+        low = other_low = np.inf
+        high = other_high = -np.inf
+        for i in range(len(radius)):
+            for e in range(2):
+                reach = radius[i] + motion[i, e]
+                low, high = min(low, ends[i, e, k] - reach), max(high, ends[i, e, k] + reach)
+                reach = radius[i] + other_motion[i, e]
+                other_low = min(other_low, other[i, e, k] - reach)
+                other_high = max(other_high, other[i, e, k] + reach)
+        if low - other_high > clearance or other_low - high > clearance:
+            return CLEAR
     for i in range(len(radius)):
         p, u = axis_of(ends, i)
         for j in range(len(radius)):

@@ -14,7 +14,7 @@ from mlivr_gym.errors import SettingError, StanceError, choice, nonnegative
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.posture import Postures
 from mlivr_gym.robot import RobotSpec, robot_spec
-from mlivr_gym.settings import Settings
+from mlivr_gym.settings import CLEARANCE, Settings
 from mlivr_gym.stance_graph import State, Successors, stance_graph
 from mlivr_gym.tasks import sample_task
 
@@ -83,6 +83,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         transitions: bool = True,
         limb_threshold: float = 0.1,
         base_threshold: float | None = None,
+        collisions: bool = True,
+        clearance: float = CLEARANCE,
         goal_tolerance: float = 0.2,
         reward: str = "steps",
         success_bonus: float = 0.0,
@@ -102,6 +104,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             transitions: Whether steps must be shown to be possible.
             limb_threshold: Least limb manipulability.
             base_threshold: Least base manipulability; by default `0.001 (2/N)^3`.
+            collisions: Whether stances and steps must touch nothing; False reproduces the paper.
+            clearance: Least distance between shapes [m].
             goal_tolerance: Radius of the goal region [m].
             reward: `"steps"` or `"base"`.
             success_bonus: Added on reaching the goal.
@@ -126,7 +130,9 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         self.discount = float(discount)
         self.render_mode, self._size = render_mode, (int(width), int(height))
         grasp_map = map if isinstance(map, GraspMap) else jem_map() if map is None else GraspMap.load(map)
-        settings = Settings(manipulability, transitions, limb_threshold, base_threshold)
+        settings = Settings(
+            manipulability, transitions, limb_threshold, base_threshold, collisions=collisions, clearance=clearance
+        )
         self.graph = stance_graph(grasp_map, robot_spec(robot), settings)
         points, limbs = len(grasp_map), self.graph.limbs
         self.action_space = spaces.Discrete(limbs * points)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.base_path import STRAIGHT, certify, expand_classes, flange_in_limb, turn, within_limits
-from mlivr_gym.collision_kernels import CLEAR, SELF, against_body, against_limb, frames_of_branch, place, to_world
+from mlivr_gym.collision_kernels import CLEAR, SELF, against_body, against_boxes, against_limb, frames_of_branch, place, to_world
 from mlivr_gym.compiled import kernel
 from mlivr_gym.manipulability import inverse_root_determinant, limb_information
-from mlivr_gym.swept_kernels import against_all
 from mlivr_gym.ur_kinematics import SINGULAR, branch_terms
 
 TIE = 1e-9
@@ -128,7 +127,7 @@ def limb_status(i, b, p, z, position, rotation, point, normal, mount_rotation, m
             found = against_body(i, ends[i, b], still, shift, spin, 0.0, shapes, fixed, clearance)
             if found == CLEAR:
                 to_world(ends[i, b], position, rotation, world_ends)
-                found = against_all(world_ends, still, 0, hand, shapes, world, gripper, point, normal, clearance)
+                found = against_boxes(world_ends, still, 0, hand, shapes[2], world, gripper, point, normal, clearance)
             status[i, b] = found
     return status[i, b]
 
@@ -410,7 +409,7 @@ def hands_clear(points, normals, tool_length, lengths, bodies, answers):
                 along = local[c, e, 2] if link[c] == 6 else local[c, e, 1] - lengths[5]
                 for k in range(3):
                     ends[c, e, k] = points[m, k] + (tool_length - along) * normals[m, k]
-        answers[m] = against_all(ends, still, hand, len(link), shapes, world, gripper, points[m], normals[m], clearance)
+        answers[m] = against_boxes(ends, still, hand, len(link), shapes[2], world, gripper, points[m], normals[m], clearance)
 
 
 @kernel
@@ -463,8 +462,7 @@ def clear_of_world(
                 if frames_of_branch(p, z, lengths, b, frames):
                     place(frames, shapes, mount_rotations[i], mount_positions[i], ends)
                     to_world(ends, position[k], rotation[k], world_ends)
-                    found = against_all(
-                        world_ends, still, 0, hand, shapes, world, gripper, positions[point], normal, clearance
+                    found = against_boxes(world_ends, still, 0, hand, shapes[2], world, gripper, positions[point], normal, clearance
                     )  # fmt: skip
                 if found != CLEAR:
                     if check:

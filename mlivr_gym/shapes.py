@@ -5,9 +5,11 @@ Surroundings are boxes. A limb is a set of capsules fixed to its links; the robo
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +23,7 @@ Triple = tuple[float, float, float]
 LINKS = ("base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3", "gripper")
 """Links of a limb in order from the body; the gripper is fixed to the last."""
 
-KINDS = ("panel", "rack", "post", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
+KINDS = ("panel", "rack", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
 """What a box can be."""
 
 UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -173,3 +175,21 @@ def boxes_from(data: Any, kind: str) -> tuple[Box, ...]:
     return boxes
 
 
+
+
+def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
+    """Boxes and ids of occupied points from a JSON file `{"boxes": [...], "occupied": [...]}`; see `Box.from_dict`.
+
+    Raises:
+        ShapeError: If the file cannot be read or an entry is faulty.
+    """
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ShapeError(f"cannot read obstacles {str(path)!r}: {error}") from None
+    if not isinstance(data, dict) or set(data) - {"boxes", "occupied"}:
+        raise ShapeError(f"obstacles {str(path)!r}: must be an object with 'boxes' and 'occupied' and nothing else")
+    occupied = data.get("occupied", [])
+    if not isinstance(occupied, list) or not all(isinstance(point, str) for point in occupied):
+        raise ShapeError(f"obstacles {str(path)!r}: 'occupied' must be a list of point ids")
+    return boxes_from(data.get("boxes", []), "obstacle"), tuple(occupied)

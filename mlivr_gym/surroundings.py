@@ -37,8 +37,7 @@ def module_boxes(figures: dict[str, Any], racks: list[dict[str, Any]]) -> Iterat
         "deck": planes["deck_z"], "overhead": planes["overhead_z"],
         "forward": planes["forward_y"], "aft": planes["aft_y"],
     }  # fmt: skip
-    half_post, half_width = 0.5 * figures["rack_post_section"][0], 0.5 * figures["rack_outer_span"]
-    half_length = 0.5 * figures["rack_post_length"]
+    half_width, half_length = 0.5 * figures["rack_outer_span"], 0.5 * figures["rack_post_length"]
     for face, (axis, sign) in FACE_AXES.items():
         run = 3 - axis
         centre, half = np.zeros(3), np.zeros(3)
@@ -49,14 +48,11 @@ def module_boxes(figures: dict[str, Any], racks: list[dict[str, Any]]) -> Iterat
     for rack in racks:
         axis, sign = FACE_AXES[rack["face"]]
         run = 3 - axis
-        parts = (("front", 0.0, half_width - 2 * half_post), ("post0", -1.0, half_post), ("post1", 1.0, half_post))
-        for name, offset, half_across in parts:
-            centre, half = np.zeros(3), np.zeros(3)
-            centre[0], half[0] = rack["x_centre"] + offset * (half_width - half_post), half_across - 0.002
-            depth = 0.0 if name == "front" else 0.001
-            centre[axis], half[axis] = levels[rack["face"]] - sign * (0.02 + depth), 0.02
-            centre[run], half[run] = rack["run_centre"], half_length
-            yield _box(f"{rack['id']}/{name}", "rack" if name == "front" else "post", rack["face"], centre, half)
+        centre, half = np.zeros(3), np.zeros(3)
+        centre[0], half[0] = rack["x_centre"], half_width
+        centre[axis], half[axis] = levels[rack["face"]] - sign * 0.02, 0.02
+        centre[run], half[run] = rack["run_centre"], half_length
+        yield _box(rack["id"], "rack", rack["face"], centre, half)
     (y0, z0), (y1, z1) = figures["corner_closeout"]
     for sy in (-1.0, 1.0):
         for sz in (-1.0, 1.0):

@@ -42,7 +42,7 @@ from mlivr_gym.ur_kinematics import branch_angles, wrap
 DEPTH = 9
 """Halvings after which an interval counts as blocked."""
 
-FIRST_INTERVAL = 0.4
+FIRST_INTERVAL = 0.6
 """Travel that an interval of the first division covers [m]; a matter of speed only."""
 
 
@@ -151,19 +151,6 @@ def pose_on_path(path, axis, omega, s, position, rotation):
 
 
 @kernel
-def against_all(ends, motion, first, stop, shapes, world, gripper, point, normal, clearance):
-    """Capsules `first` to `stop` of a limb in the world against the boxes; those from `gripper` on are at a grasp; an answer."""
-    radius = shapes[2]
-    answer = CLEAR
-    for c in range(first, stop):
-        found = against_boxes(ends, motion, c, radius[c] + clearance, world, c >= gripper, point, normal)
-        if found > UNDECIDED:
-            return found
-        answer = max(answer, found)
-    return answer
-
-
-@kernel
 def departure_free(
     limb, p, x, z, away, lift, lengths, branch, mount_rotation, mount_position, position, rotation, others, shapes, gripper,
     fixed, world, point, normal, clearance, inside,
@@ -221,7 +208,7 @@ def departure_free(
         place(frames, shapes, mount_rotation, mount_position, ends)
         to_world(ends, position, rotation, world_ends)
         capsule_motion(shapes, shift, spin, 1.0, motion)
-        answer = against_all(world_ends, motion, 0, count, shapes, world, gripper, point, normal, clearance)
+        answer = against_boxes(world_ends, motion, 0, count, shapes[2], world, gripper, point, normal, clearance)
         if answer > UNDECIDED:
             return answer
         if inside:
@@ -277,7 +264,8 @@ def swing_free(
     motion, world_motion, still = np.empty((count, 2)), np.empty((count, 2)), np.zeros((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
     q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
-    position, rotation, moved = np.empty(3), np.empty((3, 3)), np.empty((1, 2))
+    position, rotation, moved, ball = np.empty(3), np.empty((3, 3)), np.empty((1, 2)), np.empty(1)
+    ball[0] = body
     omega = relative_rotation(path[1], path[3], axis)
     speed = path_speed(path) * abs(u1 - u0)
     spin_rate = omega * abs(u1 - u0)
@@ -306,7 +294,7 @@ def swing_free(
         to_world(ends, position, rotation, world_ends)
         capsule_motion(shapes, shift, spin, half, motion)
         moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
-        answer = against_all(world_ends, world_motion, 0, count, shapes, world, count, position, position, clearance)
+        answer = against_boxes(world_ends, world_motion, 0, count, shapes[2], world, count, position, position, clearance)
         if answer > UNDECIDED:
             return answer
         if body > 0.0:
@@ -314,7 +302,7 @@ def swing_free(
                 moved[0, e] = speed * half
                 for k in range(3):
                     middle[0, e, k] = position[k]
-            found = against_boxes(middle, moved, 0, body + clearance, world, False, position, position)
+            found = against_boxes(middle, moved, 0, 1, ball, world, 1, position, position, clearance)
             if found > UNDECIDED:
                 return found
             answer = max(answer, found)
@@ -431,7 +419,7 @@ def hold_free(
         capsule_motion(shapes, shift, spin, 1.0, motion)
         moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
         seen_from_grasp(plus, minus, lengths, shapes, world_motion)
-        answer = against_all(world_ends, world_motion, 0, count, shapes, world, gripper, point, normal, clearance)
+        answer = against_boxes(world_ends, world_motion, 0, count, shapes[2], world, gripper, point, normal, clearance)
         if answer > UNDECIDED:
             return answer
         if inside:
