@@ -20,6 +20,7 @@ from mlivr_gym.compiled import in_parallel, kernel
 from mlivr_gym.errors import StanceError
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.posture import Postures
+from mlivr_gym.posture_kernels import clear_of_world, hands_clear
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stance_graph import STUCK, Array, IntArray, StanceGraph, State, Successors
@@ -306,6 +307,7 @@ class PairGraph(StanceGraph):
             self.mask[taken[self.points[:, 0]] | taken[self.points[:, 1]]] = 0
             if boxes:
                 self.table = np.zeros_like(table0)
+                self._remove_touching(near)
         return (
             self.points, self.local, self.degree, self.offset, self.table, self.position, self.rotation, self.mask,
             solver.mount_rotations, solver.mount_positions, solver.lengths, self.grips,
@@ -317,10 +319,28 @@ class PairGraph(StanceGraph):
             (overlay, boxes, near, mask0, ready0, released0, table0, self.hindrance.arrays),
         )  # fmt: skip
 
+    def _remove_touching(self, near: NDArray[np.bool_]) -> None:
+        """Take the branches that touch an obstacle out of the masks of stances near one."""
+        chosen = np.flatnonzero(near & self._within(self.robot.extent + self.settings.clearance))
+        solver = self.solver
+        in_parallel(
+            len(chosen), clear_of_world, chosen, self.points, solver.points, solver.normals, self.robot.tool_length,
+            self.position, self.rotation, self.branch, self.mask, True, solver.mount_rotations, solver.mount_positions,
+            solver.lengths, self.hindrance.arrays, np.zeros(len(self), dtype=np.int64),
+        )  # fmt: skip
+        hands = np.zeros(len(self.grasp_map), dtype=np.int64)
+        hands_clear(
+            solver.points, solver.normals, self.robot.tool_length, solver.lengths, self.hindrance.arrays, hands
+        )  # fmt: skip
+        self.mask[(hands[self.points] > 0).any(axis=1)] = 0
+
     def _near_obstacles(self) -> NDArray[np.bool_]:
         """Stances whose robot, on a step from or to them, may come near an obstacle, shape (n,)."""
+        return self._within(self.robot.extent + self.settings.clearance + 0.8 * self.max_step)
+
+    def _within(self, reach: float) -> NDArray[np.bool_]:
+        """Stances whose base lies within `reach` [m] of an obstacle, shape (n,)."""
         near = np.zeros(len(self), dtype=np.bool_)
-        reach = self.robot.extent + self.settings.clearance + 0.8 * self.max_step
         for box in self.obstacles:
             low, high = box.bounds
             away = self.position - np.clip(self.position, low, high)

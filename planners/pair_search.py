@@ -196,7 +196,7 @@ def search(
 
 
 @kernel
-def steps_to_goal(goal, rows, row_start, points, value, opened):
+def steps_to_goal(goal, rows, row_start, points, mask, value, opened):
     """Fewest steps from every stance to the goal region when steps are not checked.
 
     A breadth-first search in which each row is opened once: all its stances are one step from the first of them
@@ -207,6 +207,7 @@ def steps_to_goal(goal, rows, row_start, points, value, opened):
         rows: `PairGraph.rows`.
         row_start: `PairGraph.row_start`.
         points: `PairGraph.points`.
+        mask: `PairGraph.mask`; stances without a branch are left out.
         value: Infinities, shape (n,), filled with the steps; inf stays where there is no way.
         opened: False, shape (2, m).
     """
@@ -214,7 +215,7 @@ def steps_to_goal(goal, rows, row_start, points, value, opened):
     queue = np.empty(n, np.int64)
     head = tail = 0
     for s in range(n):
-        if goal[s]:
+        if goal[s] and mask[s, 0]:
             value[s] = 0.0
             queue[tail] = s
             tail += 1
@@ -228,7 +229,7 @@ def steps_to_goal(goal, rows, row_start, points, value, opened):
             opened[held, point] = True
             for k in range(row_start[held, point], row_start[held, point + 1]):
                 s2 = rows[held, k]
-                if value[s2] == np.inf:
+                if value[s2] == np.inf and mask[s2, 0]:
                     value[s2] = value[s] + 1.0
                     queue[tail] = s2
                     tail += 1
@@ -246,13 +247,16 @@ def distance_to_goal(
     points,
     position,
     row_position,
+    edges,
+    known,
     value,
     settled,
     along,
 ):
     """Exact cost from stances to the goal region when steps are not checked, by search backward from the goal.
 
-    Moving one limb twice in a row never pays here, so a stance reached along a row does not open that row again.
+    Steps that are known to be impossible may be left out, which brings the cost nearer to the true one. Otherwise moving one
+    limb twice in a row never pays, so a stance reached along a row does not open that row again.
 
     Args:
         goal: Which stances are goals, shape (n,).
@@ -265,17 +269,20 @@ def distance_to_goal(
         points: `PairGraph.points`.
         position: `PairGraph.position`.
         row_position: `PairGraph.row_position`.
+        edges: `PairGraph.edges`; stances without a branch are left out.
+        known: Whether to leave out steps that are known to be impossible.
         value: Infinities, shape (n,); least costs found.
         settled: Infinities, shape (n,), filled with the cost of each stance that was settled.
         along: Minus ones, shape (n,); the limb that held when a stance was reached.
     """
+    mask, local, degree, offset, table = edges[7], edges[1], edges[2], edges[3], edges[4]
     n = len(goal)
     size_pool = n + 1
     f, g = np.empty(size_pool), np.empty(size_pool)
     node, heap = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
     used = size = 0
     for s in range(n):
-        if goal[s]:
+        if goal[s] and mask[s, 0]:
             value[s] = g[used] = 0.0
             f[used], node[used], heap[size] = toward[s], s, used
             used += 1
@@ -296,16 +303,19 @@ def distance_to_goal(
             break
         x, y, z = position[s, 0], position[s, 1], position[s, 2]
         for held in range(2):
-            if held == along[s]:
+            if held == along[s] and not known:
                 continue
             point = points[s, held]
+            first = offset[held, point] + local[held, s] * degree[held, point]
             for k in range(row_start[held, point], row_start[held, point + 1]):
                 s2 = rows[held, k]
                 dx = row_position[held, k, 0] - x
                 dy = row_position[held, k, 1] - y
                 dz = row_position[held, k, 2] - z
                 cost2 = cost + base_weight * np.sqrt(dx * dx + dy * dy + dz * dz) + step_weight
-                if cost2 < value[s2]:
+                if cost2 < value[s2] and mask[s2, 0]:
+                    if known and table[first + local[held, s2]] & 0x1FFFF == KNOWN:
+                        continue
                     value[s2] = cost2
                     along[s2] = held
                     if used == size_pool:

@@ -34,6 +34,9 @@ GOAL_TOLERANCE = 0.2
 MOST_BLOCKED = 50
 """Steps left out of one query, at most, because a limb would leave its joint limits while it holds."""
 
+PATIENCE = 300
+"""States explored before the estimate is worked out again from what was learnt; four times as many each time."""
+
 CACHED_TABLES = 16
 """Cost-to-go tables a planner keeps."""
 
@@ -298,35 +301,44 @@ class Planner:
                 self._regions.popitem(last=False)
         return self._regions[key]
 
-    def _relaxed_table(self, graph: PairGraph, target: Array, tolerance: float, cost: Cost, start: int) -> Array:
-        """Lower bound of the cost to the goal, exact where it was settled; kept if it covers all stances."""
-        key = (*target.tolist(), tolerance, cost)
-        if key in self._relaxed:
+    def _relaxed_table(
+        self, graph: PairGraph, target: Array, tolerance: float, cost: Cost, start: int, known: bool = False
+    ) -> Array:
+        """Lower bound of the cost to the goal, exact where it was settled; kept if it covers all stances.
+
+        What is kept stays a lower bound when points are occupied; obstacles take away so many stances that a new search
+        is worth its time. If `known`, steps that were found to be impossible are left out.
+        """
+        key = (*target.tolist(), tolerance, cost, graph.obstacles)
+        if key in self._relaxed and not known:
             self._relaxed.move_to_end(key)
             return self._relaxed[key]
         distance, goal, _ = self._goal_region(graph, target, tolerance)
-        if cost.base_weight == 0.0:
-            table = np.full(len(graph), np.inf)
+        table = np.full(len(graph), np.inf)
+        if cost.base_weight == 0.0 and not known:
             opened = np.zeros(graph.degree.shape, dtype=np.bool_)
-            steps_to_goal(goal, graph.rows, graph.row_start, graph.points, table, opened)
+            steps_to_goal(goal, graph.rows, graph.row_start, graph.points, graph.mask, table, opened)
             table *= cost.step_weight
         else:
             toward = np.zeros(len(graph))
-            if start >= 0:
+            bounded = start >= 0
+            if bounded:
                 away = _distances(graph.position, graph.position[start])
                 toward = cost.heuristic("consistent", away, 0.0, graph.max_step)
-            table = np.full(len(graph), np.inf)
             distance_to_goal(
-                goal, start, toward, cost.base_weight, cost.step_weight, graph.rows, graph.row_start,
-                graph.points, graph.position, graph.row_position, np.full(len(graph), np.inf), table,
+                goal, start if bounded else -1, toward, cost.base_weight, cost.step_weight, graph.rows, graph.row_start,
+                graph.points, graph.position, graph.row_position, graph.edges, known, np.full(len(graph), np.inf), table,
                 np.full(len(graph), -1),
             )  # fmt: skip
-            if start >= 0:
+            if bounded:
                 # Stances that the backward search left out cost at least what it had reached.
                 rest = np.isinf(table)
                 bound = cost.heuristic("consistent", distance, tolerance, graph.max_step)
                 table[rest] = np.maximum(bound, table[start] - toward)[rest]
                 return table
+        if graph.occupied:
+            # With points vacated again the bound would not hold.
+            return table
         self._relaxed[key] = table
         if len(self._relaxed) > CACHED_TABLES:
             self._relaxed.popitem(last=False)
@@ -344,11 +356,20 @@ class Planner:
             h = self._relaxed_table(graph, target, tolerance, cost, start)
         else:
             h = cost.heuristic(heuristic, distance, tolerance, graph.max_step)
-        status, generated, node, mask, parent, g = search(
-            start, goal, h, cost.base_weight, cost.step_weight, g_weight, limit, graph.settings.transitions,
-            graph.rows, graph.row_start, graph.row_position, graph.edges, np.zeros((len(graph), 2), dtype=np.int64),
-            np.full((len(graph), 2), np.inf),
-        )  # fmt: skip
+        patience = PATIENCE if heuristic == "cost_to_go" and graph.settings.transitions else limit
+        explored = made = 0
+        while True:
+            status, generated, node, mask, parent, g = search(
+                start, goal, h, cost.base_weight, cost.step_weight, g_weight, min(limit - explored, patience),
+                graph.settings.transitions, graph.rows, graph.row_start, graph.row_position, graph.edges,
+                np.zeros((len(graph), 2), dtype=np.int64), np.full((len(graph), 2), np.inf),
+            )  # fmt: skip
+            explored, made = explored + len(node), made + generated
+            if status != LIMIT or explored >= limit:
+                break
+            # Many steps that the estimate counts on turned out to be impossible: leave them out of it.
+            h = self._relaxed_table(graph, target, tolerance, cost, start, known=True)
+            patience *= 4
         stance, moved = node // 3, node % 3
         chain = _chain(parent)
         states = []
@@ -364,7 +385,7 @@ class Planner:
             graph.mask[path], np.zeros(len(path), dtype=np.int64),
         )  # fmt: skip
         tree = np.stack([graph.position[stance[parent[1:]]], graph.position[stance[1:]]], axis=1)
-        return _Path(int(status), states, postures, float(g[-1]), (len(stance), int(generated)), tree)
+        return _Path(int(status), states, postures, float(g[-1]), (explored, int(made)), tree)
 
     def _lazy_path(
         self, graph: LazyGraph, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
