@@ -62,6 +62,32 @@ def flange_at(point, normal, rail, tool_length, position, rotation, mount_rotati
 
 
 @kernel
+def raised(
+    limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions, lengths, shapes
+):  # fmt: skip
+    """The branches of a mask without those whose twin, with the elbow on the other side, is raised farther from the surface.
+
+    Twins have equal `w_m` and the same hand; to keep one of each halves the work and costs few steps.
+    """
+    p, x, z, away = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    frames, ends = np.empty((7, 4, 3)), np.empty((len(shapes[0]), 2, 3))
+    height = np.zeros(8)
+    flange_at(
+        point, normal, normal, tool_length, position, rotation, mount_rotations[limb], mount_positions[limb], p, x, z, away
+    )
+    for b in range(8):
+        twins = 0x0101 << b, 0x0101 << (b ^ 1)
+        if mask & twins[0] and mask & twins[1] and frames_of_branch(p, z, lengths, b, frames):
+            place(frames, shapes, mount_rotations[limb], mount_positions[limb], ends)
+            for c in range(len(shapes[0])):
+                height[b] += ends[c, 0, 2] + ends[c, 1, 2]
+    for b in range(0, 8, 2):
+        if mask & (0x0101 << b) and mask & (0x0202 << b):
+            mask &= ~(0x0101 << b) if height[b + 1] > height[b] else ~(0x0202 << b)
+    return mask
+
+
+@kernel
 def place_branches(
     limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions, lengths, shapes, first, ends
 ):

@@ -24,7 +24,7 @@ from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.posture import FIELDS, OPPOSED_HEIGHTS, Postures, PostureSolver
 from mlivr_gym.posture_kernels import solve_geometries
-from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, release, together_apart
+from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, raised, release, together_apart
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.shapes import Box
@@ -365,6 +365,10 @@ class StanceGraph(ABC):
         masks = [int(m) for m in posture.mask[0]]
         answers = np.full(limbs, -1, dtype=np.int64)
         here = (np.ascontiguousarray(posture.position[0]), np.ascontiguousarray(posture.rotation[0]))
+        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
+        for limb, point in enumerate(stance):
+            grasp = (solver.points[point], solver.normals[point], robot.tool_length)
+            masks[limb] = int(raised(limb, masks[limb], *grasp, *here, *mounts, solver.shapes.arrays))
         for bodies, inside in self.checks:
             placed = np.empty((8 * (limbs - 1), len(solver.shapes), 2, 3))
             for limb in range(limbs):
@@ -374,13 +378,12 @@ class StanceGraph(ABC):
                         point = stance[other]
                         count = place_branches(
                             other, masks[other], solver.points[point], solver.normals[point], robot.tool_length, *here,
-                            solver.mount_rotations, solver.mount_positions, solver.lengths, bodies[0], count, placed,
+                            *mounts, bodies[0], count, placed,
                         )  # fmt: skip
                 point = stance[limb]
                 answers[limb] = release(
                     limb, masks[limb], solver.points[point], solver.normals[point], solver.rails[point], robot.tool_length,
-                    robot.lift, *here, placed[:count], solver.folds, solver.limits, solver.mount_rotations,
-                    solver.mount_positions, solver.lengths, bodies, inside, answers[limb],
+                    robot.lift, *here, placed[:count], solver.folds, solver.limits, *mounts, bodies, inside, answers[limb],
                 )  # fmt: skip
                 masks[limb] = int(answers[limb]) & 0xFFFF
                 if not masks[limb]:

@@ -255,11 +255,15 @@ class Planner:
         regrasp_price: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,
     ) -> None:
-        """Work the `"cost_to_go"` heuristic out for all stances, so that further plans to this goal are fast."""
+        """Work the `"cost_to_go"` heuristic out for all stances, so that further plans to this goal are fast.
+
+        Steps that are known to be impossible by then are left out of it: the more of the graph has been looked at, the
+        closer the estimate.
+        """
         graph = self._two_limbs()
         priced = Cost.named(cost, regrasp_price)
         target, tolerance = graph.grasp_map.check_goal(goal), nonnegative("goal_tolerance", goal_tolerance)
-        self._relaxed_table(graph, target, tolerance, priced, -1)
+        self._relaxed_table(graph, target, tolerance, priced, -1, known=graph.settings.transitions)
 
     def cost_to_go(
         self,
@@ -306,11 +310,11 @@ class Planner:
     ) -> Array:
         """Lower bound of the cost to the goal, exact where it was settled; kept if it covers all stances.
 
-        What is kept stays a lower bound when points are occupied; obstacles take away so many stances that a new search
-        is worth its time. If `known`, steps that were found to be impossible are left out.
+        What is kept stays a lower bound when obstacles come, since they only take steps away. If `known`, steps that were
+        found to be impossible are left out.
         """
-        key = (*target.tolist(), tolerance, cost, graph.obstacles)
-        if key in self._relaxed and not known:
+        key = (*target.tolist(), tolerance, cost)
+        if key in self._relaxed and not (known and start >= 0):
             self._relaxed.move_to_end(key)
             return self._relaxed[key]
         distance, goal, _ = self._goal_region(graph, target, tolerance)
@@ -336,8 +340,8 @@ class Planner:
                 bound = cost.heuristic("consistent", distance, tolerance, graph.max_step)
                 table[rest] = np.maximum(bound, table[start] - toward)[rest]
                 return table
-        if graph.occupied:
-            # With points vacated again the bound would not hold.
+        if graph.occupied or graph.obstacles:
+            # Once these are gone again the bound would not hold.
             return table
         self._relaxed[key] = table
         if len(self._relaxed) > CACHED_TABLES:
