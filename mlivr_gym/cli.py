@@ -203,7 +203,7 @@ def _table1(args: argparse.Namespace) -> int:
     from mlivr_gym.table1 import run_cases
 
     out = Path(args.out)
-    print("planning the four cases of Table I (the first run compiles the kernels) ...", flush=True)
+    print("planning the four cases of Table I, without and with collisions checked (the first run compiles the kernels) ...", flush=True)
     plans, data = run_cases(out, lambda line: print(line, flush=True))
     plan = plans[3]
     _draw_plan(plan, _ends(plan), out, (1600, 800))
@@ -266,6 +266,12 @@ def _info(args: argparse.Namespace) -> int:
         f"robot {robot.name} ({robot.fingerprint}): {robot.limbs} limbs, mounts {robot.mount_radius:g} m from the axis, "
         f"span {robot.span:g} m, l_c {robot.characteristic_length:g} m"
     )
+    kinds = Counter(box.kind for box in grasp_map.boxes)
+    print(
+        f"shapes: {len(robot.shapes)} capsules a limb and a body of {robot.body_size:g} m; "
+        + (", ".join(f"{kind} {count}" for kind, count in kinds.items()) or "no boxes")
+        + (f"; clearance {graph.settings.clearance:g} m" if graph.settings.collisions else "; collisions not checked")
+    )
     print(
         f"thresholds: w_m {graph.limb_threshold:g}, w_b {graph.base_threshold:g}, on paths w_m {graph.settings.path_floor:g}"
     )
@@ -273,10 +279,17 @@ def _info(args: argparse.Namespace) -> int:
     if isinstance(graph, PairGraph):
         count, part = graph.components
         steps = int((graph.degree**2).sum() - 2 * len(graph))
+        out = {"reach": graph.considered - graph.reachable, **graph.removed}
+        out["manipulability"] = graph.considered - len(graph) - sum(out.values())
+        order = ("reach", "manipulability", "self", "cabin", "handrail")
         print(
             f"stance graph: {graph.reachable} of {graph.considered} pairs in reach, {len(graph)} stances, "
             f"{graph.solver.geometries} different geometries"
         )
+        print("  left out by cause: " + ", ".join(f"{name} {out[name]}" for name in order))
+        if graph.obstacles or graph.occupied:
+            left = int((graph.mask > 0).all(axis=1).sum())
+            print(f"  {len(graph.obstacles)} obstacles and {len(graph.occupied)} occupied points leave {left} stances")
         print(
             f"  {steps} steps before checks, {count} connected parts, the largest of {int(np.bincount(part).max())} stances"
         )

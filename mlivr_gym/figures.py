@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,9 @@ from mlivr_gym.robot import LIMB_COLOURS
 
 if TYPE_CHECKING:
     from mlivr_gym.planners.plan import Plan
+    from mlivr_gym.contacts import Contact
     from mlivr_gym.robot import RobotSpec
+    from mlivr_gym.shapes import Box
 
 Array = NDArray[np.float64]
 
@@ -155,6 +158,95 @@ def configuration_figure(
             )
     figure.suptitle(title, x=0.02, y=0.975, ha="left", fontsize=13)
     save_figure(figure, path)
+
+
+def blocked_figure(
+    grasp_map: GraspMap,
+    robot: RobotSpec,
+    panels: list[tuple[str, list[tuple[Array, Array, Array]], list[Contact]]],
+    obstacles: Sequence[Box],
+    path: str | Path,
+) -> None:
+    """What configurations touch: the robot's capsules, those that touch something and what they touch in red.
+
+    Args:
+        grasp_map: The map.
+        robot: The robot.
+        panels: For each picture its heading, configurations along a motion (the last one is drawn in full, the others
+            thin), and what the last one touches.
+        obstacles: Boxes besides the map's own.
+        path: PNG file to write.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    from mlivr_gym.contacts import capsule_ends
+    from mlivr_gym.limb_shapes import LimbShapes
+
+    figure = Figure(figsize=(6.4 * len(panels), 6.8), dpi=110)
+    FigureCanvasAgg(figure)
+    shapes = LimbShapes(robot)
+    boxes = {box.id: box for box in (*grasp_map.boxes, *obstacles)}
+    for k, (title, configurations, touching) in enumerate(panels):
+        axes: Any = figure.add_subplot(1, len(panels), k + 1, projection="3d", computed_zorder=False)
+        named = {name for contact in touching for name in (contact.first, contact.second)}
+        for n, configuration in enumerate(configurations):
+            last = n == len(configurations) - 1
+            ends = capsule_ends(robot, shapes, configuration)
+            for i in range(robot.limbs):
+                for c, name in enumerate(shapes.names):
+                    hit = last and f"limb{i}/{name}/{shapes.names[:c].count(name)}" in named
+                    axes.plot(
+                        *ends[i, c].T, color="#d00000" if hit else LIMB_COLOURS[i], solid_capstyle="round",
+                        linewidth=150.0 * shapes.arrays[2][c] if last else 1.0, alpha=0.9 if last else 0.35,
+                        zorder=6 if hit else 5 if last else 4,
+                    )  # fmt: skip
+            if last:
+                axes.scatter(*configuration[0], s=260, marker="s", color="0.25", depthshade=False, zorder=5)
+        centre = configurations[-1][0]
+        for box in boxes.values():
+            if box.id not in named and (box.kind not in ("track", "handrail", "obstacle") or not _near(box, centre)):
+                continue
+            corners = _corners(box)
+            faces = [[corners[v] for v in face] for face in _FACES]
+            colour = "#d00000" if box.id in named else "#1a59bf" if box.kind == "handrail" else "0.55"
+            axes.add_collection3d(
+                Poly3DCollection(
+                    faces, facecolor=colour, edgecolor=colour, linewidths=0.4, alpha=0.35 if box.id in named else 0.15, zorder=3
+                )
+            )
+        low, high = centre - 1.1, centre + 1.1
+        for name, a, b in zip("xyz", low, high, strict=True):
+            getattr(axes, f"set_{name}lim")(a, b)
+            getattr(axes, f"set_{name}label")(f"{name} [m]")
+        axes.set_box_aspect((1, 1, 1), zoom=1.3)
+        axes.tick_params(labelsize=7)
+        axes.view_init(elev=14, azim=-66)
+        axes.set_title(title, fontsize=11, loc="left")
+        lines = [f"{c.first} and {c.second}: {1000.0 * c.distance:.0f} mm" for c in touching[:4]]
+        if len(touching) > 4:
+            lines.append(f"and {len(touching) - 4} more pairs")
+        axes.text2D(0.0, -0.02, "\n".join(lines), transform=axes.transAxes, fontsize=8.5, color="#a00000", va="top")
+    figure.subplots_adjust(left=0.03, right=0.97, bottom=0.12, top=0.92, wspace=0.02)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    write_whole(path, buffer.getvalue())
+
+
+_FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+
+
+def _corners(box: Box) -> Array:
+    """The eight corners of a box [m], shape (8, 3)."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+    corners: Array = (signs * np.array(box.half)) @ np.array(box.rotation).T + np.array(box.centre)
+    return corners
+
+
+def _near(box: Box, centre: Array) -> bool:
+    """Whether the whole box lies in the picture round a centre."""
+    return bool((np.abs(_corners(box) - centre) < 1.3).all())
 
 
 def save_image(image: NDArray[np.uint8], path: str | Path) -> None:

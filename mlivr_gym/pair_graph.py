@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.base_path import ARC, STRAIGHT
+from mlivr_gym.collision_kernels import CABIN, HANDRAIL, SELF
 from mlivr_gym.compiled import in_parallel, kernel
 from mlivr_gym.errors import StanceError
 from mlivr_gym.grasp_map import GraspMap
@@ -31,6 +32,8 @@ KNOWN = 1 << 16
 """Bit of an edge entry: the entry is filled. Below it are the branches and flips on which the limb can hold."""
 ARC_BITS, FOLD_BITS = 17, 33
 """First bits of the branches and flips that need the arc, and of the folds on the line and on the arc (2 bits each)."""
+REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
+"""Causes that keep a stance out of the graph."""
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 
 
@@ -261,6 +264,7 @@ class PairGraph(StanceGraph):
         row_start: Where the row of each point begins in `rows`, shape (2, m + 1).
         considered: Ordered pairs of points that were looked at.
         reachable: How many of them inverse kinematics can hold.
+        removed: How many that meet the thresholds were left out because they touch something, by what they touch.
     """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
@@ -269,6 +273,7 @@ class PairGraph(StanceGraph):
         postures = self.postures(self.pairs)
         node = self.is_node(postures)
         self.considered, self.reachable = len(self.pairs), int(postures.reachable.sum())
+        self.removed = {name: int((postures.cause[~node] == cause).sum()) for name, cause in REMOVED.items()}
         self.points = np.ascontiguousarray(self.pairs[node])
         chosen = postures.take(node)
         self.position, self.rotation, self.w_m, self.w_b = (

@@ -7,6 +7,7 @@ if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
 import numpy as np
 import pytest
 from hypothesis import settings
+from paper import NO_COLLISIONS
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
 
@@ -22,12 +23,19 @@ def jem():
 
 @pytest.fixture(scope="session")
 def graph(jem):
+    """Every stance of the module, collisions not looked at."""
+    return stance_graph(jem, settings=NO_COLLISIONS)
+
+
+@pytest.fixture(scope="session")
+def checked_graph(jem):
+    """Every stance of the module that touches nothing."""
     return stance_graph(jem)
 
 
 @pytest.fixture(scope="session")
 def kinematic_graph(jem):
-    return stance_graph(jem, settings=Settings(manipulability=False))
+    return stance_graph(jem, settings=Settings(manipulability=False, collisions=False))
 
 
 @pytest.fixture(scope="session")
@@ -40,6 +48,11 @@ def small_map(jem):
 
 @pytest.fixture(scope="session")
 def small_graph(small_map):
+    return stance_graph(small_map, settings=NO_COLLISIONS)
+
+
+@pytest.fixture(scope="session")
+def small_checked_graph(small_map):
     return stance_graph(small_map)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rustworkx as rx
 
+from paper import NO_COLLISIONS
 from mlivr_gym import GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import GoalError, MlivrError, PlanError, SettingError, StanceError
 from mlivr_gym.planners import Plan, Planner
@@ -53,7 +54,7 @@ def tiny():
     full = jem_map()
     keep = np.array([point.split(":")[0] in {"D1a", "F1b", "F2b"} for point in full.ids])
     keep &= np.array([int(point.split(":")[1]) % 2 == 0 for point in full.ids])
-    return stance_graph(full.subset(keep, "tiny"))
+    return stance_graph(full.subset(keep, "tiny"), settings=NO_COLLISIONS)
 
 
 @pytest.mark.parametrize(("cost", "price"), COSTS)
@@ -78,7 +79,7 @@ def test_plans_are_optimal_by_exhaustive_search_of_another_library(tiny, cost, p
 
 @pytest.mark.parametrize(("cost", "price"), COSTS)
 def test_node_only_plans_agree_with_rustworkx(small_map, cost, price):
-    graph = stance_graph(small_map, settings=Settings(transitions=False))
+    graph = stance_graph(small_map, settings=Settings(collisions=False, transitions=False))
     truth = rx.PyDiGraph()
     truth.add_nodes_from(range(len(graph)))
     for held in range(2):
@@ -164,7 +165,7 @@ def test_a_plan_can_be_carried_out(jem, limbs):
     """Grasps are met, holding joints are continuous and follow the base path, thresholds and limits hold."""
     from scipy.spatial.transform import Rotation
 
-    graph = stance_graph(jem, f"mlivr{limbs}")
+    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
     robot = graph.robot
     from mlivr_gym.tasks import sample_task
 
@@ -223,7 +224,7 @@ def track(q, positions, rotations, jem, robot, limb, point):
 
 def test_same_input_gives_the_same_plan(jem):
     plans = [
-        Planner(stance_graph(jem)).plan(("D1a:4", "D1b:4"), (6.0, 0.0, 0.42), cost).unwrap().to_dict()
+        Planner(stance_graph(jem, settings=NO_COLLISIONS)).plan(("D1a:4", "D1b:4"), (6.0, 0.0, 0.42), cost).unwrap().to_dict()
         for cost in ("steps", "steps")
     ]
     for plan in plans:
@@ -279,7 +280,7 @@ def test_no_path_says_why(graph, jem):
         result.unwrap()
     far = {"D1a", "D1b", "D6a", "D6b", "F6a", "F6b"}
     split = jem.subset(np.array([point.split(":")[0] in far for point in jem.ids]), "split")
-    result = Planner(stance_graph(split)).plan(start, (6.6, 0.0, -0.4))
+    result = Planner(stance_graph(split, settings=NO_COLLISIONS)).plan(start, (6.6, 0.0, -0.4))
     assert result.reason == "goal outside the reachable set"
 
 
@@ -292,7 +293,7 @@ def test_search_exhausted_where_the_only_step_cannot_be_carried_out(jem, graph):
         for t in row[graph.edge_masks(0, s, row) & graph.mask[s, 0] & graph.mask[row, 0] == 0][:5].tolist():
             keep = np.zeros(len(jem), dtype=bool)
             keep[[*graph.points[s], *graph.points[t]]] = True
-            three = stance_graph(jem.subset(keep, "three"))
+            three = stance_graph(jem.subset(keep, "three"), settings=NO_COLLISIONS)
             result = Planner(three).plan(graph.ids(graph.points[s]), graph.position[t], goal_tolerance=0.01)
             reasons.add(result.reason)
             if result.reason == "search exhausted":
@@ -318,7 +319,7 @@ def test_bad_arguments_are_named(graph):
     ):
         with pytest.raises(error, match=words):
             planner.plan(**({"start": start, "goal": goal} | change))
-    many = Planner(stance_graph(graph.grasp_map, "mlivr3"))
+    many = Planner(stance_graph(graph.grasp_map, "mlivr3", NO_COLLISIONS))
     with pytest.raises(SettingError, match="two limbs"):
         many.cost_to_go(goal)
 
@@ -353,7 +354,7 @@ def test_the_table_is_an_expert(graph):
 def test_narrow_joint_limits_are_kept_along_the_plan(jem):
     limits = ((-np.pi, np.pi),) * 6
     robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=limits))
-    plan = Planner(stance_graph(jem, robot)).plan(("D1a:4", "D1b:4"), (4.0, 0.0, 0.0), "steps").unwrap()
+    plan = Planner(stance_graph(jem, robot, NO_COLLISIONS)).plan(("D1a:4", "D1b:4"), (4.0, 0.0, 0.0), "steps").unwrap()
     assert np.abs(plan.joint_positions).max() <= np.pi + 1e-6 + 1e-12
 
 
@@ -386,7 +387,7 @@ def test_ties_prefer_what_is_further_along(small_map):
 
 
 def test_a_users_own_map_plans(ladder):
-    graph = stance_graph(ladder, settings=Settings(limb_threshold=0.05))
+    graph = stance_graph(ladder, settings=Settings(collisions=False, limb_threshold=0.05))
     assert isinstance(ladder, GraspMap)
     s, g = 0, int(np.argmax(np.linalg.norm(graph.position - graph.position[0], axis=1)))
     result = Planner(graph).plan(graph.points[s].tolist(), graph.position[g])
@@ -397,7 +398,7 @@ def test_a_hold_that_would_leave_the_joint_limits_is_planned_round(jem):
     """A task on which the first path found turns a joint of a holding limb by more than its limits allow."""
     from mlivr_gym.tasks import sample_task
 
-    graph = stance_graph(jem, "mlivr3")
+    graph = stance_graph(jem, "mlivr3", NO_COLLISIONS)
     start, _ = sample_task(graph, np.random.default_rng(0), 0.2)
     plan = Planner(graph).plan(start.stance, (2.5, -0.4, -0.3), "weighted", regrasp_price=0.1).unwrap()
     assert np.abs(plan.joint_positions).max() <= 2 * np.pi + 1e-6 + 1e-12
@@ -420,6 +421,6 @@ def test_steps_taken_out_of_a_graph_come_back(small_graph):
 def test_unchecked_plans_do_without_joint_limits(small_map):
     """Where steps are not checked, limits over a hold are not either, and nothing fails for it."""
     robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=((-1.0, 1.0),) * 6))
-    graph = stance_graph(small_map, robot, Settings(transitions=False))
+    graph = stance_graph(small_map, robot, Settings(collisions=False, transitions=False))
     plan = Planner(graph).plan(graph.points[0].tolist(), graph.position[-1], goal_tolerance=0.3).unwrap()
     assert np.isfinite(plan.joint_positions).all() and {step.path for step in plan.steps} == {"unchecked"}

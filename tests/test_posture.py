@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from oracle import flange, pinocchio_arm
 from scipy.spatial.transform import Rotation
 
+from paper import NO_COLLISIONS
 from mlivr_gym import GraspMap, Settings, robot_spec, stance_graph
 from mlivr_gym.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.posture import PostureSolver, base_frames
@@ -39,7 +40,7 @@ def truth(graph, postures, k, stance, branch):
 
 @pytest.mark.parametrize("limbs", [2, 3, 4])
 def test_postures_have_the_manipulability_they_claim(jem, limbs):
-    graph = LazyGraph(jem, robot_spec(f"mlivr{limbs}"), Settings(manipulability=False))
+    graph = LazyGraph(jem, robot_spec(f"mlivr{limbs}"), Settings(collisions=False, manipulability=False))
     rng = np.random.default_rng(limbs)
     stances = []
     while len(stances) < 200:
@@ -136,7 +137,7 @@ def test_postures_move_with_the_grasps(seed):
 
     pairs = np.array([(i, j) for i in range(12) for j in range(12) if i != j])
     here, there = (
-        PostureSolver(build(moved), robot_spec("mlivr2"), Settings(manipulability=False)).solve(pairs)
+        PostureSolver(build(moved), robot_spec("mlivr2"), Settings(collisions=False, manipulability=False)).solve(pairs)
         for moved in (False, True)
     )
     np.testing.assert_allclose(here.w_m, there.w_m, atol=1e-4)
@@ -145,7 +146,7 @@ def test_postures_move_with_the_grasps(seed):
 
 
 def test_equal_geometry_is_solved_once(jem):
-    solver = PostureSolver(jem, robot_spec("mlivr2"), Settings())
+    solver = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS)
     first = np.array([[jem.index("F1a:2"), jem.index("F1a:4")], [jem.index("F2b:3"), jem.index("F2b:5")]])
     postures = solver.solve(first)
     assert solver.geometries == 1
@@ -157,8 +158,8 @@ def test_equal_geometry_is_solved_once(jem):
 def test_results_do_not_depend_on_the_order_of_queries(jem):
     rng = np.random.default_rng(0)
     pairs = np.array([(int(a), int(b)) for a, b in rng.integers(0, len(jem), (400, 2)) if a != b])
-    together = PostureSolver(jem, robot_spec("mlivr2"), Settings()).solve(pairs)
-    solver = PostureSolver(jem, robot_spec("mlivr2"), Settings())
+    together = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS).solve(pairs)
+    solver = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS)
     single = [solver.solve(pairs[[k]]) for k in rng.permutation(len(pairs))[:60]]
     order = np.random.default_rng(0)
     order.integers(0, len(jem), (400, 2))
@@ -189,7 +190,7 @@ def test_counts_agree_with_the_independent_calculation(jem):
     from dataclasses import replace
 
     graph = stance_graph(
-        jem, replace(robot_spec("mlivr2"), rolls=(0.0,)), Settings(manipulability=False, transitions=False)
+        jem, replace(robot_spec("mlivr2"), rolls=(0.0,)), Settings(collisions=False, manipulability=False, transitions=False)
     )
     assert graph.considered == 43540
     normals = jem.normals[graph.points]

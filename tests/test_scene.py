@@ -3,6 +3,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from paper import NO_COLLISIONS
+
 from mlivr_gym import robot_spec, stance_graph
 from mlivr_gym.errors import RenderError
 from mlivr_gym.rendering import SceneRenderer, SceneWindow
@@ -51,7 +53,7 @@ def test_mujoco_agrees_with_the_closed_form(jem, limbs):
 
 @pytest.mark.parametrize("limbs", [2, 3])
 def test_a_stance_puts_every_gripper_on_its_point(jem, limbs):
-    graph = stance_graph(jem, f"mlivr{limbs}")
+    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
     model = scene_spec(jem, graph.robot).compile()
     data = mujoco.MjData(model)
     state = random_state(graph, np.random.default_rng(1))

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from paper import NO_COLLISIONS
 from mlivr_gym import Limb, Settings, State, robot_spec, stance_graph
 from mlivr_gym.base_path import ARC, STRAIGHT
 from mlivr_gym.errors import RobotError, SettingError, StanceError
@@ -30,7 +31,7 @@ def test_whole_set_and_lazy_neighbours_agree(graph):
         assert steps_of(graph, state) == steps_of(lazy, state)
 
 
-@pytest.mark.parametrize("settings", [Settings(transitions=False), Settings(manipulability=False)])
+@pytest.mark.parametrize("settings", [Settings(collisions=False, transitions=False), Settings(collisions=False, manipulability=False)])
 def test_whole_set_and_lazy_neighbours_agree_under_other_settings(small_map, settings):
     graph = stance_graph(small_map, settings=settings)
     lazy = LazyGraph(small_map, graph.robot, settings)
@@ -39,7 +40,7 @@ def test_whole_set_and_lazy_neighbours_agree_under_other_settings(small_map, set
 
 
 def test_without_checks_every_pair_of_stances_that_share_a_point_is_a_step(small_map):
-    graph = stance_graph(small_map, settings=Settings(transitions=False))
+    graph = stance_graph(small_map, settings=Settings(collisions=False, transitions=False))
     stances = {tuple(p) for p in graph.points.tolist()}
     for s in range(0, len(graph), 37):
         a, b = graph.points[s].tolist()
@@ -55,7 +56,7 @@ def test_thresholds_hold_for_every_stance(graph, kinematic_graph):
 
 @pytest.mark.parametrize("limbs", [2, 3, 4])
 def test_a_step_can_always_be_taken_back(jem, limbs):
-    graph = stance_graph(jem, f"mlivr{limbs}")
+    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
     from mlivr_gym.tasks import random_state
 
     rng = np.random.default_rng(limbs)
@@ -75,7 +76,7 @@ def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
     """Along the base path of a step the held grasp stays in reach on the branch, away from singularities."""
     from mlivr_gym.tasks import random_state
 
-    graph = stance_graph(jem, f"mlivr{limbs}")
+    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
     rng = np.random.default_rng(7)
     for _ in range(8):
         state = random_state(graph, rng)
@@ -137,7 +138,7 @@ def test_max_step_bounds_every_step(graph, jem):
     pairs = graph.points[:, 0][:, None] == graph.points[:, 0][None, :500]
     far = np.linalg.norm(graph.position[:, None] - graph.position[None, :500], axis=2)[pairs]
     assert far.max() <= graph.max_step + 1e-12
-    lazy = stance_graph(jem, "mlivr3")
+    lazy = stance_graph(jem, "mlivr3", NO_COLLISIONS)
     from mlivr_gym.tasks import random_state
 
     rng = np.random.default_rng(0)
@@ -165,8 +166,8 @@ def test_configuration_reaches_every_held_point(graph):
 def test_narrow_joint_limits_take_steps_away_and_agree_with_lazy_neighbours(small_map):
     limits = ((-np.pi, np.pi),) * 6
     robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=limits))
-    wide, narrow = stance_graph(small_map), stance_graph(small_map, robot)
-    lazy = LazyGraph(small_map, robot, Settings())
+    wide, narrow = stance_graph(small_map, settings=NO_COLLISIONS), stance_graph(small_map, robot, NO_COLLISIONS)
+    lazy = LazyGraph(small_map, robot, NO_COLLISIONS)
     fewer = 0
     for s in np.random.default_rng(5).integers(0, len(narrow), 12):
         state = state_of(narrow, s)
@@ -185,10 +186,10 @@ def test_a_smaller_arm_works_with_its_own_heights(ladder):
     """UR3e lengths, published by the manufacturer."""
     arm = Limb(d1=0.15185, a2=-0.24355, a3=-0.2132, d4=0.13105, d5=0.08535, d6=0.0921)
     robot = replace(robot_spec("mlivr2"), name="small", limb=arm, heights=(0.3, 0.35, 0.4), span=1.4)
-    graph = stance_graph(ladder, robot, Settings(limb_threshold=0.01, base_threshold=0.0, path_floor=0.002))
+    graph = stance_graph(ladder, robot, Settings(collisions=False, limb_threshold=0.01, base_threshold=0.0, path_floor=0.002))
     assert len(graph) > 10
 
 
 def test_thresholds_that_no_stance_meets_are_named(ladder):
     with pytest.raises(RobotError, match="none meets w_m >= 0.5"):
-        stance_graph(ladder, settings=Settings(limb_threshold=0.5))
+        stance_graph(ladder, settings=Settings(collisions=False, limb_threshold=0.5))

@@ -1,0 +1,115 @@
+"""What collision checks rule out, for one stance and one step, as a picture.
+
+    python experiments/blocked.py [--out results]
+
+writes `blocked.png`: a stance that meets the thresholds, but not without touching the cabin, and a step between two free
+stances on which the robot would touch something, at the worst place.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym import Settings, State, jem_map, stance_graph
+from mlivr_gym.base_path import STRAIGHT, follow
+from mlivr_gym.contacts import Configuration, Contact, contacts
+from mlivr_gym.figures import blocked_figure
+from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.transitions import base_path, quaternion
+
+SAMPLES = 25
+"""Configurations looked at along a step."""
+
+Panel = tuple[str, list[Configuration], list[Contact]]
+
+
+def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
+    """A stance that meets the thresholds, but not without touching the surroundings: the one that touches least."""
+    best: Panel | None = None
+    for s in range(len(free)):
+        stance = free.points[s]
+        if checked.find(stance.tolist()) >= 0 or checked.solver.point_cause[stance].any():
+            continue
+        if not checked.postures(stance).cause[0]:
+            continue
+        here = free.configuration(State(tuple(stance.tolist()), tuple(free.mask[s].tolist())))
+        grasps = [(i, free.solver.points[p], free.solver.normals[p]) for i, p in enumerate(stance)]
+        found = contacts(free.robot, free.grasp_map.boxes, here, checked.settings.clearance, grasps)
+        if found and (best is None or len(found) < len(best[2])):
+            best = f"Stance {' '.join(free.ids(stance))}: its best posture", [here], found
+    if best is None:
+        raise SystemExit("no stance is blocked")
+    return best
+
+
+def blocked_step(checked: PairGraph, free: PairGraph) -> Panel:
+    """The first step between two stances of the graph on which the robot would touch something deeply."""
+    for s in range(0, len(checked), 7):
+        for held in range(2):
+            row = checked.row(held, s)[::5]
+            possible = free.edge_masks(held, free.find(checked.points[s]), _indices(free, checked, row))
+            entries = checked.edge_masks(held, s, row)
+            for s1 in row[(possible > 0) & (entries == 0) & (checked.mask[row] > 0).all(axis=1)]:
+                panel = _along(checked, held, s, int(s1))
+                if panel is not None and panel[2][0].distance < 0.0:
+                    return panel
+    raise SystemExit("no step is blocked")
+
+
+def _indices(free: PairGraph, checked: PairGraph, stances: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.array([free.find(checked.points[s]) for s in stances], dtype=np.int64)
+
+
+def _along(graph: PairGraph, held: int, s0: int, s1: int) -> Panel | None:
+    """The worst configuration of a step, one limb holding on its first branch, the other folded."""
+    point, solver, mover = int(graph.points[s0, held]), graph.solver, 1 - held
+    mask = int(graph.mask[s0, held] & graph.mask[s1, held])
+    if not mask:
+        return None
+    branch = (mask & -mask).bit_length() - 1 & 7
+    ends = (graph.position[s0], graph.rotation[s0], graph.position[s1], graph.rotation[s1])
+    where, turned = base_path(*ends, STRAIGHT, solver.points[point], np.linspace(0.0, 1.0, SAMPLES))
+    q = np.full(6, np.nan)
+    along: list[Configuration] = []
+    for position, rotation in zip(where, turned, strict=True):
+        joints = np.empty((2, 6))
+        if not follow(
+            graph.grips[point], solver.tools[point], position, rotation, position, rotation, STRAIGHT, position,
+            solver.mount_rotations[held], solver.mount_positions[held], solver.lengths, branch, 0, np.empty(6), q,
+            np.full(6, np.inf), np.full(6, -np.inf),
+        ):  # fmt: skip
+            return None
+        joints[held], joints[mover] = q, (*graph.robot.folds[0], 0.0)
+        along.append((position, quaternion(rotation), joints))
+    grasps = [(held, solver.points[point], solver.normals[point])]
+    found = [contacts(graph.robot, graph.grasp_map.boxes, c, graph.settings.clearance, grasps) for c in along]
+    worst = min(range(len(along)), key=lambda n: found[n][0].distance if found[n] else np.inf)
+    if not found[worst]:
+        return None
+    names = [graph.grasp_map.ids[graph.points[s, mover]] for s in (s0, s1)]
+    title = f"Step of limb {mover} from {names[0]} to {names[1]}, limb {held} holds {graph.grasp_map.ids[point]}"
+    return title, [*along[::6], along[worst]], found[worst]
+
+
+def main() -> None:
+    """Draw both."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the picture")
+    args = parser.parse_args()
+    checked, free = stance_graph(jem_map()), stance_graph(jem_map(), settings=Settings(collisions=False))
+    assert isinstance(checked, PairGraph) and isinstance(free, PairGraph)
+    panels = [blocked_stance(checked, free), blocked_step(checked, free)]
+    args.out.mkdir(parents=True, exist_ok=True)
+    blocked_figure(free.grasp_map, free.robot, panels, (), args.out / "blocked.png")
+    for title, _, found in panels:
+        print(title)
+        for contact in found:
+            print(f"  {contact.first} and {contact.second}: {1000.0 * contact.distance:.1f} mm")
+
+
+if __name__ == "__main__":
+    main()
