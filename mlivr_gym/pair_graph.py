@@ -25,7 +25,7 @@ from mlivr_gym.posture_kernels import clear_of_world, hands_clear
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stance_graph import STUCK, Array, IntArray, StanceGraph, State, Successors
-from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, raised, release
+from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, release
 from mlivr_gym.transitions import hold_mask
 
 KNOWN = 1 << 16
@@ -50,13 +50,6 @@ def settle(s, edges):
     for layer in range(2):
         if ready0[s] if layer == 0 else not overlay:
             continue
-        if layer == 0:
-            for limb in range(2):
-                point = points[s, limb]
-                mask0[s, limb] = raised(
-                    limb, mask0[s, limb], pivots[point], normals[point], tool_length, position[s], rotation[s], mount_rotations,
-                    mount_positions, lengths, bodies[0],
-                )  # fmt: skip
         for limb in range(2):
             point, other = points[s, limb], 1 - limb
             if layer == 1:

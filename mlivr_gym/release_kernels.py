@@ -109,6 +109,28 @@ def release(
     limb, mask, point, normal, rail, tool_length, lift, position, rotation, others, folds, limits, mount_rotations,
     mount_positions, lengths, bodies, inside, before,
 ):  # fmt: skip
+    """`release_on` with raised elbows, and only if no branch of these serves, with the others; arguments as there."""
+    if before >= 0:
+        first = mask
+    else:
+        first = raised(
+            limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions, lengths, bodies[0]
+        )
+    answer = np.int64(0)
+    for rest in (first, mask & ~first):
+        if rest and not answer:
+            answer = release_on(
+                limb, rest, point, normal, rail, tool_length, lift, position, rotation, others, folds, limits, mount_rotations,
+                mount_positions, lengths, bodies, inside, before,
+            )  # fmt: skip
+    return answer
+
+
+@kernel
+def release_on(
+    limb, mask, point, normal, rail, tool_length, lift, position, rotation, others, folds, limits, mount_rotations,
+    mount_positions, lengths, bodies, inside, before,
+):  # fmt: skip
     """On which branches a limb can depart and fold at a stance, all else at rest.
 
     The answer packs the branches and flips (bits 0 to 15, some of `mask`), the folds among which the limb can change (4

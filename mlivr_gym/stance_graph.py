@@ -24,7 +24,7 @@ from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.posture import FIELDS, OPPOSED_HEIGHTS, Postures, PostureSolver
 from mlivr_gym.posture_kernels import solve_geometries
-from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, raised, release, together_apart
+from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, release, together_apart
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.shapes import Box
@@ -366,9 +366,6 @@ class StanceGraph(ABC):
         answers = np.full(limbs, -1, dtype=np.int64)
         here = (np.ascontiguousarray(posture.position[0]), np.ascontiguousarray(posture.rotation[0]))
         mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
-        for limb, point in enumerate(stance):
-            grasp = (solver.points[point], solver.normals[point], robot.tool_length)
-            masks[limb] = int(raised(limb, masks[limb], *grasp, *here, *mounts, solver.shapes.arrays))
         for bodies, inside in self.checks:
             placed = np.empty((8 * (limbs - 1), len(solver.shapes), 2, 3))
             for limb in range(limbs):
