@@ -107,11 +107,12 @@ def edge_entry(held, s0, s1, edges):
         return table[here]
     settle(s0, edges)
     settle(s1, edges)
+    own = len(table) > 0  # a variable: with literals the kernels would be compiled once for each value
     if not table0[here] & KNOWN:
         wanted = mask0[s0, held] & mask0[s1, held]
         together = (released0[s0, mover] & released0[s1, mover]) >> TOGETHER & 15
         table0[here] = table0[there] = _carry(
-            held, s0, s1, wanted, np.int64(0), together, together, edges, edges[17][8], True
+            held, s0, s1, wanted, wanted & 0, together, together, edges, edges[17][8], own
         )  # fmt: skip
     if boxes:
         entry = table0[here]
@@ -122,7 +123,7 @@ def edge_entry(held, s0, s1, edges):
         if near[s0] or near[s1]:
             entry = _carry(
                 held, s0, s1, left, arc, together & 1 << (entry >> FOLD_BITS & 3),
-                together & 1 << (entry >> (FOLD_BITS + 2) & 3), edges, obstacles, False,
+                together & 1 << (entry >> (FOLD_BITS + 2) & 3), edges, obstacles, not own,
             )  # fmt: skip
         else:
             entry = entry & ~np.int64(0xFFFF) | left | arc
@@ -171,16 +172,10 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, insi
 
 
 @kernel
-def edge_mask(held, s0, s1, edges):
-    """The branches and flips of `edge_entry`."""
-    return edge_entry(held, s0, s1, edges) & 0xFFFF
-
-
-@kernel
 def fill_row(held, s0, row, out, edges):
-    """`edge_mask` from `s0` to each stance of `row`, into `out`; `edges` are its further arguments."""
+    """Branches and flips of `edge_entry` from `s0` to each stance of `row`, into `out`; `edges` are its further arguments."""
     for k in range(len(row)):
-        out[k] = edge_mask(held, s0, row[k], edges)
+        out[k] = edge_entry(held, s0, row[k], edges) & 0xFFFF
 
 
 @kernel
@@ -198,7 +193,7 @@ def pair_successors(s, mask0, mask1, check, rows, row_start, limb, stance, left,
                 continue
             after = mine & mask[s2, held]
             if check and after:
-                after &= edge_mask(held, s, s2, edges)
+                after &= edge_entry(held, s, s2, edges)
             if after:
                 limb[count], stance[count], left[count] = moving, s2, after
                 count += 1
@@ -223,7 +218,7 @@ def _fill_points(start, stop, held, rows, row_start, edges):
     for point in range(start, stop):
         for i in range(row_start[held, point], row_start[held, point + 1]):
             for j in range(row_start[held, point], i):
-                edge_mask(held, rows[held, i], rows[held, j], edges)
+                edge_entry(held, rows[held, i], rows[held, j], edges)
 
 
 def fill_rows(graph: PairGraph, progress: Callable[[int, int], None] | None = None) -> None:

@@ -16,7 +16,7 @@ from mlivr_gym.posture import Postures, PostureSolver, base_frames
 from mlivr_gym.robot import robot_spec
 from mlivr_gym.settings import Settings
 
-POINTS = ("D1a:2", "D1a:4", "D1b:2", "D1b:4")
+POINTS = ("F3a:2", "F3a:4", "F3b:2", "F3b:4")
 HEIGHT = 0.65
 
 
@@ -37,6 +37,7 @@ class PlainSolver(PostureSolver):
             w_b=np.ones(count),
             branch=np.zeros((count, 2), dtype=np.int64),
             mask=np.full((count, 2), 0xFFFF, dtype=np.int64),
+            cause=np.zeros(count, dtype=np.int64),
         )
 
 
@@ -50,9 +51,9 @@ def main() -> None:
     """Plan from one stance to another."""
     full = jem_map()
     graph = PlainGraph(full.subset(np.isin(full.ids, POINTS)), robot_spec("mlivr2"), Settings())
-    goal = graph.posture(graph.indices(("D1a:4", "D1b:2"))).position[0].tolist()
+    goal = graph.posture(graph.indices(("F3a:4", "F3b:2"))).position[0].tolist()
     for cost in ("base", "steps"):
-        Planner(graph).plan(("D1a:4", "D1b:4"), goal, cost, goal_tolerance=0.01)
+        Planner(graph).plan(("F3a:4", "F3b:4"), goal, cost, goal_tolerance=0.01)
 
 
 if __name__ == "__main__":

@@ -127,7 +127,7 @@ def limb_status(i, b, p, z, position, rotation, point, normal, mount_rotation, m
             found = against_body(i, ends[i, b], still, shift, spin, 0.0, shapes, fixed, clearance)
             if found == CLEAR:
                 to_world(ends[i, b], position, rotation, world_ends)
-                found = against_boxes(world_ends, still, 0, hand, shapes[2], world, gripper, point, normal, clearance)
+                found = against_boxes(world_ends, still, hand & 0, hand, shapes[2], world, gripper, point, normal, clearance)
             status[i, b] = found
     return status[i, b]
 
@@ -462,7 +462,7 @@ def clear_of_world(
                 if frames_of_branch(p, z, lengths, b, frames):
                     place(frames, shapes, mount_rotations[i], mount_positions[i], ends)
                     to_world(ends, position[k], rotation[k], world_ends)
-                    found = against_boxes(world_ends, still, 0, hand, shapes[2], world, gripper, positions[point], normal, clearance
+                    found = against_boxes(world_ends, still, hand & 0, hand, shapes[2], world, gripper, positions[point], normal, clearance
                     )  # fmt: skip
                 if found != CLEAR:
                     if check:

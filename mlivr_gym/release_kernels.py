@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.base_path import flange_in_limb
+from mlivr_gym.base_path import STRAIGHT, flange_in_limb
 from mlivr_gym.collision_kernels import CLEAR, frames_of_branch, place
 from mlivr_gym.compiled import kernel
 from mlivr_gym.swept_kernels import departure_free, hold_free, holds_apart, swing_free
@@ -164,7 +164,7 @@ def release_on(
     p, x, z, away, up = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     q, start, target = np.empty((8, 6)), np.empty(6), np.empty(6)
     mount_rotation, mount_position = mount_rotations[limb], mount_positions[limb]
-    path = (position, rotation, position, rotation, 0, position)
+    path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
     flange_at(
         point, normal, rail, tool_length, position, rotation, mount_rotation, mount_position, p, x, z, away
     )  # fmt: skip

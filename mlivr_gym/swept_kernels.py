@@ -183,7 +183,7 @@ def departure_free(
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
     """
-    count = len(shapes[0])
+    count, first = len(shapes[0]), np.int64(0)
     ends, world_ends = np.empty((count, 2, 3)), np.empty((count, 2, 3))
     motion, still = np.empty((count, 2)), np.zeros((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
@@ -208,7 +208,7 @@ def departure_free(
         place(frames, shapes, mount_rotation, mount_position, ends)
         to_world(ends, position, rotation, world_ends)
         capsule_motion(shapes, shift, spin, 1.0, motion)
-        answer = against_boxes(world_ends, motion, 0, count, shapes[2], world, gripper, point, normal, clearance)
+        answer = against_boxes(world_ends, motion, first, count, shapes[2], world, gripper, point, normal, clearance)
         if answer > UNDECIDED:
             return answer
         if inside:
@@ -259,7 +259,7 @@ def swing_free(
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
     """
-    count = len(shapes[0])
+    count, first = len(shapes[0]), np.int64(0)
     ends, world_ends, middle = np.empty((count, 2, 3)), np.empty((count, 2, 3)), np.empty((1, 2, 3))
     motion, world_motion, still = np.empty((count, 2)), np.empty((count, 2)), np.zeros((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
@@ -294,7 +294,7 @@ def swing_free(
         to_world(ends, position, rotation, world_ends)
         capsule_motion(shapes, shift, spin, half, motion)
         moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
-        answer = against_boxes(world_ends, world_motion, 0, count, shapes[2], world, count, position, position, clearance)
+        answer = against_boxes(world_ends, world_motion, first, count, shapes[2], world, count, position, position, clearance)
         if answer > UNDECIDED:
             return answer
         if body > 0.0:
@@ -302,7 +302,7 @@ def swing_free(
                 moved[0, e] = speed * half
                 for k in range(3):
                     middle[0, e, k] = position[k]
-            found = against_boxes(middle, moved, 0, 1, ball, world, 1, position, position, clearance)
+            found = against_boxes(middle, moved, first, first + 1, ball, world, count, position, position, clearance)
             if found > UNDECIDED:
                 return found
             answer = max(answer, found)
@@ -376,7 +376,7 @@ def hold_free(
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
     """
-    count = len(shapes[0])
+    count, first = len(shapes[0]), np.int64(0)
     ends, world_ends, others = np.empty((count, 2, 3)), np.empty((count, 2, 3)), np.empty((count, 2, 3))
     motion, world_motion, other_motion = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
@@ -419,7 +419,7 @@ def hold_free(
         capsule_motion(shapes, shift, spin, 1.0, motion)
         moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
         seen_from_grasp(plus, minus, lengths, shapes, world_motion)
-        answer = against_boxes(world_ends, world_motion, 0, count, shapes[2], world, gripper, point, normal, clearance)
+        answer = against_boxes(world_ends, world_motion, first, count, shapes[2], world, gripper, point, normal, clearance)
         if answer > UNDECIDED:
             return answer
         if inside:

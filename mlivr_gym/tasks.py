@@ -26,9 +26,10 @@ def random_state(graph: PairGraph | LazyGraph, rng: np.random.Generator) -> Stat
     """
     for _ in range(TRIES):
         if isinstance(graph, PairGraph):
-            s = int(rng.integers(len(graph)))
-            a, b = graph.points[s].tolist()
-            state = State((a, b), tuple(graph.mask[s].tolist()))
+            try:
+                state = graph.state(graph.points[int(rng.integers(len(graph)))].tolist())
+            except StanceError:
+                continue
         else:
             drawn = _draw(graph, rng)
             if drawn is None:
@@ -57,8 +58,10 @@ def _draw(graph: LazyGraph, rng: np.random.Generator) -> State | None:
     nodes = np.flatnonzero(graph.is_node(postures))
     if not len(nodes):
         return None
-    k = int(nodes[0])
-    return State(tuple(stances[k].tolist()), tuple(postures.mask[k].tolist()))
+    try:
+        return graph.state(stances[nodes[0]].tolist())
+    except StanceError:
+        return None
 
 
 def sample_task(

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.compiled import kernel
-from mlivr_gym.pair_graph import KNOWN, edge_mask
+from mlivr_gym.pair_graph import KNOWN, edge_entry
 
 FOUND, EXHAUSTED, LIMIT = 0, 1, 2
 
@@ -121,7 +121,7 @@ def search(
                 if closed[s, moved] & left == left:
                     continue
                 before = out_node[above]
-                left = edge_mask(held, before // 3, s, edges)
+                left = edge_entry(held, before // 3, s, edges) & 0xFFFF
                 if before % 3 != 2 and before % 3 == moved:
                     left &= out_mask[above]
             if left & ~closed[s, moved] == 0:

@@ -101,9 +101,9 @@ class Planner:
         >>> from mlivr_gym import stance_graph
         >>> from mlivr_gym.planners import Planner
         >>> planner = Planner(stance_graph())
-        >>> plan = planner.plan(("D1a:4", "D1b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
+        >>> plan = planner.plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
         >>> len(plan.steps)
-        5
+        4
     """
 
     def __init__(self, graph: PairGraph | LazyGraph) -> None:

@@ -17,18 +17,18 @@ def run(capsys, *arguments):
 
 def test_plan_with_defaults(capsys):
     code, out, _ = run(capsys, "plan")
-    assert code == 0 and "7 steps" in out
+    assert code == 0 and "6 steps" in out
 
 
 def test_plan_writes_plan_and_picture(capsys, tmp_path, jem):
     plan, picture = tmp_path / "plan.json", tmp_path / "plan.png"
     code, out, _ = run(
-        capsys, "plan", "--start", "D1a:4", "D1b:4", "--goal", "6.0", "0", "0.42", "--cost", "steps",
+        capsys, "plan", "--start", "D2a:4", "D2b:4", "--goal", "6.0", "0", "0.42", "--cost", "steps",
         "--out", str(plan), "--picture", str(picture),
     )  # fmt: skip
     assert code == 0 and "plan.json" in out
     loaded = Plan.load(plan, jem)
-    assert loaded.stances[0] == ("D1a:4", "D1b:4") and len(loaded.steps) == 5
+    assert loaded.stances[0] == ("D2a:4", "D2b:4") and len(loaded.steps) == 4
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
@@ -99,14 +99,14 @@ def test_help(capsys, command):
     out = capsys.readouterr().out
     assert "usage: mlivr-gym" in out
     if command != ["table1"]:
-        assert "mlivr-gym plan --start D1a:4 D1b:4" in out
+        assert "mlivr-gym plan --start D2a:4 D2b:4" in out
 
 
 def test_render_falls_back_without_gl(tmp_path):
     """With a GL library that is not there a matplotlib picture is drawn, and one line says so."""
     environment = os.environ | {"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": "osmesa"}
     out = tmp_path / "scene.png"
-    command = [sys.executable, "-m", "mlivr_gym.cli", "render", "--start", "D1a:4", "D1b:4", "--out", str(out)]
+    command = [sys.executable, "-m", "mlivr_gym.cli", "render", "--start", "D2a:4", "D2b:4", "--out", str(out)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0 and out.read_bytes().startswith(b"\x89PNG")
     lines = [line for line in done.stdout.splitlines() if "no GL" in line]
@@ -122,7 +122,7 @@ def test_table1_holds_every_relation(capsys, tmp_path):
         "table1.json",
         "scene_start.png",
         "scene_goal.png",
-        *(f"case{k}.png" for k in (1, 2, 3, 4)),
+        *(f"case{k}{kind}.png" for k in (1, 2, 3, 4) for kind in ("", "_collisions")),
     }
     data = json.loads((tmp_path / "results" / "table1.json").read_text())
     assert len(data["relations"]) == 16 and all(data["relations"].values())
