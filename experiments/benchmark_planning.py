@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmark_collisions import collision_report, collision_targets, collisions
 from reference_planner import (
     MODES,
     TOLERANCE,
@@ -35,7 +36,7 @@ from reference_planner import (
 )
 from tqdm import tqdm
 
-from mlivr_gym import GraspMap, State, jem_map, stance_graph
+from mlivr_gym import GraspMap, Settings, State, jem_map, stance_graph
 from mlivr_gym.files import write_whole
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Planner
@@ -57,6 +58,9 @@ Planner(graph).plan(start, goal).unwrap()
 marks.append(time.perf_counter())
 print(json.dumps([b - a for a, b in zip(marks, marks[1:])]))
 """
+
+PAPER = Settings(collisions=False)
+"""All but the section on collisions is measured without them, as in the paper."""
 
 Tasks = list[tuple[State, np.ndarray]]
 
@@ -87,9 +91,9 @@ def machine() -> dict[str, Any]:
 
 def stance_set(grasp_map: GraspMap, repeats: int) -> dict[str, Any]:
     """Time and memory of the stance graph, kernels compiled beforehand."""
-    times = [timed(lambda: stance_graph(grasp_map))[0] for _ in range(repeats)]
+    times = [timed(lambda: stance_graph(grasp_map, settings=PAPER))[0] for _ in range(repeats)]
     plain = [timed(lambda: nodes_only_graph(grasp_map))[0] for _ in range(repeats)]
-    graph = stance_graph(grasp_map)
+    graph = stance_graph(grasp_map, settings=PAPER)
     names = {"in_parallel": "compiled kernels", "base_frames": "body axes", "_group": "grouping by geometry"}
     return {
         "points": len(grasp_map),
@@ -102,7 +106,7 @@ def stance_set(grasp_map: GraspMap, repeats: int) -> dict[str, Any]:
         "seconds_without_step_checks": float(np.median(plain)),
         "array_mb": sum(a.nbytes for a in vars(graph).values() if isinstance(a, np.ndarray)) / 1e6,
         "edge_table_mb": graph.table.nbytes / 1e6,
-        "shares": shares(lambda: stance_graph(grasp_map), names),
+        "shares": shares(lambda: stance_graph(grasp_map, settings=PAPER), names),
     }
 
 
@@ -126,7 +130,7 @@ def series(graph: PairGraph, tasks: Tasks, cost: str, prepare: bool = False, **o
 
 def queries(grasp_map: GraspMap, tasks: Tasks, few: int, cost: str) -> dict[str, Any]:
     """All query times of one cost, on a graph whose edge table begins empty."""
-    graph = stance_graph(grasp_map)
+    graph = stance_graph(grasp_map, settings=PAPER)
     out = {
         "new goal, cold": series(graph, tasks, cost),
         "new goal, warm": series(graph, tasks, cost),
@@ -148,7 +152,7 @@ def queries(grasp_map: GraspMap, tasks: Tasks, few: int, cost: str) -> dict[str,
 
 def oracle(grasp_map: GraspMap, tasks: Tasks) -> dict[str, float]:
     """Seconds of the exact cost-to-go table: the first checks every step, the second goal does not."""
-    planner = Planner(stance_graph(grasp_map))
+    planner = Planner(stance_graph(grasp_map, settings=PAPER))
     first, second = (timed(lambda g=goal: planner.cost_to_go(g))[0] for _, goal in tasks[:2])
     return {"first": first, "second": second}
 
@@ -205,19 +209,19 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
     """Everything, in order."""
     setup = default_setup()
     grasp_map, start, goal = jem_map(), tuple(setup["start"]), np.array(setup["goal"])
-    whole = stance_graph(grasp_map)
+    whole = stance_graph(grasp_map, settings=PAPER)
     origin = whole.posture(whole.indices(start)).position[0]
     near = origin + (goal - origin) / np.linalg.norm(goal - origin)
     if quick:
         grasp_map = grasp_map.subset(np.abs(grasp_map.positions[:, 0] - origin[0]) < 0.7, "part of the JEM")
         goal = near = origin + 0.5 * (near - origin)
-    bar = tqdm(total=11, mininterval=0.5)
+    bar = tqdm(total=15, mininterval=0.5)
 
     def advance(stage: str) -> None:
         bar.set_description(stage)
         bar.update()
 
-    draw, rng = stance_graph(grasp_map), np.random.default_rng(2026)
+    draw, rng = stance_graph(grasp_map, settings=PAPER), np.random.default_rng(2026)
     tasks = [sample_task(draw, rng, TOLERANCE) for _ in range(max(count, 2))]
     for cost in ("base", "steps"):
         Planner(draw).plan(start, goal, cost)
@@ -233,6 +237,9 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
     data["resident_mb"] = resident()
     advance("first plan in a new process")
     data["first plan"] = first_plan(start, np.array(setup["goal"]), ("filled",) if quick else ("empty", "filled"))
+    data["collisions"] = collisions(
+        jem_map() if not quick else grasp_map, start, np.array(setup["goal"]) if not quick else goal, 2 if quick else 7, advance
+    )  # fmt: skip
     data["libraries"] = libraries(grasp_map, tasks[:few], advance)
     data["near"] = map_to_plan(grasp_map, start, near, limit, advance)
     if not quick:
@@ -260,6 +267,8 @@ def targets(data: dict[str, Any]) -> Iterator[tuple[str, ...]]:
     for task, mode, run, source in compared(data):
         label = f"map to plan, {task}, times faster than the {mode} reference ({source})"
         yield label, "at least 1000", f"{run['ratio']:.0f}", "yes" if run["ratio"] >= 1000.0 else "no"
+    for name, bound, value in collision_targets(data["collisions"]):
+        yield most(name, bound, value)
     for cache, run in data["first plan"].items():
         yield most(f"first plan in a new process, {cache} kernel cache [s]", 10.0, run["wall"])
 
@@ -377,7 +386,7 @@ def report(data: dict[str, Any]) -> str:
         ),
         f"Exact cost-to-go of every state, base cost: {exact['first']:.2f} s for the first goal, which checks every "
         f"step, and {exact['second']:.2f} s for another goal.",
-        "", "## From map to plan, beside a plain reference", INTRODUCTION,
+        "", *collision_report(data["collisions"]), "## From map to plan, beside a plain reference", INTRODUCTION,
         f"The time limit was {data['reference_seconds']:g} s for each run.",
         *table(
             "task; reference; expanded; candidates; needed; run [s]; each [ms]; an expansion [s]; total [s]; ours [s]; "

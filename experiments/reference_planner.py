@@ -35,7 +35,7 @@ Stance = tuple[int, int]
 TOLERANCE = 0.2
 """Radius of the goal region [m]."""
 
-NODES_ONLY = Settings(transitions=False)
+NODES_ONLY = Settings(transitions=False, collisions=False)
 """Thresholds without step checks: the problem that the reference and the libraries can solve too."""
 
 MODES = {

@@ -49,8 +49,8 @@ def can_be_carried_out(graph: PairGraph, plan: Plan) -> bool:
 
 def transition_study(pairs: int) -> dict[str, Any]:
     """How many node-only plans over random pairs could not have been carried out, for both costs."""
-    checked = stance_graph(jem_map())
-    free = stance_graph(jem_map(), settings=Settings(transitions=False))
+    checked = stance_graph(jem_map(), settings=Settings(collisions=False))
+    free = stance_graph(jem_map(), settings=Settings(transitions=False, collisions=False))
     assert isinstance(checked, PairGraph)
     planner, node_only = Planner(checked), Planner(free)
     rng = np.random.default_rng(2026)
@@ -80,7 +80,7 @@ def pareto(out: Path, pairs: int) -> list[dict[str, float]]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    graph = stance_graph(jem_map())
+    graph = stance_graph(jem_map(), settings=Settings(collisions=False))
     planner, rng = Planner(graph), np.random.default_rng(7)
     tasks = [sample_task(graph, rng, 0.2) for _ in range(pairs)]
     rows = []

@@ -308,6 +308,10 @@ class StanceGraph(ABC):
         together = 0
         before = [int(m) for m in state.masks]
         if self.settings.collisions:
+            # What holding limbs cannot follow need not be looked at for collisions, which takes longer.
+            kinds = [k for k in (STRAIGHT, ARC) if self._holds(k, pivot, held, after, posture, before, masks)]
+            if not kinds:
+                return None
             first = self.released(state.stance, posture.take(slice(0, 1)))
             second = self.released(tuple(after), posture.take(slice(1, 2)))
             together = int(first[limb] & second[limb]) >> TOGETHER & 15
@@ -317,18 +321,30 @@ class StanceGraph(ABC):
                 return None
         gained = dict.fromkeys(held, 0)
         for kind in (STRAIGHT, ARC):
-            left = {i: self.hold(kind, pivot, after[i], i, posture, before[i] & masks[i] & ~gained[i]) for i in held}
-            if self.settings.collisions and all(left.values()):
+            left = self._holds(kind, pivot, held, after, posture, [b & ~gained.get(i, 0) for i, b in enumerate(before)], masks)
+            if self.settings.collisions and left:
                 _, left = self._carry(kind, pivot, limb, after, posture, left, together)
             if len(held) == 1:
                 # One limb may take some branches along the line and others along the arc.
-                gained[held[0]] |= left[held[0]]
-            elif all(left.values()):
+                gained[held[0]] |= left.get(held[0], 0)
+            elif left and all(left.values()):
                 gained = left
                 break
         if not all(gained.values()):
             return None
         return Transition(pivot, tuple(gained.get(i, masks[i]) for i in range(self.limbs)))
+
+    def _holds(
+        self, kind: int, pivot: Array, held: list[int], after: Sequence[int], posture: Postures, before: Sequence[int],
+        masks: Sequence[int],
+    ) -> dict[int, int]:  # fmt: skip
+        """Branches on which each limb that holds can follow a base path, none at all if one limb cannot."""
+        left: dict[int, int] = {}
+        for i in held:
+            left[i] = self.hold(kind, pivot, after[i], i, posture, before[i] & masks[i])
+            if not left[i]:
+                return {}
+        return left
 
     def way(
         self, before: Sequence[int], after: Sequence[int], limb: int, posture: Postures, masks: Sequence[int]

@@ -15,6 +15,12 @@ from mlivr_gym.planners import Planner
 
 @pytest.fixture(scope="module")
 def env():
+    """The paper's world: where thousands of steps are taken, collisions would only cost time."""
+    return gymnasium.make("MLIVR-JEM-v0", collisions=False).unwrapped
+
+
+@pytest.fixture(scope="module")
+def safe_env():
     return gymnasium.make("MLIVR-JEM-v0").unwrapped
 
 
@@ -22,12 +28,14 @@ def masked(env, info, rng):
     return int(rng.choice(np.flatnonzero(info["action_mask"])))
 
 
-@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
-def test_both_checkers_pass_without_a_warning(robot):
+@pytest.mark.parametrize(
+    ("robot", "collisions"), [("mlivr2", True), ("mlivr2", False), ("mlivr3", False), ("mlivr4", False)]
+)
+def test_both_checkers_pass_without_a_warning(robot, collisions):
     """Every warning is an error here; only the window of render_mode='human' is left out."""
     from stable_baselines3.common.env_checker import check_env as sb3_check
 
-    environment = gymnasium.make("MLIVR-JEM-v0", robot=robot).unwrapped
+    environment = gymnasium.make("MLIVR-JEM-v0", robot=robot, collisions=collisions).unwrapped
     check_env(environment, skip_render_check=True)
     sb3_check(environment)
 
@@ -48,9 +56,9 @@ def test_truncated_by_the_registration():
         assert not terminated and truncated == (k == 2)
 
 
-@pytest.mark.parametrize("robot", ["mlivr2", "mlivr4"])
-def test_equal_seeds_give_equal_episodes(robot):
-    a, b = (gymnasium.make("MLIVR-JEM-v0", robot=robot) for _ in range(2))
+@pytest.mark.parametrize(("robot", "collisions"), [("mlivr2", True), ("mlivr2", False), ("mlivr4", False)])
+def test_equal_seeds_give_equal_episodes(robot, collisions):
+    a, b = (gymnasium.make("MLIVR-JEM-v0", robot=robot, collisions=collisions) for _ in range(2))
     assert data_equivalence(a.reset(seed=5), b.reset(seed=5))
     rng = np.random.default_rng(0)
     info = a.reset(seed=5)[1]
@@ -87,6 +95,14 @@ def test_masked_sampling_never_meets_an_invalid_action_in_10000_steps(env):
             _, info = env.reset()
 
 
+def test_masked_sampling_where_nothing_may_be_touched(safe_env):
+    _, info = safe_env.reset(seed=0)
+    safe_env.action_space.seed(0)
+    for _ in range(60):
+        _, _, _, _, info = safe_env.step(safe_env.action_space.sample(info["action_mask"]))
+        assert not info["invalid_action"] and info["action_mask"].any()
+
+
 def test_every_masked_out_action_changes_nothing(env):
     _, info = env.reset(seed=2)
     before = env._observation()
@@ -104,10 +120,14 @@ def test_observations_are_fresh_arrays(env):
         assert first[key] is not second[key] and not np.shares_memory(first[key], second[key])
 
 
-@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
+@pytest.mark.parametrize(
+    ("robot", "collisions"), [("mlivr2", True), ("mlivr2", False), ("mlivr3", False), ("mlivr4", False)]
+)
 @pytest.mark.parametrize("reward", ["steps", "base"])
-def test_a_replayed_plan_gives_exactly_its_cost(robot, reward):
-    environment = gymnasium.make("MLIVR-JEM-v0", robot=robot, reward=reward, success_bonus=7.0).unwrapped
+def test_a_replayed_plan_gives_exactly_its_cost(robot, collisions, reward):
+    environment = gymnasium.make(
+        "MLIVR-JEM-v0", robot=robot, reward=reward, success_bonus=7.0, collisions=collisions
+    ).unwrapped
     environment.reset(seed=4)
     start, goal = environment.state.stance, environment.goal
     planner = Planner(environment.graph)
@@ -133,8 +153,8 @@ def test_a_replayed_plan_gives_exactly_its_cost(robot, reward):
 
 def test_shaping_telescopes():
     """With discount 1 the shaped return differs by the potential at the start alone."""
-    plain = gymnasium.make("MLIVR-JEM-v0").unwrapped
-    shaped = gymnasium.make("MLIVR-JEM-v0", shaping=True, discount=1.0).unwrapped
+    plain = gymnasium.make("MLIVR-JEM-v0", collisions=False).unwrapped
+    shaped = gymnasium.make("MLIVR-JEM-v0", collisions=False, shaping=True, discount=1.0).unwrapped
     _, info = plain.reset(seed=6)
     start, goal = plain.state.stance, plain.goal
     plan = Planner(plain.graph).plan(start, goal, "steps").unwrap()
@@ -233,7 +253,7 @@ def test_expert_policy_is_optimal_and_random_is_not(env):
     with pytest.raises(SettingError, match="episodes is 0"):
         evaluate(env, RandomPolicy(), 0)
     with pytest.raises(SettingError, match="two limbs"):
-        evaluate(MlivrEnv(robot="mlivr3"), ExpertPolicy(), 1)
+        evaluate(MlivrEnv(robot="mlivr3", collisions=False), ExpertPolicy(), 1)
 
 
 def test_environment_and_planner_do_not_import_torch():
