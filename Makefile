@@ -26,6 +26,9 @@ unit: $(VENV)/.dev
 results: $(VENV)/.dev
 	$(BIN)/python experiments/calibrate_start_goal.py
 	$(BIN)/python experiments/table1.py
+	$(BIN)/python experiments/collision_truth.py
+	$(BIN)/python experiments/blocked.py
+	$(BIN)/python experiments/interrupted_walk.py
 	$(BIN)/python experiments/benchmark_planning.py
 
 $(VENV)/bin/python:

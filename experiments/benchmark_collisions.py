@@ -26,7 +26,14 @@ Array = NDArray[np.float64]
 
 @njit(nogil=True, error_model="numpy")
 def check_all(
-    positions: Array, rotations: Array, joints: Array, lengths: Array, mounts: Array, places: Array, bodies: Any, out: Any
+    positions: Array,
+    rotations: Array,
+    joints: Array,
+    lengths: Array,
+    mounts: Array,
+    places: Array,
+    bodies: Any,
+    out: Any,
 ) -> None:
     """Whether each of many configurations of a two-limb robot touches something; grippers are compared with all boxes."""
     shapes, _, _, fixed, world, clearance, _ = bodies
@@ -43,7 +50,9 @@ def check_all(
             to_world(ends[i], positions[k], rotations[k], moved)
             found = max(
                 found,
-                against_boxes(moved, still, first, count, shapes[2], world, count, positions[k], positions[k], clearance),
+                against_boxes(
+                    moved, still, first, count, shapes[2], world, count, positions[k], positions[k], clearance
+                ),
             )
         out[k] = max(found, against_limb(ends[0], still, ends[1], still, shapes, clearance))
 
@@ -185,17 +194,18 @@ def replanning(graph: PairGraph, start: tuple[str, ...], goal: Array, count: int
     for kind in ("points", "box"):
         times, unsolved = [], 0
         for _ in range(count):
+            boxes, taken = [], []
             if kind == "points":
                 few = rng.choice(used, min(5, len(used)), replace=False).tolist()
                 taken = [*few, *rng.choice(others, 10 - len(few), replace=False).tolist()]
-                change: Callable[[], None] = lambda points=taken: graph.occupy(points)
             else:
                 middle = 0.5 * (free.base_positions[0, 0] + goal[0])
                 x, z = middle + rng.uniform(-0.6, 0.6), rng.choice([-1.0, 0.2])
-                box = Box.between("box", "obstacle", (x, -1.0, z), (x + 0.3, 1.0, z + 0.8))
-                change = lambda box=box: graph.add_obstacles([box])
+                boxes = [Box.between("box", "obstacle", (x, -1.0, z), (x + 0.3, 1.0, z + 0.8))]
             began = time.perf_counter()
-            change()
+            if taken:
+                graph.occupy(taken)
+            graph.add_obstacles(boxes)
             result = planner.plan(start, goal)
             times.append(1e3 * (time.perf_counter() - began))
             unsolved += result.plan is None

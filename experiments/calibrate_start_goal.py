@@ -74,7 +74,8 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=3000, help="start and goal pairs tried")
     pairs = parser.parse_args().pairs
     graphs = {
-        flag: stance_graph(jem_map(), settings=Settings(manipulability=flag, collisions=False)) for flag in (False, True)
+        flag: stance_graph(jem_map(), settings=Settings(manipulability=flag, collisions=False))
+        for flag in (False, True)
     }
     checked = Planner(stance_graph(jem_map()))
     planners = {flag: Planner(graph) for flag, graph in graphs.items()}

@@ -73,7 +73,7 @@ class Judge:
         return found
 
     def least_distance(self, configuration: Configuration, points: list[tuple[int, int]]) -> float:
-        """coal's least distance between limbs and boxes and between the limbs [m], grippers at a grasp left out."""
+        """Coal's least distance between limbs and boxes and between the limbs [m], grippers at a grasp left out."""
         ends = capsule_ends(self.robot, self.shapes, configuration)
         radius = self.shapes.arrays[2]
         request, result = coal.DistanceRequest(), coal.DistanceResult()
@@ -121,7 +121,9 @@ def configuration_of(graph: PairGraph, s: int, rng: np.random.Generator) -> tupl
     return graph.configuration(State((a, b), tuple(masks))), [(0, a), (1, b)]
 
 
-def study_stances(graph: PairGraph, free: PairGraph, judge: Judge, count: int, rng: np.random.Generator) -> dict[str, Any]:
+def study_stances(
+    graph: PairGraph, free: PairGraph, judge: Judge, count: int, rng: np.random.Generator
+) -> dict[str, Any]:
     """Random free stances, and the best postures of those that were left out."""
     touching, least = 0, []
     for s in tqdm(rng.choice(len(graph), count, replace=False), desc="free stances", mininterval=2.0):
@@ -249,8 +251,12 @@ def why_blocked(graph: PairGraph, held: int, s0: int, s1: int) -> str:
                 continue
             found_hold = True
             finder = SwingFinder(graph, mover, path, [Hold(held, point, bit)])
-            for start in _lifted(graph, stances[0], static.position[0], static.rotation[0], mover, int(static.mask[0, mover])):
-                for end in _lifted(graph, stances[1], static.position[1], static.rotation[1], mover, int(static.mask[1, mover])):
+            for start in _lifted(
+                graph, stances[0], static.position[0], static.rotation[0], mover, int(static.mask[0, mover])
+            ):
+                for end in _lifted(
+                    graph, stances[1], static.position[1], static.rotation[1], mover, int(static.mask[1, mover])
+                ):
                     knots = np.array([[0.0, *start], [1.0, *end]])
                     if finder.clear(knots):
                         return "only for want of a swing: a direct one exists"
@@ -284,7 +290,12 @@ def _holds(graph: PairGraph, held: int, point: int, branch: int, path: tuple[Any
 
 
 def _lifted(
-    graph: PairGraph, stance: tuple[int, ...], position: NDArray[np.float64], rotation: NDArray[np.float64], limb: int, mask: int
+    graph: PairGraph,
+    stance: tuple[int, ...],
+    position: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+    limb: int,
+    mask: int,
 ) -> list[NDArray[np.float64]]:
     """Joint angles of a limb above its point on every branch of a mask."""
     from mlivr_gym.base_path import STRAIGHT, follow

@@ -67,7 +67,9 @@ class BoxWorld:
         return len(self.boxes)
 
 
-def _filled(low: Array, high: Array, cell: NDArray[np.int64], owner: NDArray[np.int64], origin: Array, dims: Any) -> Array:
+def _filled(
+    low: Array, high: Array, cell: NDArray[np.int64], owner: NDArray[np.int64], origin: Array, dims: Any
+) -> Array:
     """Lower and upper corner of what the boxes fill of each cell [m], shape (cells, 2, 3)."""
     corner = origin + CELL * np.stack(np.unravel_index(cell, tuple(dims)), axis=1)
     out = np.empty((int(dims.prod()), 2, 3))

@@ -47,7 +47,11 @@ def _parser() -> argparse.ArgumentParser:
     world.add_argument("--no-transitions", action="store_true", help="do not check that steps can be carried out")
     world.add_argument("--no-collisions", action="store_true", help="let limbs touch each other and the cabin")
     world.add_argument(
-        "--clearance", type=float, default=0.02, metavar="M", help="least distance between shapes [m] (default: %(default)s)"
+        "--clearance",
+        type=float,
+        default=0.02,
+        metavar="M",
+        help="least distance between shapes [m] (default: %(default)s)",
     )
     world.add_argument(
         "--limb-threshold", type=float, default=0.1, metavar="W", help="least w_m (default: %(default)s)"
@@ -174,7 +178,7 @@ def _plan(args: argparse.Namespace) -> int:
     print(f"from {' '.join(start)} to {goal}: {result.message}, w_m >= {plan.w_m_min:.3f}, w_b >= {plan.w_b_min:.5f}")
     for k, step in enumerate(plan.steps, 1):
         print(
-            f"  {k:2d}. limb {step.limb}: {step.departs:>6} -> {step.lands:<6} base {step.displacement:.3f} m, {step.path}"
+            f"  {k:2d}. limb {step.limb}: {step.departs:>6} -> {step.lands:<6} base {step.displacement:.3f} m, {step.path}, swing {step.swing}"
         )
     print(
         f"{plan.expanded} states explored, {plan.generated} generated, "
@@ -203,7 +207,10 @@ def _table1(args: argparse.Namespace) -> int:
     from mlivr_gym.table1 import run_cases
 
     out = Path(args.out)
-    print("planning the four cases of Table I, without and with collisions checked (the first run compiles the kernels) ...", flush=True)
+    print(
+        "planning the four cases of Table I, without and with collisions checked (the first run compiles the kernels) ...",
+        flush=True,
+    )
     plans, data = run_cases(out, lambda line: print(line, flush=True))
     plan = plans[3]
     _draw_plan(plan, _ends(plan), out, (1600, 800))

@@ -15,8 +15,8 @@ from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.robot import LIMB_COLOURS
 
 if TYPE_CHECKING:
-    from mlivr_gym.planners.plan import Plan
     from mlivr_gym.contacts import Contact
+    from mlivr_gym.planners.plan import Plan
     from mlivr_gym.robot import RobotSpec
     from mlivr_gym.shapes import Box
 
@@ -123,6 +123,46 @@ def plan_figure(grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array |
     save_figure(figure, path)
 
 
+def walk_figure(
+    grasp_map: GraspMap, walked: Array, planned: list[Array], obstacles: Sequence[Box], occupied: Sequence[str],
+    goal: Sequence[float], path: str | Path,
+) -> None:  # fmt: skip
+    """Picture of a walk among obstacles: base path walked thick, what had been planned dashed.
+
+    Args:
+        grasp_map: The map.
+        walked: Base positions, shape (k, 3) [m].
+        planned: Base positions of each plan made on the way.
+        obstacles: Boxes in the way.
+        occupied: Ids of points that were not to be grasped.
+        goal: Goal position [m].
+        path: PNG file to write.
+    """
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    figure, axes = _axes(grasp_map)
+    for box in obstacles:
+        corners = _corners(box)
+        faces = [[corners[v] for v in face] for face in _FACES]
+        axes.add_collection3d(Poly3DCollection(faces, facecolor="#d95926", edgecolor="#d95926", alpha=0.3, zorder=3))
+        axes.text(*corners.max(axis=0), box.id, fontsize=9, color="#a03000", zorder=8)
+    if occupied:
+        taken = grasp_map.positions[[grasp_map.index(point) for point in occupied]]
+        axes.scatter(*taken.T, s=50, marker="x", color="#d00000", depthshade=False, zorder=6, label="points occupied")
+    for k, base in enumerate(planned):
+        axes.plot(*base.T, linestyle="--", linewidth=1.4, color=LIMB_COLOURS[k + 2], zorder=4, label=f"plan {k + 1}")
+    axes.plot(*walked.T, color="#c1121f", linewidth=3.0, marker="s", markersize=5, zorder=5, label="base path walked")
+    axes.scatter(
+        *np.array(goal), s=150, marker="*", color="#ffb703", edgecolor="black", depthshade=False, zorder=7, label="goal"
+    )
+    figure.suptitle("A walk interrupted twice", x=0.02, y=0.975, ha="left", fontsize=13)
+    length = float(np.linalg.norm(np.diff(walked, axis=0), axis=1).sum())
+    told = f"{len(walked) - 1} steps, base translation {length:.2f} m, {len(planned)} plans"
+    figure.text(0.02, 0.91, told, fontsize=9.5, color="0.25")
+    figure.legend(loc="upper right", bbox_to_anchor=(0.985, 0.985), ncols=2, fontsize=8.5, frameon=False)
+    save_figure(figure, path)
+
+
 def configuration_figure(
     grasp_map: GraspMap,
     robot: RobotSpec,
@@ -208,26 +248,24 @@ def blocked_figure(
         for box in boxes.values():
             if box.id not in named and (box.kind not in ("track", "handrail", "obstacle") or not _near(box, centre)):
                 continue
-            corners = _corners(box)
+            corners = np.clip(_corners(box), centre - 1.1, centre + 1.1)
             faces = [[corners[v] for v in face] for face in _FACES]
             colour = "#d00000" if box.id in named else "#1a59bf" if box.kind == "handrail" else "0.55"
             axes.add_collection3d(
-                Poly3DCollection(
-                    faces, facecolor=colour, edgecolor=colour, linewidths=0.4, alpha=0.35 if box.id in named else 0.15, zorder=3
-                )
+                Poly3DCollection(faces, facecolor=colour, edgecolor=colour, linewidths=0.6, alpha=0.12, zorder=3)
             )
         low, high = centre - 1.1, centre + 1.1
         for name, a, b in zip("xyz", low, high, strict=True):
             getattr(axes, f"set_{name}lim")(a, b)
             getattr(axes, f"set_{name}label")(f"{name} [m]")
-        axes.set_box_aspect((1, 1, 1), zoom=1.3)
+        axes.set_box_aspect((1, 1, 1), zoom=1.12)
         axes.tick_params(labelsize=7)
         axes.view_init(elev=14, azim=-66)
         axes.set_title(title, fontsize=11, loc="left")
-        lines = [f"{c.first} and {c.second}: {1000.0 * c.distance:.0f} mm" for c in touching[:4]]
+        lines = [f"{c.first} to {c.second}: {1000.0 * c.distance:.0f} mm" for c in touching[:4]]
         if len(touching) > 4:
             lines.append(f"and {len(touching) - 4} more pairs")
-        axes.text2D(0.0, -0.02, "\n".join(lines), transform=axes.transAxes, fontsize=8.5, color="#a00000", va="top")
+        axes.text2D(0.0, 0.985, "\n".join(lines), transform=axes.transAxes, fontsize=8.5, color="#a00000", va="top")
     figure.subplots_adjust(left=0.03, right=0.97, bottom=0.12, top=0.92, wspace=0.02)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")

@@ -22,10 +22,10 @@ from mlivr_gym.errors import StanceError
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.posture import Postures
 from mlivr_gym.posture_kernels import clear_of_world, hands_clear
+from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, release
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stance_graph import STUCK, Array, IntArray, StanceGraph, State, Successors
-from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, release
 from mlivr_gym.transitions import hold_mask
 
 KNOWN = 1 << 16

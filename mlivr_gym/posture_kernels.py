@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.base_path import STRAIGHT, certify, expand_classes, flange_in_limb, turn, within_limits
-from mlivr_gym.collision_kernels import CLEAR, SELF, against_body, against_boxes, against_limb, frames_of_branch, place, to_world
+from mlivr_gym.collision_kernels import (
+    CLEAR,
+    SELF,
+    against_body,
+    against_boxes,
+    against_limb,
+    frames_of_branch,
+    place,
+    to_world,
+)
 from mlivr_gym.compiled import kernel
 from mlivr_gym.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.ur_kinematics import SINGULAR, branch_terms
@@ -100,7 +109,9 @@ def combined(information, branch, scratch):
 
 
 @kernel
-def limb_status(i, b, p, z, position, rotation, point, normal, mount_rotation, mount_position, lengths, checker, status, ends):
+def limb_status(
+    i, b, p, z, position, rotation, point, normal, mount_rotation, mount_position, lengths, checker, status, ends
+):
     """What limb `i` on branch `b` touches at a posture on its own: an answer, looked up or worked out.
 
     Args:
@@ -127,7 +138,9 @@ def limb_status(i, b, p, z, position, rotation, point, normal, mount_rotation, m
             found = against_body(i, ends[i, b], still, shift, spin, 0.0, shapes, fixed, clearance)
             if found == CLEAR:
                 to_world(ends[i, b], position, rotation, world_ends)
-                found = against_boxes(world_ends, still, hand & 0, hand, shapes[2], world, gripper, point, normal, clearance)
+                found = against_boxes(
+                    world_ends, still, hand & 0, hand, shapes[2], world, gripper, point, normal, clearance
+                )
             status[i, b] = found
     return status[i, b]
 
@@ -409,7 +422,9 @@ def hands_clear(points, normals, tool_length, lengths, bodies, answers):
                 along = local[c, e, 2] if link[c] == 6 else local[c, e, 1] - lengths[5]
                 for k in range(3):
                     ends[c, e, k] = points[m, k] + (tool_length - along) * normals[m, k]
-        answers[m] = against_boxes(ends, still, hand, len(link), shapes[2], world, gripper, points[m], normals[m], clearance)
+        answers[m] = against_boxes(
+            ends, still, hand, len(link), shapes[2], world, gripper, points[m], normals[m], clearance
+        )
 
 
 @kernel

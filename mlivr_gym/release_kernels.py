@@ -73,7 +73,18 @@ def raised(
     frames, ends = np.empty((7, 4, 3)), np.empty((len(shapes[0]), 2, 3))
     height = np.zeros(8)
     flange_at(
-        point, normal, normal, tool_length, position, rotation, mount_rotations[limb], mount_positions[limb], p, x, z, away
+        point,
+        normal,
+        normal,
+        tool_length,
+        position,
+        rotation,
+        mount_rotations[limb],
+        mount_positions[limb],
+        p,
+        x,
+        z,
+        away,
     )
     for b in range(8):
         twins = 0x0101 << b, 0x0101 << (b ^ 1)
@@ -89,13 +100,36 @@ def raised(
 
 @kernel
 def place_branches(
-    limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions, lengths, shapes, first, ends
+    limb,
+    mask,
+    point,
+    normal,
+    tool_length,
+    position,
+    rotation,
+    mount_rotations,
+    mount_positions,
+    lengths,
+    shapes,
+    first,
+    ends,
 ):
     """Put a limb in place at a grasp on each branch of a mask, from row `first` of `ends`; returns the next free row."""
     p, x, z, away = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     frames = np.empty((7, 4, 3))
     flange_at(
-        point, normal, normal, tool_length, position, rotation, mount_rotations[limb], mount_positions[limb], p, x, z, away
+        point,
+        normal,
+        normal,
+        tool_length,
+        position,
+        rotation,
+        mount_rotations[limb],
+        mount_positions[limb],
+        p,
+        x,
+        z,
+        away,
     )
     for b in range(8):
         if mask & (0x0101 << b) and frames_of_branch(p, z, lengths, b, frames):
@@ -114,7 +148,17 @@ def release(
         first = mask
     else:
         first = raised(
-            limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions, lengths, bodies[0]
+            limb,
+            mask,
+            point,
+            normal,
+            tool_length,
+            position,
+            rotation,
+            mount_rotations,
+            mount_positions,
+            lengths,
+            bodies[0],
         )
     answer = np.int64(0)
     for rest in (first, mask & ~first):

@@ -30,7 +30,12 @@ Array = NDArray[np.float64]
 FACE_GROUPS = {"deck": 1, "forward": 2, "aft": 3, "overhead": 4, "starboard": 5, "port": 5}
 """Geom group of each cabin face; the robot has group 0."""
 
-_BODY, _GRIPPER, _STEEL, _POINT = (0.93, 0.93, 0.95, 1), (0.15, 0.15, 0.17, 1), (0.70, 0.72, 0.75, 1), (0.95, 0.75, 0.10, 1)
+_BODY, _GRIPPER, _STEEL, _POINT = (
+    (0.93, 0.93, 0.95, 1),
+    (0.15, 0.15, 0.17, 1),
+    (0.70, 0.72, 0.75, 1),
+    (0.95, 0.75, 0.10, 1),
+)
 _PANEL = (0.80, 0.82, 0.84, 1)
 _COLOURS = {
     "panel": _PANEL, "closeout": _PANEL, "bulkhead": _PANEL, "rack": (0.90, 0.90, 0.88, 1),

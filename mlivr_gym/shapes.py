@@ -93,7 +93,9 @@ class Box:
         unknown = sorted(set(data) - known)
         if corners == middle or unknown:
             fault = f"unknown field {unknown[0]!r}" if unknown else "its place is missing"
-            raise ShapeError(f"box {name!r}: {fault}; give 'min' and 'max', or 'centre', 'half' and, if turned, 'rotation'")
+            raise ShapeError(
+                f"box {name!r}: {fault}; give 'min' and 'max', or 'centre', 'half' and, if turned, 'rotation'"
+            )
         kind, face = str(data.get("kind", kind)), str(data.get("face", ""))
         if corners:
             return cls.between(name, kind, data["min"], data["max"], face)
@@ -173,8 +175,6 @@ def boxes_from(data: Any, kind: str) -> tuple[Box, ...]:
         if name in ids[:i]:
             raise ShapeError(f"box {name!r} appears more than once")
     return boxes
-
-
 
 
 def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:

@@ -143,7 +143,8 @@ class StanceGraph(ABC):
             if box.id in ids:
                 raise ShapeError(f"obstacle {box.id!r} is there already")
             ids.append(box.id)
-        self._set_obstacles((*self.obstacles, *boxes), self.occupied)
+        if boxes:
+            self._set_obstacles((*self.obstacles, *boxes), self.occupied)
 
     def remove_obstacles(self, ids: Sequence[str] | None = None) -> None:
         """Take boxes out of the world again, by default all.
@@ -174,6 +175,7 @@ class StanceGraph(ABC):
         self.version += 1
         self._obstacles_changed()
 
+    @abstractmethod
     def _obstacles_changed(self) -> None:
         """Forget what no longer holds."""
 
@@ -321,7 +323,9 @@ class StanceGraph(ABC):
                 return None
         gained = dict.fromkeys(held, 0)
         for kind in (STRAIGHT, ARC):
-            left = self._holds(kind, pivot, held, after, posture, [b & ~gained.get(i, 0) for i, b in enumerate(before)], masks)
+            left = self._holds(
+                kind, pivot, held, after, posture, [b & ~gained.get(i, 0) for i, b in enumerate(before)], masks
+            )
             if self.settings.collisions and left:
                 _, left = self._carry(kind, pivot, limb, after, posture, left, together)
             if len(held) == 1:
@@ -404,7 +408,14 @@ class StanceGraph(ABC):
         return answers
 
     def _carry(
-        self, kind: int, pivot: Array, limb: int, after: Sequence[int], posture: Postures, left: dict[int, int], together: int
+        self,
+        kind: int,
+        pivot: Array,
+        limb: int,
+        after: Sequence[int],
+        posture: Postures,
+        left: dict[int, int],
+        together: int,
     ) -> tuple[int, dict[int, int]]:
         """The first fold in which `limb` can be carried along a base path, and the branches left to the limbs that hold."""
         solver = self.solver
@@ -548,12 +559,7 @@ class LazyGraph(StanceGraph):
 
 def join(first: Postures, second: Postures) -> Postures:
     """Postures of two groups one after the other."""
-    return Postures(
-        *(
-            np.concatenate([getattr(first, name), getattr(second, name)])
-            for name in FIELDS
-        )
-    )
+    return Postures(*(np.concatenate([getattr(first, name), getattr(second, name)]) for name in FIELDS))
 
 
 def stance_graph(

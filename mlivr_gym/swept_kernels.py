@@ -294,7 +294,9 @@ def swing_free(
         to_world(ends, position, rotation, world_ends)
         capsule_motion(shapes, shift, spin, half, motion)
         moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
-        answer = against_boxes(world_ends, world_motion, first, count, shapes[2], world, count, position, position, clearance)
+        answer = against_boxes(
+            world_ends, world_motion, first, count, shapes[2], world, count, position, position, clearance
+        )
         if answer > UNDECIDED:
             return answer
         if body > 0.0:
@@ -419,7 +421,9 @@ def hold_free(
         capsule_motion(shapes, shift, spin, 1.0, motion)
         moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
         seen_from_grasp(plus, minus, lengths, shapes, world_motion)
-        answer = against_boxes(world_ends, world_motion, first, count, shapes[2], world, gripper, point, normal, clearance)
+        answer = against_boxes(
+            world_ends, world_motion, first, count, shapes[2], world, gripper, point, normal, clearance
+        )
         if answer > UNDECIDED:
             return answer
         if inside:

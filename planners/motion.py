@@ -54,7 +54,7 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
     step = plan.steps[index]
     if not step.knots:
         raise PlanError(f"step {index} carries no swing; make the plan with collisions=True")
-    solver, limb, limbs = graph.solver, step.limb, graph.limbs
+    limb, limbs = step.limb, graph.limbs
     before, after = (graph.indices(plan.stances[k]) for k in (index, index + 1))
     rotations = [_matrix(plan.base_quaternions[k]) for k in (index, index + 1)]
     positions = plan.base_positions[index], plan.base_positions[index + 1]

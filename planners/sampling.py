@@ -26,9 +26,7 @@ RESOLUTION = 0.01
 SEED = 20251121
 
 
-def sampled_swing(
-    finder: SwingFinder, start: Array, end: Array, turns: tuple[Array, Array], fold: int
-) -> Array | None:
+def sampled_swing(finder: SwingFinder, start: Array, end: Array, turns: tuple[Array, Array], fold: int) -> Array | None:
     """Knots of a swing: fold on a sampled way, move the base, unfold on a sampled way; None if none is found.
 
     The way found is checked as a whole like any other, so what the sampling planner skips between its postures does

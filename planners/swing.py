@@ -74,12 +74,10 @@ class SwingFinder:
                 return Swing(kind, knots)
         from mlivr_gym.planners.sampling import sampled_swing
 
-        knots = sampled_swing(self, start, end, turns, fold)
-        return None if knots is None else Swing("sampled", knots)
+        way = sampled_swing(self, start, end, turns, fold)
+        return None if way is None else Swing("sampled", way)
 
-    def _ways(
-        self, start: Array, end: Array, turns: tuple[Array, Array], fold: int
-    ) -> Iterator[tuple[str, Array]]:
+    def _ways(self, start: Array, end: Array, turns: tuple[Array, Array], fold: int) -> Iterator[tuple[str, Array]]:
         yield "direct", np.stack([_knot(0.0, start), _knot(1.0, landing(end, turns, start))])
         count = len(self.graph.robot.folds)
         for index in range(count):
@@ -95,9 +93,7 @@ class SwingFinder:
                     if knots is not None:
                         yield "folded", knots
 
-    def _folded(
-        self, start: Array, end: Array, turns: tuple[Array, Array], way: tuple[int, int, int]
-    ) -> Array | None:
+    def _folded(self, start: Array, end: Array, turns: tuple[Array, Array], way: tuple[int, int, int]) -> Array | None:
         """Fold by way of one fold, move in another, unfold by way of a third."""
         knots = [_knot(0.0, start)]
         for k, u in zip(way, (0.0, 0.0, 1.0), strict=True):

@@ -102,7 +102,12 @@ def test_links_that_are_not_compared_never_meet():
             pair = tuple(SHAPES.arrays[0][[i, j]].tolist())
             if pair in left_out and pair not in compared:
                 gap = np.sqrt(
-                    segments_apart(tuple(ends[i, 0]), tuple(ends[i, 1] - ends[i, 0]), tuple(ends[j, 0]), tuple(ends[j, 1] - ends[j, 0]))
+                    segments_apart(
+                        tuple(ends[i, 0]),
+                        tuple(ends[i, 1] - ends[i, 0]),
+                        tuple(ends[j, 0]),
+                        tuple(ends[j, 1] - ends[j, 0]),
+                    )
                 )
                 least[pair] = min(least[pair], gap - SHAPES.arrays[2][i] - SHAPES.arrays[2][j])
     assert min(least.values()) > 0.0
@@ -293,7 +298,9 @@ def test_edges_serve_both_directions(checked_graph):
     for s in rng.choice(len(graph), 10, replace=False):
         for held in range(2):
             for other in graph.row(held, int(s))[:5]:
-                assert edge_entry(held, int(s), int(other), graph.edges) == edge_entry(held, int(other), int(s), graph.edges)
+                assert edge_entry(held, int(s), int(other), graph.edges) == edge_entry(
+                    held, int(other), int(s), graph.edges
+                )
 
 
 def test_own_shapes_and_boxes(ladder, tmp_path):
@@ -325,7 +332,10 @@ def test_own_shapes_and_boxes(ladder, tmp_path):
         ({"id": "a", "min": [0, 0, 0], "max": [0, 1, 1]}, "min .* must be below max"),
         ({"id": "a", "min": [0, 0, 0], "max": ["x", 1, 1]}, "must be numbers"),
         ({"id": "a", "centre": [0, 0, 0], "half": [1, -1, 1]}, "half edges"),
-        ({"id": "a", "centre": [0, 0, 0], "half": [1, 1, 1], "rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}, "rotation"),
+        (
+            {"id": "a", "centre": [0, 0, 0], "half": [1, 1, 1], "rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]},
+            "rotation",
+        ),
         ({"id": "a", "centre": [0, 0, 0]}, "its place is missing"),
         ({"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "colour": 1}, "unknown field 'colour'"),
         ({"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "kind": "cloud"}, "unknown kind 'cloud'"),

@@ -7,8 +7,8 @@ import networkx as nx
 import numpy as np
 import pytest
 import rustworkx as rx
-
 from paper import NO_COLLISIONS
+
 from mlivr_gym import GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import GoalError, MlivrError, PlanError, SettingError, StanceError
 from mlivr_gym.planners import Plan, Planner
@@ -224,7 +224,10 @@ def track(q, positions, rotations, jem, robot, limb, point):
 
 def test_same_input_gives_the_same_plan(jem):
     plans = [
-        Planner(stance_graph(jem, settings=NO_COLLISIONS)).plan(("D1a:4", "D1b:4"), (6.0, 0.0, 0.42), cost).unwrap().to_dict()
+        Planner(stance_graph(jem, settings=NO_COLLISIONS))
+        .plan(("D1a:4", "D1b:4"), (6.0, 0.0, 0.42), cost)
+        .unwrap()
+        .to_dict()
         for cost in ("steps", "steps")
     ]
     for plan in plans:

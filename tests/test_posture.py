@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import flange, pinocchio_arm
+from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
-from paper import NO_COLLISIONS
 from mlivr_gym import GraspMap, Settings, robot_spec, stance_graph
 from mlivr_gym.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.posture import PostureSolver, base_frames
@@ -190,7 +190,9 @@ def test_counts_agree_with_the_independent_calculation(jem):
     from dataclasses import replace
 
     graph = stance_graph(
-        jem, replace(robot_spec("mlivr2"), rolls=(0.0,)), Settings(collisions=False, manipulability=False, transitions=False)
+        jem,
+        replace(robot_spec("mlivr2"), rolls=(0.0,)),
+        Settings(collisions=False, manipulability=False, transitions=False),
     )
     assert graph.considered == 43540
     normals = jem.normals[graph.points]

@@ -1,9 +1,8 @@
 import mujoco
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-
 from paper import NO_COLLISIONS
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym import robot_spec, stance_graph
 from mlivr_gym.errors import RenderError

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from paper import NO_COLLISIONS
+
 from mlivr_gym import Limb, Settings, State, robot_spec, stance_graph
 from mlivr_gym.base_path import ARC, STRAIGHT
 from mlivr_gym.errors import RobotError, SettingError, StanceError
@@ -31,7 +31,9 @@ def test_whole_set_and_lazy_neighbours_agree(graph):
         assert steps_of(graph, state) == steps_of(lazy, state)
 
 
-@pytest.mark.parametrize("settings", [Settings(collisions=False, transitions=False), Settings(collisions=False, manipulability=False)])
+@pytest.mark.parametrize(
+    "settings", [Settings(collisions=False, transitions=False), Settings(collisions=False, manipulability=False)]
+)
 def test_whole_set_and_lazy_neighbours_agree_under_other_settings(small_map, settings):
     graph = stance_graph(small_map, settings=settings)
     lazy = LazyGraph(small_map, graph.robot, settings)
@@ -186,7 +188,9 @@ def test_a_smaller_arm_works_with_its_own_heights(ladder):
     """UR3e lengths, published by the manufacturer."""
     arm = Limb(d1=0.15185, a2=-0.24355, a3=-0.2132, d4=0.13105, d5=0.08535, d6=0.0921)
     robot = replace(robot_spec("mlivr2"), name="small", limb=arm, heights=(0.3, 0.35, 0.4), span=1.4)
-    graph = stance_graph(ladder, robot, Settings(collisions=False, limb_threshold=0.01, base_threshold=0.0, path_floor=0.002))
+    graph = stance_graph(
+        ladder, robot, Settings(collisions=False, limb_threshold=0.01, base_threshold=0.0, path_floor=0.002)
+    )
     assert len(graph) > 10
 
 

@@ -1,0 +1,68 @@
+"""A walk that new obstacles interrupt twice and that still arrives.
+
+    python experiments/interrupted_walk.py [--out results]
+
+The robot plans, takes two steps, finds a box in its way, plans again from where it stands; takes two more, finds the points ahead
+occupied, and plans again. Writes `interrupted_walk.png`: the walk made, and what was planned before each interruption.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+
+from mlivr_gym import Box, jem_map, stance_graph
+from mlivr_gym.figures import walk_figure
+from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.table1 import default_setup
+
+
+def main() -> None:
+    """Walk."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the picture")
+    args = parser.parse_args()
+    graph = stance_graph(jem_map())
+    planner, setup = Planner(graph), default_setup()
+    stance, goal = tuple(setup["start"]), tuple(setup["goal"])
+    how = {"cost": "weighted", "regrasp_price": 0.05}
+    planner.prepare(goal, **how)
+    plans: list[Plan] = []
+    walked, interruptions = [graph.posture(graph.indices(stance)).position[0]], 0
+    while True:
+        began = time.perf_counter()
+        plan = planner.plan(stance, goal, **how).unwrap()
+        plans.append(plan)
+        print(
+            f"{1e3 * (time.perf_counter() - began):7.1f} ms: {len(plan.steps)} steps, {plan.base_translation:.2f} m to go"
+        )
+        take = 2 if interruptions < 2 else len(plan.steps)
+        for limb, point in plan.actions[:take]:
+            stance = tuple(point if i == limb else held for i, held in enumerate(stance))
+            walked.append(graph.posture(graph.indices(stance)).position[0])
+            print(f"    limb {limb} takes {point}")
+        if np.linalg.norm(walked[-1] - goal) <= plan.goal_tolerance:
+            break
+        interruptions += 1
+        if interruptions == 1:
+            middle = 0.5 * (walked[-1] + np.array(goal))
+            box = Box.between("cargo", "obstacle", middle - (0.15, 0.5, 0.4), middle + (0.15, 0.5, 0.4))
+            graph.add_obstacles([box])
+            print(f"  a box of cargo turns up at {np.round(middle, 2).tolist()}")
+        else:
+            ahead = [point for held in plan.stances[3:] for point in held if point not in stance]
+            graph.occupy(sorted(set(ahead))[:4])
+            print(f"  points {', '.join(sorted(set(ahead))[:4])} are occupied")
+    print(f"arrived after {len(walked) - 1} steps and {interruptions} interruptions")
+    args.out.mkdir(parents=True, exist_ok=True)
+    walk_figure(
+        graph.grasp_map, np.array(walked), [plan.base_positions for plan in plans], graph.obstacles,
+        graph.ids(sorted(graph.occupied)), goal, args.out / "interrupted_walk.png",
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
