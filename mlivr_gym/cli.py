@@ -178,7 +178,8 @@ def _plan(args: argparse.Namespace) -> int:
     print(f"from {' '.join(start)} to {goal}: {result.message}, w_m >= {plan.w_m_min:.3f}, w_b >= {plan.w_b_min:.5f}")
     for k, step in enumerate(plan.steps, 1):
         print(
-            f"  {k:2d}. limb {step.limb}: {step.departs:>6} -> {step.lands:<6} base {step.displacement:.3f} m, {step.path}, swing {step.swing}"
+            f"  {k:2d}. limb {step.limb}: {step.departs:>6} -> {step.lands:<6} base {step.displacement:.3f} m, {step.path}, "
+            f"swing {step.swing}"
         )
     print(
         f"{plan.expanded} states explored, {plan.generated} generated, "

@@ -372,6 +372,19 @@ def _behind(boxes, b, point, normal):
 
 
 @kernel
+def body_against_boxes(position, travel, radius, world, clearance):
+    """The sphere round the body at `position` against the boxes, which may travel so far [m]; an answer."""
+    middle, motion, ball = np.empty((1, 2, 3)), np.empty((1, 2)), np.empty(1)
+    first = np.int64(0)
+    ball[0] = radius
+    for e in range(2):
+        motion[0, e] = travel
+        for k in range(3):
+            middle[0, e, k] = position[k]
+    return against_boxes(middle, motion, first, first + 1, ball, world, first + 1, position, position, clearance)
+
+
+@kernel
 def seen_from(row, c, e, shapes, shift, spin):
     """How far end `e` of capsule `c` moves at most, seen from link `row`: its anchor's motion and its link's turn [m]."""
     return shift[row, shapes[4][c, e]] + shapes[5][c, e] * spin[row, shapes[0][c]]

@@ -56,6 +56,8 @@ def contacts(
 ) -> list[Contact]:
     """Every pair of shapes that is compared and nearer than the clearance, the nearest first.
 
+    Against boxes the body is the sphere round it.
+
     Args:
         robot: The robot.
         boxes: What stands round it.
@@ -97,6 +99,10 @@ def contacts(
                 start, end = (ends[i, c] - np.array(box.centre)) @ turned
                 apart = np.sqrt(segment_box_apart(tuple(start), tuple(end - start), box.half)) - radius[c]
                 found.append((name, box.id, apart))
+    for box in boxes:
+        start = (configuration[0] - np.array(box.centre)) @ np.array(box.rotation)
+        apart = np.sqrt(segment_box_apart(tuple(start), (0.0, 0.0, 0.0), box.half)) - shapes.body_radius
+        found.append(("body", box.id, apart))
     near = [Contact(first, second, float(apart)) for first, second, apart in found if apart < clearance]
     return sorted(near, key=lambda contact: contact.distance)
 

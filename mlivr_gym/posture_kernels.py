@@ -11,6 +11,7 @@ from mlivr_gym.collision_kernels import (
     against_body,
     against_boxes,
     against_limb,
+    body_against_boxes,
     frames_of_branch,
     place,
     to_world,
@@ -388,6 +389,8 @@ def _usable(
     usable,
 ):  # fmt: skip
     """Which branches of a `w_m` above `least` touch nothing at a posture, into `usable`; whether every limb has one."""
+    if body_against_boxes(position, 0.0, checker[6], checker[4], checker[5]) != CLEAR:
+        return False
     for i in range(len(points)):
         some = False
         for b in range(8):
@@ -453,13 +456,20 @@ def clear_of_world(
         bodies: `Bodies.arrays`.
         cause: Shape (k,), filled with the cause where an own branch touches a box.
     """
-    shapes, gripper, hand, _, world, clearance, _ = bodies
+    shapes, gripper, hand, _, world, clearance, body = bodies
     capsules = len(shapes[0])
     ends, world_ends, still = np.empty((capsules, 2, 3)), np.empty((capsules, 2, 3)), np.zeros((capsules, 2))
     frames, p, z = np.empty((7, 4, 3)), np.empty(3), np.empty(3)
     grip, approach, normal = np.empty(3), np.empty(3), np.empty(3)
     for n in range(start, stop):
         k = chosen[n]
+        found = body_against_boxes(position[k], 0.0, body, world, clearance)
+        if found != CLEAR:
+            cause[k] = found
+            for i in range(points.shape[1]):
+                if check:
+                    mask[k, i] = 0
+            continue
         for i in range(points.shape[1]):
             point = points[k, i]
             for axis in range(3):

@@ -31,6 +31,7 @@ from mlivr_gym.collision_kernels import (
     against_body,
     against_boxes,
     against_limb,
+    body_against_boxes,
     frames_of_angles,
     place,
     seen_from,
@@ -260,12 +261,11 @@ def swing_free(
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
     """
     count, first = len(shapes[0]), np.int64(0)
-    ends, world_ends, middle = np.empty((count, 2, 3)), np.empty((count, 2, 3)), np.empty((1, 2, 3))
+    ends, world_ends = np.empty((count, 2, 3)), np.empty((count, 2, 3))
     motion, world_motion, still = np.empty((count, 2)), np.empty((count, 2)), np.zeros((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
     q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
-    position, rotation, moved, ball = np.empty(3), np.empty((3, 3)), np.empty((1, 2)), np.empty(1)
-    ball[0] = body
+    position, rotation = np.empty(3), np.empty((3, 3))
     omega = relative_rotation(path[1], path[3], axis)
     speed = path_speed(path) * abs(u1 - u0)
     spin_rate = omega * abs(u1 - u0)
@@ -300,11 +300,7 @@ def swing_free(
         if answer > UNDECIDED:
             return answer
         if body > 0.0:
-            for e in range(2):
-                moved[0, e] = speed * half
-                for k in range(3):
-                    middle[0, e, k] = position[k]
-            found = against_boxes(middle, moved, first, first + 1, ball, world, count, position, position, clearance)
+            found = body_against_boxes(position, speed * half, body, world, clearance)
             if found > UNDECIDED:
                 return found
             answer = max(answer, found)
