@@ -235,13 +235,15 @@ def _draw_plan(plan: Any, which: dict[str, int], out: Path, size: tuple[int, int
     _draw(jem_map(), plan.robot, {out / f"scene_{name}.png": c for name, c in configurations.items()}, size)
 
 
-def _draw(grasp_map: Any, robot: Any, pictures: dict[Path, Any], size: tuple[int, int]) -> None:
+def _draw(
+    grasp_map: Any, robot: Any, pictures: dict[Path, Any], size: tuple[int, int], obstacles: Sequence[Any] = ()
+) -> None:
     """Render configurations with MuJoCo, or draw them with matplotlib where there is no GL library."""
     from mlivr_gym.figures import configuration_figure, save_image
     from mlivr_gym.rendering import SceneRenderer
 
     try:
-        renderer = SceneRenderer(grasp_map, robot, *size)
+        renderer = SceneRenderer(grasp_map, robot, *size, obstacles)
     except RenderError as error:
         print(f"no GL, drawing with matplotlib instead: {error}", flush=True)
         for path, configuration in pictures.items():
@@ -323,7 +325,7 @@ def _render(args: argparse.Namespace) -> int:
     if args.plan:
         grasp_map = GraspMap.load(args.map) if args.map else jem_map()
         plan = Plan.load(args.plan, grasp_map)
-        robot = plan.robot
+        robot, obstacles = plan.robot, plan.obstacles
         pictures = {
             out.with_name(f"{out.stem}_{name}{out.suffix}"): (
                 plan.base_positions[k], plan.base_quaternions[k], plan.joint_positions[k],
@@ -332,15 +334,15 @@ def _render(args: argparse.Namespace) -> int:
         }  # fmt: skip
     else:
         graph = _graph(args)
-        grasp_map, robot = graph.grasp_map, graph.robot
+        grasp_map, robot, obstacles = graph.grasp_map, graph.robot, graph.obstacles
         args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
         state = graph.state(_default_task(graph, args)[0] if args.start is None else args.start)
         pictures = {out: graph.configuration(state)}
-    _draw(grasp_map, robot, pictures, tuple(args.size))
+    _draw(grasp_map, robot, pictures, tuple(args.size), obstacles)
     if args.mjcf:
         from mlivr_gym.scene import scene_spec
 
-        spec = scene_spec(grasp_map, robot)
+        spec = scene_spec(grasp_map, robot, obstacles)
         spec.compile()
         write_whole(args.mjcf, spec.to_xml())
         print(f"scene: {args.mjcf}")

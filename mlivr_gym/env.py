@@ -275,7 +275,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         from mlivr_gym.rendering import SceneRenderer
 
         if self._viewer is None:
-            self._viewer = SceneRenderer(self.graph.grasp_map, self.graph.robot, *self._size)
+            self._viewer = SceneRenderer(self.graph.grasp_map, self.graph.robot, *self._size, self.graph.obstacles)
         picture: NDArray[np.uint8] = self._viewer.render(*configuration)
         return picture
 

@@ -18,10 +18,7 @@ from mlivr_gym.swept_kernels import departure_free, hold_free, holds_apart, swin
 from mlivr_gym.ur_kinematics import branch_angles, wrap
 
 TOGETHER, ROOT, VIA = 16, 20, 24
-"""First bits of the parts of an answer of `release`."""
-
-MOST_FOLDS = 4
-"""Folds that an answer has room for."""
+"""First bits of the parts of an answer of `release`, which has room for four folds."""
 
 
 @kernel

@@ -10,6 +10,7 @@ import atexit
 import gc
 import os
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from mlivr_gym.errors import RenderError
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.robot import RobotSpec
+from mlivr_gym.shapes import Box
 
 Array = NDArray[np.float64]
 
@@ -30,7 +32,9 @@ class SceneRenderer:
         >>> image = renderer.render(*graph.configuration(state))
     """
 
-    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, width: int = 960, height: int = 540) -> None:
+    def __init__(
+        self, grasp_map: GraspMap, robot: RobotSpec, width: int = 960, height: int = 540, obstacles: Sequence[Box] = ()
+    ) -> None:
         """Compile the scene and open a GL context.
 
         Raises:
@@ -41,7 +45,7 @@ class SceneRenderer:
             import mujoco
 
             self.grasp_map = grasp_map
-            self.model = scene_spec(grasp_map, robot).compile()
+            self.model = scene_spec(grasp_map, robot, obstacles).compile()
             self.data = mujoco.MjData(self.model)
             self._renderer: Any = mujoco.Renderer(self.model, height, width)
             # Registered after the GL loader's own exit hook, hence run before it.
