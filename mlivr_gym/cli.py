@@ -15,7 +15,7 @@ EXAMPLES = """examples:
   mlivr-gym plan --start D2a:4 D2b:4 --goal 6.0 0 0.42 --cost steps --out plan.json --picture plan.png
   mlivr-gym plan --cost weighted --regrasp-price 0.1 --no-manipulability
   mlivr-gym plan --robot mlivr3 --goal 2.5 -0.4 -0.3 --cost weighted --regrasp-price 0.1
-  mlivr-gym plan --box 3.2 -1.0 -1.0 3.5 1.0 0.3 --occupied D3a:4 D3b:4
+  mlivr-gym plan --box 3.2 -1.0 -1.0 3.5 1.0 0.3 --occupied D3a:3 D3a:4
   mlivr-gym table1 --out results
   mlivr-gym info --map my_map.json
   mlivr-gym render --start D2a:4 D2b:4 --out start.png
