@@ -18,20 +18,24 @@ from numpy.typing import NDArray
 from mlivr_gym.base_path import ARC, STRAIGHT
 from mlivr_gym.collision_kernels import CABIN, HANDRAIL, SELF
 from mlivr_gym.compiled import in_parallel, kernel
+from mlivr_gym.direct_kernels import TRIES, lifted_at, line_free, pairs_by_travel
 from mlivr_gym.errors import StanceError
+from mlivr_gym.grasp_kernels import place_branches
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.posture import Postures
 from mlivr_gym.posture_kernels import clear_of_world, hands_clear
-from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, release
+from mlivr_gym.release_kernels import TOGETHER, carried, holding, release
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stance_graph import STUCK, Array, IntArray, StanceGraph, State, Successors
+from mlivr_gym.stance_graph import STUCK, Array, IntArray, StanceGraph, State, Successors, Way
 from mlivr_gym.transitions import hold_mask
 
 KNOWN = 1 << 16
 """Bit of an edge entry: the entry is filled. Below it are the branches and flips on which the limb can hold."""
 ARC_BITS, FOLD_BITS = 17, 33
 """First bits of the branches and flips that need the arc, and of the folds on the line and on the arc (2 bits each)."""
+DIRECT, PAIR_BITS = 1 << 37, 38
+"""Bit of an entry whose step only a direct swing makes, and first bits of its branches after and before the step (3 each)."""
 REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
 """Causes that keep a stance out of the graph."""
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
@@ -98,7 +102,7 @@ def edge_entry(held, s0, s1, edges):
         The entry; see `KNOWN`, `ARC_BITS` and `FOLD_BITS`.
     """
     points, local, degree, offset, table, _, _, mask = edges[:8]
-    released = edges[17][2]
+    collide, released = edges[17][0], edges[17][2]
     _, boxes, near, mask0, _, released0, table0, obstacles = edges[18]
     point, mover = points[s0, held], 1 - held
     here = offset[held, point] + local[held, s0] * degree[held, point] + local[held, s1]
@@ -111,24 +115,36 @@ def edge_entry(held, s0, s1, edges):
     if not table0[here] & KNOWN:
         wanted = mask0[s0, held] & mask0[s1, held]
         together = (released0[s0, mover] & released0[s1, mover]) >> TOGETHER & 15
-        table0[here] = table0[there] = _carry(
-            held, s0, s1, wanted, wanted & 0, together, together, edges, edges[17][8], own
-        )  # fmt: skip
+        entry = _carry(held, s0, s1, wanted, wanted & 0, together, together, edges, edges[17][8], own)
+        if collide and wanted and not entry & 0xFFFF:
+            entry = _direct(held, s0, s1, wanted, np.int64(0), edges, edges[17][8])
+        table0[here], table0[there] = entry, turned(entry)
     if boxes:
         entry = table0[here]
         left = entry & mask[s0, held] & mask[s1, held]
         arc = entry >> ARC_BITS & left
         left &= ~arc
         together = (released[s0, mover] & released[s1, mover]) >> TOGETHER & 15
-        if near[s0] or near[s1]:
+        if not (near[s0] or near[s1]):
+            entry = entry & ~np.int64(0xFFFF) | left | arc
+        elif entry & DIRECT:
+            entry = _direct(held, s0, s1, left | arc, entry, edges, obstacles)
+        else:
             entry = _carry(
                 held, s0, s1, left, arc, together & 1 << (entry >> FOLD_BITS & 3),
                 together & 1 << (entry >> (FOLD_BITS + 2) & 3), edges, obstacles, not own,
             )  # fmt: skip
-        else:
-            entry = entry & ~np.int64(0xFFFF) | left | arc
-        table[here] = table[there] = entry
+        table[here], table[there] = entry, turned(entry)
     return table[here]
+
+
+@kernel
+def turned(entry):
+    """The entry of the same step in the other direction."""
+    if not entry & DIRECT:
+        return entry
+    pair = entry >> PAIR_BITS & 63
+    return entry & ~(np.int64(63) << PAIR_BITS) | ((pair & 7) << 3 | pair >> 3) << PAIR_BITS
 
 
 @kernel
@@ -143,9 +159,11 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, insi
     determinant_floor, limits, full_turn = edges[14:17]
     collide, normals, folds = edges[17][0], edges[17][3], edges[17][7]
     point, mover = points[s0, held], 1 - held
-    entry = np.int64(KNOWN)
+    entry, carry = np.int64(KNOWN), np.empty(6)
     for kind in range(2):
         rest = wanted if kind == 0 else arc
+        if collide and not (line_folds if kind == 0 else arc_folds):
+            continue
         if inside:
             rest = wanted & ~entry
             if rest:
@@ -158,17 +176,69 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, insi
             path = (position[s0], rotation[s0], position[s1], rotation[s1], kind, pivots[point])
             fold = carried(
                 mover, line_folds if kind == 0 else arc_folds, path, folds, mount_rotations, mount_positions, lengths, bodies,
-                inside,
+                inside, carry,
             )  # fmt: skip
             if fold < 0:
                 continue
             rest = holding(
-                held, rest, grips[point], tools[point], pivots[point], normals[point], path, mover, fold, folds,
+                held, rest, grips[point], tools[point], pivots[point], normals[point], path, mover, carry, carry,
                 mount_rotations, mount_positions, lengths, bodies, inside,
             )  # fmt: skip
             entry |= np.int64(fold) << (FOLD_BITS + 2 * kind)
         entry |= rest | (rest << ARC_BITS if kind == 1 else 0)
     return entry
+
+
+@kernel
+def _direct(held, s0, s1, wanted, before, edges, bodies):
+    """An entry for a direct swing, on the branches to look at.
+
+    `before` is the entry in the world without obstacles, whose swing alone is looked at, or 0.
+    """
+    points, position, rotation, mask = edges[0], edges[5], edges[6], edges[7] if before else edges[18][3]
+    mount_rotations, mount_positions, lengths, grips, tools, pivots = edges[8:14]
+    determinant_floor, limits, full_turn = edges[14:17]
+    _, _, _, normals, rails, tool_length, lift, _, _ = edges[17]
+    point, mover = points[s0, held], 1 - held
+    q, end, order = np.empty((2, 8, 6)), np.empty(6), np.empty(64, np.int64)
+    masks = np.empty(2, np.int64)
+    for side in range(2):
+        s = s1 if side else s0
+        grasp = points[s, mover]
+        masks[side] = lifted_at(
+            mover, mask[s, mover], pivots[grasp], normals[grasp], rails[grasp], tool_length, lift, position[s], rotation[s],
+            mount_rotations, mount_positions, lengths, limits, q[side],
+        )  # fmt: skip
+    count = pairs_by_travel(masks[0], q[0], masks[1], q[1], limits, order)
+    for kind in range(2):
+        rest = wanted
+        if before:
+            if (before >> ARC_BITS & 0xFFFF > 0) != (kind == 1):
+                continue
+        else:
+            rest = hold_mask(
+                kind, pivots[point], grips[point], tools[point], position[s0], rotation[s0],
+                position[s1], rotation[s1], mount_rotations[held], mount_positions[held], lengths,
+                determinant_floor, limits, full_turn, rest,
+            )  # fmt: skip
+        if not rest:
+            continue
+        path = (position[s0], rotation[s0], position[s1], rotation[s1], kind, pivots[point])
+        for k in range(count if before else min(count, TRIES)):
+            pair = order[k]
+            if before and before >> PAIR_BITS & 63 != pair:
+                continue
+            start = q[0, pair >> 3]
+            if line_free(
+                mover, start, q[1, pair & 7], path, limits, mount_rotations, mount_positions, lengths, bodies, before == 0, end
+            ):  # fmt: skip
+                left = holding(
+                    held, rest, grips[point], tools[point], pivots[point], normals[point], path, mover, start, end,
+                    mount_rotations, mount_positions, lengths, bodies, before == 0,
+                )  # fmt: skip
+                if left:
+                    return KNOWN | DIRECT | np.int64(pair) << PAIR_BITS | left | (left << ARC_BITS if kind == 1 else 0)
+    return np.int64(KNOWN)
 
 
 @kernel
@@ -397,13 +467,17 @@ class PairGraph(StanceGraph):
 
     def way(
         self, before: Sequence[int], after: Sequence[int], limb: int, posture: Postures, masks: Sequence[int]
-    ) -> tuple[int, int]:
-        """Path kind of a step that is an edge, and the fold in which `limb` can be carried; see `StanceGraph.way`."""
+    ) -> Way:
+        """How a step that is an edge is made; see `StanceGraph.way`."""
         if not self.settings.collisions:
             return super().way(before, after, limb, posture, masks)
-        entry = edge_entry(1 - limb, self.find((before[0], before[1])), self.find((after[0], after[1])), self.edges)
-        kind = ARC if entry >> ARC_BITS & masks[1 - limb] else STRAIGHT
-        return kind, int(entry >> (FOLD_BITS + 2 * kind) & 3)
+        held = 1 - limb
+        entry = int(edge_entry(held, self.find((before[0], before[1])), self.find((after[0], after[1])), self.edges))
+        kind = ARC if entry >> ARC_BITS & masks[held] else STRAIGHT
+        left = {held: entry & masks[held] & 0xFFFF}
+        if entry & DIRECT:
+            return Way(kind, -1, entry >> PAIR_BITS & 63, left)
+        return Way(kind, entry >> (FOLD_BITS + 2 * kind) & 3, -1, left)
 
     def posture(self, stance: Sequence[int]) -> Postures:
         """Posture of one stance given by point indices, every array with a leading 1."""

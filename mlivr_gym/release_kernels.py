@@ -1,138 +1,27 @@
 """Compiled checks that a limb can let go of a point and be folded, and that the robot can then be moved.
 
-Every step is shown to be possible in the same way: the limb departs along the surface normal, folds at the body, the base
-moves while the limb stays folded, the limb unfolds and approaches. A limb may be folded in several ways (`RobotSpec.folds`);
-those among which it can change where the base stands count as one. Since folding belongs to a stance and not to a
-step, a limb that can fold on a branch may land on any other from which it can: branches need not be looked at in pairs.
-A plan takes a shorter way where there is one, see `planners.swing`.
+A step is shown to be possible in one of two ways. In the first the limb departs along the surface normal, folds at the body,
+the base moves while the limb stays folded, the limb unfolds and approaches. A limb may be folded in several ways
+(`RobotSpec.folds`); those among which it can change where the base stands count as one. In the second, for steps that the
+first cannot show, it swings in a line while the base moves, see `direct_kernels`.
+
+The branches in an answer of `release` are those among which the limb can change at rest, by way of a fold or, where it cannot
+fold, along lines from branch to branch. A limb that can leave or reach one of them can leave or reach all: branches
+need not be looked at in pairs. A plan takes a shorter way where there is one, see `planners.swing`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.base_path import STRAIGHT, flange_in_limb
-from mlivr_gym.collision_kernels import CLEAR, frames_of_branch, place
+from mlivr_gym.base_path import STRAIGHT
+from mlivr_gym.collision_kernels import CLEAR
 from mlivr_gym.compiled import kernel
+from mlivr_gym.grasp_kernels import flange_at, fold_near, lifted_branches, line_end, raised
 from mlivr_gym.swept_kernels import departure_free, hold_free, holds_apart, swing_free
-from mlivr_gym.ur_kinematics import branch_angles, wrap
 
 TOGETHER, ROOT, VIA = 16, 20, 24
 """First bits of the parts of an answer of `release`, which has room for four folds."""
-
-
-@kernel
-def nearest_turn(angle, q, low, high):
-    """The winding of a joint angle inside its limits that is nearest to `q`; NaN if there is none [rad]."""
-    out = q + wrap(angle - q)
-    if out < low:
-        out += 2.0 * np.pi * np.ceil((low - out) / (2.0 * np.pi))
-    if out > high:
-        out -= 2.0 * np.pi * np.ceil((out - high) / (2.0 * np.pi))
-    return out if low <= out <= high else np.nan
-
-
-@kernel
-def fold_near(fold, q, limits, out):
-    """A fold on the windings nearest to `q`, joint 6 as in `q`; whether it lies inside the limits."""
-    inside = True
-    for joint in range(5):
-        out[joint] = nearest_turn(fold[joint], q[joint], limits[joint, 0], limits[joint, 1])
-        inside = inside and out[joint] == out[joint]
-    out[5] = q[5]
-    return inside
-
-
-@kernel
-def flange_at(point, normal, rail, tool_length, position, rotation, mount_rotation, mount_position, p, x, z, away):
-    """Flange pose that grasps a point, in the limb base frame: position [m], axes x and z, and the surface normal."""
-    grip, axis = np.empty(3), np.empty(3)
-    for k in range(3):
-        grip[k] = point[k] + tool_length * normal[k]
-        axis[k] = rail[k]
-    flange_in_limb(grip, axis, position, rotation, axis, 0.0, mount_rotation, mount_position, p, x)
-    for k in range(3):
-        axis[k] = normal[k]
-    flange_in_limb(grip, axis, position, rotation, axis, 0.0, mount_rotation, mount_position, p, away)
-    for k in range(3):
-        z[k] = -away[k]
-
-
-@kernel
-def raised(
-    limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions, lengths, shapes
-):  # fmt: skip
-    """The branches of a mask without those whose twin, with the elbow on the other side, is raised farther from the surface.
-
-    Twins have equal `w_m` and the same hand; to keep one of each halves the work and costs few steps.
-    """
-    p, x, z, away = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    frames, ends = np.empty((7, 4, 3)), np.empty((len(shapes[0]), 2, 3))
-    height = np.zeros(8)
-    flange_at(
-        point,
-        normal,
-        normal,
-        tool_length,
-        position,
-        rotation,
-        mount_rotations[limb],
-        mount_positions[limb],
-        p,
-        x,
-        z,
-        away,
-    )
-    for b in range(8):
-        twins = 0x0101 << b, 0x0101 << (b ^ 1)
-        if mask & twins[0] and mask & twins[1] and frames_of_branch(p, z, lengths, b, frames):
-            place(frames, shapes, mount_rotations[limb], mount_positions[limb], ends)
-            for c in range(len(shapes[0])):
-                height[b] += ends[c, 0, 2] + ends[c, 1, 2]
-    for b in range(0, 8, 2):
-        if mask & (0x0101 << b) and mask & (0x0202 << b):
-            mask &= ~(0x0101 << b) if height[b + 1] > height[b] else ~(0x0202 << b)
-    return mask
-
-
-@kernel
-def place_branches(
-    limb,
-    mask,
-    point,
-    normal,
-    tool_length,
-    position,
-    rotation,
-    mount_rotations,
-    mount_positions,
-    lengths,
-    shapes,
-    first,
-    ends,
-):
-    """Put a limb in place at a grasp on each branch of a mask, from row `first` of `ends`; returns the next free row."""
-    p, x, z, away = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    frames = np.empty((7, 4, 3))
-    flange_at(
-        point,
-        normal,
-        normal,
-        tool_length,
-        position,
-        rotation,
-        mount_rotations[limb],
-        mount_positions[limb],
-        p,
-        x,
-        z,
-        away,
-    )
-    for b in range(8):
-        if mask & (0x0101 << b) and frames_of_branch(p, z, lengths, b, frames):
-            place(frames, shapes, mount_rotations[limb], mount_positions[limb], ends[first])
-            first += 1
-    return first
 
 
 @kernel
@@ -140,43 +29,12 @@ def release(
     limb, mask, point, normal, rail, tool_length, lift, position, rotation, others, folds, limits, mount_rotations,
     mount_positions, lengths, bodies, inside, before,
 ):  # fmt: skip
-    """`release_on` with raised elbows, and only if no branch of these serves, with the others; arguments as there."""
-    if before >= 0:
-        first = mask
-    else:
-        first = raised(
-            limb,
-            mask,
-            point,
-            normal,
-            tool_length,
-            position,
-            rotation,
-            mount_rotations,
-            mount_positions,
-            lengths,
-            bodies[0],
-        )
-    answer = np.int64(0)
-    for rest in (first, mask & ~first):
-        if rest and not answer:
-            answer = release_on(
-                limb, rest, point, normal, rail, tool_length, lift, position, rotation, others, folds, limits, mount_rotations,
-                mount_positions, lengths, bodies, inside, before,
-            )  # fmt: skip
-    return answer
-
-
-@kernel
-def release_on(
-    limb, mask, point, normal, rail, tool_length, lift, position, rotation, others, folds, limits, mount_rotations,
-    mount_positions, lengths, bodies, inside, before,
-):  # fmt: skip
-    """On which branches a limb can depart and fold at a stance, all else at rest.
+    """On which branches a limb can let go at a stance, all else at rest, and change from one to the other.
 
     The answer packs the branches and flips (bits 0 to 15, some of `mask`), the folds among which the limb can change (4
     bits from `TOGETHER`), the one through which it does (2 bits from `ROOT`) and, for each branch, the one that is
-    reached first (2 bits each from `VIA`).
+    reached first (2 bits each from `VIA`). A limb that cannot fold has no bits from `TOGETHER` on. Raised elbows
+    are preferred: of twins that differ in the elbow alone the lower one is looked at if no raised one can fold.
 
     Args:
         limb: Index of the limb.
@@ -202,33 +60,55 @@ def release_on(
         The answer, 0 if no branch is left.
     """
     shapes, gripper, _, fixed, world, clearance, _ = bodies
-    p, x, z, away, up = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    q, start, target = np.empty((8, 6)), np.empty(6), np.empty(6)
+    p, x, z, away = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    q = np.empty((8, 6))
     mount_rotation, mount_position = mount_rotations[limb], mount_positions[limb]
-    path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
     flange_at(
         point, normal, rail, tool_length, position, rotation, mount_rotation, mount_position, p, x, z, away
     )  # fmt: skip
-    for k in range(3):
-        up[k] = p[k] + lift * away[k]
-    free = np.int64(0)
-    for b in range(8):
-        if not mask & (0x0101 << b):
-            continue
-        if not branch_angles(up, x, z, lengths, b, q[b]):
-            continue
-        for joint in range(6):
-            q[b, joint] = nearest_turn(q[b, joint], 0.0, limits[joint, 0], limits[joint, 1])
-        found = departure_free(
-            limb, p, x, z, away, lift, lengths, b, mount_rotation, mount_position, position, rotation, others, shapes, gripper,
-            fixed, world, point, normal, clearance, inside,
+    first = mask
+    if before < 0:
+        first = raised(
+            limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions, lengths, shapes
         )  # fmt: skip
-        if found == CLEAR:
-            free |= 0x0101 << b
-    free &= mask
+    free = np.int64(0)
+    for turn in range(2):
+        rest = first if turn == 0 else mask & ~first
+        if not rest:
+            continue
+        rest = lifted_branches(limb, rest, p, x, z, away, lift, lengths, limits, q)
+        for b in range(8):
+            if rest & (0x0101 << b):
+                found = departure_free(
+                    limb, p, x, z, away, lift, lengths, b, mount_rotation, mount_position, position, rotation, others, shapes,
+                    gripper, fixed, world, point, normal, clearance, inside,
+                )  # fmt: skip
+                if found != CLEAR:
+                    rest &= ~(0x0101 << b)
+        free |= rest
+        if rest and before >> TOGETHER & 15:
+            answer = folding(
+                limb, rest, q, position, rotation, others, folds, limits, mount_rotation, mount_position, lengths, bodies,
+                inside, before,
+            )  # fmt: skip
+            if answer:
+                return answer
+    if not free:
+        return free
+    return linked(
+        limb, free, q, position, rotation, others, limits, mount_rotation, mount_position, lengths, bodies, inside, before >= 0
+    )  # fmt: skip
+
+
+@kernel
+def folding(
+    limb, free, q, position, rotation, others, folds, limits, mount_rotation, mount_position, lengths, bodies, inside, before
+):  # fmt: skip
+    """The answer of `release` from those of the branches in `free`, with angles `q` (8, 6), that can fold; 0 if none can."""
+    shapes, _, _, fixed, world, clearance, _ = bodies
+    start, target = np.empty(6), np.empty(6)
+    path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
     for root in range(len(folds)):
-        if not free:
-            break
         if before >= 0 and before >> ROOT & 3 != root:
             continue
         together = np.int64(1) << root
@@ -268,12 +148,52 @@ def release_on(
 
 
 @kernel
-def carried(
-    limb, together, path, folds, mount_rotations, mount_positions, lengths, bodies, inside
+def linked(
+    limb, free, q, position, rotation, others, limits, mount_rotation, mount_position, lengths, bodies, inside, single
 ):  # fmt: skip
-    """The first fold of a set in which a limb can be carried along a base path, -1 if there is none."""
+    """The most branches of `free`, with angles `q` (8, 6), among which a limb can change along lines at rest.
+
+    If `single`, the first branch alone.
+    """
+    shapes, _, _, fixed, world, clearance, _ = bodies
+    target, group = np.empty(6), np.arange(8)
+    path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
+    for a in range(8):
+        if not free & (0x0101 << a):
+            continue
+        if single:
+            return free & (0x0101 << a)
+        for b in range(a + 1, 8):
+            if free & (0x0101 << b) and group[a] != group[b] and line_end(q[a], q[b], limits, target) < np.inf:
+                found = swing_free(
+                    limb, path, 0.0, 0.0, q[a], target, lengths, mount_rotation, mount_position, others, shapes, fixed,
+                    world, clearance, inside, 0.0,
+                )  # fmt: skip
+                if found == CLEAR:
+                    gone = group[b]
+                    for c in range(8):
+                        if group[c] == gone:
+                            group[c] = group[a]
+    best, most = np.int64(0), 0
+    for a in range(8):
+        here, count = np.int64(0), 0
+        for b in range(8):
+            if group[b] == group[a] and free & (0x0101 << b):
+                here |= 0x0101 << b
+                count += 1
+        if count > most and free & (0x0101 << a):
+            best, most = here & free, count
+    return best
+
+
+@kernel
+def carried(
+    limb, together, path, folds, mount_rotations, mount_positions, lengths, bodies, inside, q
+):  # fmt: skip
+    """The first fold of a set in which a limb can be carried along a base path, into `q`, -1 if there is none."""
     shapes, _, _, fixed, world, clearance, body = bodies
-    q, none = np.zeros(6), np.empty((0, len(shapes[0]), 2, 3))
+    none = np.empty((0, len(shapes[0]), 2, 3))
+    q[5] = 0.0
     for fold in range(len(folds)):
         if together >> fold & 1:
             for joint in range(5):
@@ -289,17 +209,14 @@ def carried(
 
 @kernel
 def holding(
-    limb, mask, grip, tool, point, normal, path, mover, fold, folds, mount_rotations, mount_positions, lengths, bodies, inside,
+    limb, mask, grip, tool, point, normal, path, mover, start, end, mount_rotations, mount_positions, lengths, bodies, inside,
 ):  # fmt: skip
-    """Those of the branches in `mask` on which a limb can hold along a base path while `mover` is carried in a fold."""
+    """Those of the branches in `mask` on which a limb can hold along a base path while `mover` goes from `start` to `end`."""
     shapes, gripper, _, fixed, world, clearance, _ = bodies
-    q = np.zeros(6)
-    for joint in range(5):
-        q[joint] = folds[fold, joint]
     for b in range(8):
         if mask & (0x0101 << b):
             found = hold_free(
-                limb, grip, tool, path, 0.0, 1.0, b, lengths, mount_rotations[limb], mount_positions[limb], q, q,
+                limb, grip, tool, path, 0.0, 1.0, b, lengths, mount_rotations[limb], mount_positions[limb], start, end,
                 mount_rotations[mover], mount_positions[mover], shapes, gripper, fixed, world, point, normal, clearance, inside,
             )  # fmt: skip
             if found != CLEAR:

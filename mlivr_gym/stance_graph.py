@@ -20,11 +20,13 @@ from mlivr_gym.base_path import ARC, STRAIGHT, follow
 from mlivr_gym.bodies import Bodies
 from mlivr_gym.collision_kernels import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
 from mlivr_gym.compiled import is_cached, second_process
+from mlivr_gym.direct_kernels import TRIES, lifted_at, line_free, pairs_by_travel
 from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
+from mlivr_gym.grasp_kernels import place_branches
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.posture import FIELDS, OPPOSED_HEIGHTS, Postures, PostureSolver
 from mlivr_gym.posture_kernels import solve_geometries
-from mlivr_gym.release_kernels import TOGETHER, carried, holding, place_branches, release, together_apart
+from mlivr_gym.release_kernels import TOGETHER, carried, holding, release, together_apart
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.shapes import Box
@@ -42,7 +44,7 @@ TOUCHED = {
 }  # fmt: skip
 """What a cause of a collision is called in a sentence."""
 
-STUCK = "a limb could not let go and be folded without touching something"
+STUCK = "a limb could not let go without touching something"
 
 
 class State(NamedTuple):
@@ -82,6 +84,19 @@ class Transition:
 
     pivot: Array
     masks: tuple[int, ...]
+
+
+class Way(NamedTuple):
+    """How a step is made."""
+
+    kind: int
+    """Kind of the base path."""
+    fold: int
+    """Fold in which the limb can be carried, -1 without collisions or if it swings directly."""
+    pair: int
+    """Branches between which the limb can swing directly, `8 * before + after`, or -1."""
+    left: dict[int, int]
+    """Branches on which the limbs that hold can do so."""
 
 
 class StanceGraph(ABC):
@@ -327,12 +342,19 @@ class StanceGraph(ABC):
                 kind, pivot, held, after, posture, [b & ~gained.get(i, 0) for i, b in enumerate(before)], masks
             )
             if self.settings.collisions and left:
-                _, left = self._carry(kind, pivot, limb, after, posture, left, together)
+                left = self._carry(kind, pivot, limb, after, posture, left, together).left
             if len(held) == 1:
                 # One limb may take some branches along the line and others along the arc.
                 gained[held[0]] |= left.get(held[0], 0)
             elif left and all(left.values()):
                 gained = left
+                break
+        for kind in (STRAIGHT, ARC) if self.settings.collisions and not all(gained.values()) else ():
+            left = self._holds(kind, pivot, held, after, posture, before, masks)
+            if left:
+                between = (state.stance[limb], after[limb]), (before[limb], masks[limb])
+                gained = self._direct(kind, pivot, limb, after, posture, left, *between).left
+            if all(gained.values()):
                 break
         if not all(gained.values()):
             return None
@@ -352,8 +374,8 @@ class StanceGraph(ABC):
 
     def way(
         self, before: Sequence[int], after: Sequence[int], limb: int, posture: Postures, masks: Sequence[int]
-    ) -> tuple[int, int]:
-        """Path kind of a step that is an edge, and the fold in which `limb` can be carried (-1 without collisions).
+    ) -> Way:
+        """How a step that is an edge is made.
 
         Args:
             before: Point index of each limb before the step.
@@ -364,19 +386,26 @@ class StanceGraph(ABC):
         """
         held = [i for i in range(self.limbs) if i != limb]
         pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
+        chances = []
         for kind in (STRAIGHT, ARC):
             left = {i: self.hold(kind, pivot, after[i], i, posture, int(masks[i])) for i in held}
-            if not all(left.values()):
-                continue
-            if not self.settings.collisions:
-                return kind, -1
-            first = self.released(tuple(before), posture.take(slice(0, 1)))
-            second = self.released(tuple(after), posture.take(slice(1, 2)))
-            together = int(first[limb] & second[limb]) >> TOGETHER & 15
-            fold, left = self._carry(kind, pivot, limb, after, posture, left, together)
             if all(left.values()):
-                return kind, fold
-        return ARC, -1
+                if not self.settings.collisions:
+                    return Way(kind, -1, -1, left)
+                chances.append((kind, left))
+        first = self.released(tuple(before), posture.take(slice(0, 1)))
+        second = self.released(tuple(after), posture.take(slice(1, 2)))
+        together = int(first[limb] & second[limb]) >> TOGETHER & 15
+        for kind, left in chances:
+            found = self._carry(kind, pivot, limb, after, posture, dict(left), together)
+            if all(found.left.values()):
+                return found
+        between = (before[limb], after[limb]), (int(first[limb]) & 0xFFFF, int(second[limb]) & 0xFFFF)
+        for kind, left in chances:
+            found = self._direct(kind, pivot, limb, after, posture, dict(left), *between)
+            if all(found.left.values()):
+                return found
+        return Way(ARC, -1, -1, {})
 
     def released(self, stance: tuple[int, ...], posture: Postures) -> IntArray:
         """On which branches each limb can let go of a stance, see `release_kernels.release`; zeros if one cannot."""
@@ -416,34 +445,76 @@ class StanceGraph(ABC):
         posture: Postures,
         left: dict[int, int],
         together: int,
-    ) -> tuple[int, dict[int, int]]:
+    ) -> Way:
         """The first fold in which `limb` can be carried along a base path, and the branches left to the limbs that hold."""
-        solver = self.solver
-        path = (
-            posture.position[0], posture.rotation[0], posture.position[1], posture.rotation[1], kind, pivot,
-        )  # fmt: skip
+        solver, path, swing = self.solver, _path(kind, pivot, posture), np.empty(6)
         mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
+        fold = -1
         for bodies, inside in self.checks:
-            fold = int(carried(limb, together, path, solver.folds, *mounts, bodies, inside))
+            fold = int(carried(limb, together, path, solver.folds, *mounts, bodies, inside, swing)) if together else -1
             if fold < 0:
-                return -1, dict.fromkeys(left, 0)
+                return Way(kind, -1, -1, dict.fromkeys(left, 0))
             # Another fold might serve the next world; the first must serve all.
             together = 1 << fold
-            for i, mask in left.items():
-                point = after[i]
-                left[i] = int(
-                    holding(
-                        i, mask, self.grips[point], solver.tools[point], solver.points[point], solver.normals[point], path, limb,
-                        fold, solver.folds, *mounts, bodies, inside,
-                    )
-                )  # fmt: skip
-            for i, j in combinations(left, 2) if inside else ():
-                a, b = after[i], after[j]
-                first, second = together_apart(
-                    i, j, left[i], left[j], self.grips[a], solver.tools[a], self.grips[b], solver.tools[b], path, *mounts, bodies,
-                )  # fmt: skip
-                left[i], left[j] = int(first), int(second)
-        return fold, left
+            self._hold_apart(limb, after, path, (swing, swing), left, bodies, inside)
+        return Way(kind, fold, -1, left)
+
+    def _direct(
+        self,
+        kind: int,
+        pivot: Array,
+        limb: int,
+        after: Sequence[int],
+        posture: Postures,
+        left: dict[int, int],
+        points: tuple[int, int],
+        masks: tuple[int, int],
+    ) -> Way:
+        """The first pair of branches between which `limb` can swing directly, and the branches left to those that hold."""
+        solver, robot, path = self.solver, self.robot, _path(kind, pivot, posture)
+        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
+        q, order, end = np.empty((2, 8, 6)), np.empty(64, dtype=np.int64), np.empty(6)
+        there = [
+            lifted_at(
+                limb, mask, solver.points[p], solver.normals[p], solver.rails[p], robot.tool_length, robot.lift, path[2 * k],
+                path[2 * k + 1], *mounts, solver.limits, angles,
+            )
+            for k, (p, mask, angles) in enumerate(zip(points, masks, q, strict=True))
+        ]  # fmt: skip
+        count = pairs_by_travel(there[0], q[0], there[1], q[1], solver.limits, order)
+        for pair in order[: min(count, TRIES)].tolist():
+            start, found = q[0, pair >> 3], dict(left)
+            for bodies, inside in self.checks:
+                goal = q[1, pair & 7]
+                if not line_free(limb, start, goal, path, solver.limits, *mounts, bodies, inside, end):
+                    break
+                self._hold_apart(limb, after, path, (start, end), found, bodies, inside)
+            else:
+                if all(found.values()):
+                    return Way(kind, -1, pair, found)
+        return Way(kind, -1, -1, dict.fromkeys(left, 0))
+
+    def _hold_apart(
+        self, limb: int, after: Sequence[int], path: tuple[Any, ...], swing: tuple[Array, Array], left: dict[int, int],
+        bodies: tuple[Any, ...], inside: bool,
+    ) -> None:  # fmt: skip
+        """Take from `left` the branches on which a limb cannot hold while `limb` swings, or two limbs come near each other."""
+        solver = self.solver
+        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
+        for i, mask in left.items():
+            point = after[i]
+            left[i] = int(
+                holding(
+                    i, mask, self.grips[point], solver.tools[point], solver.points[point], solver.normals[point], path, limb,
+                    *swing, *mounts, bodies, inside,
+                )
+            )  # fmt: skip
+        for i, j in combinations(left, 2) if inside else ():
+            a, b = after[i], after[j]
+            first, second = together_apart(
+                i, j, left[i], left[j], self.grips[a], solver.tools[a], self.grips[b], solver.tools[b], path, *mounts, bodies,
+            )  # fmt: skip
+            left[i], left[j] = int(first), int(second)
 
     def hold(self, kind: int, pivot: Array, point: int, limb: int, posture: Postures, mask: int) -> int:
         """Those of the branches and flips in `mask` on which a limb can hold along a base path.
@@ -555,6 +626,11 @@ class LazyGraph(StanceGraph):
         height = max(max(map(abs, robot.heights)), max(OPPOSED_HEIGHTS))
         by_reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
         return min(by_reach, 2.0 * robot.span / self.limbs + 2.0 * height)
+
+
+def _path(kind: int, pivot: Array, posture: Postures) -> tuple[Any, ...]:
+    """A base path between two postures as the kernels take it."""
+    return (posture.position[0], posture.rotation[0], posture.position[1], posture.rotation[1], kind, pivot)
 
 
 def join(first: Postures, second: Postures) -> Postures:

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.base_path import LIMIT_TOLERANCE, PATH_KINDS, SAMPLES, STRAIGHT, follow
+from mlivr_gym.direct_kernels import lifted_at
 from mlivr_gym.planners.plan import Step
 from mlivr_gym.planners.swing import Hold, Swing, SwingFinder
 from mlivr_gym.posture import Postures
 from mlivr_gym.posture_kernels import base_along, choices_along
-from mlivr_gym.stance_graph import StanceGraph, State
+from mlivr_gym.stance_graph import StanceGraph, State, Way
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,8 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
                 branches[first : last + 1, limb], flips[first : last + 1, limb] = bit & 7, bit >> 3
     pivots = _pivots(graph, points)
     ways = _ways(graph, points, postures, branches + 8 * flips) if checked else []
+    if _keep_lines(ways, states, branches, flips):
+        ways = _ways(graph, points, postures, branches + 8 * flips)
     joints, spans, beyond = _joint_angles(graph, points, pivots, postures, branches, flips, ways)
     w_m = np.take_along_axis(w, branches[..., None] >> 1, axis=2)[..., 0]
     w_b = np.empty(count)
@@ -81,7 +84,7 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
     for k in range(count - 1):
         limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
         x, y, height = pivots[k].tolist()
-        kind, fold = ways[k] if checked else (STRAIGHT, -1)
+        kind = ways[k].kind if checked else STRAIGHT
         swing = Swing("unchecked", np.zeros((0, 7)))
         if checked and graph.settings.collisions and beyond is None:
             path = (
@@ -94,7 +97,8 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
             start = _lifted(graph, points, postures, branches, flips, joints, k, limb)
             end = _lifted(graph, points, postures, branches, flips, joints, k + 1, limb)
             last, fewest, most = spans[limb][k + 1]
-            found = finder.find(start, end, (fewest, most), fold)
+            line = _line(graph, points, postures, k, limb, ways[k].pair) if ways[k].pair >= 0 else None
+            found = finder.find(start, end, (fewest, most), ways[k].fold, line)
             if found is None:
                 beyond = k
             else:
@@ -136,6 +140,42 @@ def _lifted(
     return q
 
 
+def _keep_lines(
+    ways: list[Way], states: Sequence[State], branches: NDArray[np.int64], flips: NDArray[np.int64]
+) -> bool:
+    """Put limbs on the branches of the direct swings that the graph knows, where they may be; whether any was changed."""
+    points = np.array([state.stance for state in states])
+    changed = False
+    for k, way in enumerate(ways):
+        if way.pair < 0:
+            continue
+        limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
+        spans = holds(points, limb)
+        for stance, wanted in ((k, way.pair >> 3), (k + 1, way.pair & 7)):
+            first, last = next(span for span in spans if span[0] <= stance <= span[1])
+            if branches[first, limb] != wanted and states[last].masks[limb] >> (wanted + 8 * flips[first, limb]) & 1:
+                branches[first : last + 1, limb] = wanted
+                changed = True
+    return changed
+
+
+def _line(
+    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, k: int, limb: int, pair: int
+) -> tuple[Array, Array]:
+    """Joint angles above both points of step `k` on the branches of a direct swing."""
+    solver, robot = graph.solver, graph.robot
+    out = np.empty((2, 6))
+    for side, branch in ((0, pair >> 3), (1, pair & 7)):
+        point, q = points[k + side, limb], np.empty((8, 6))
+        lifted_at(
+            limb, 1 << branch, solver.points[point], solver.normals[point], solver.rails[point], robot.tool_length, robot.lift,
+            postures.position[k + side], postures.rotation[k + side], solver.mount_rotations, solver.mount_positions,
+            solver.lengths, solver.limits, q,
+        )  # fmt: skip
+        out[side] = q[branch]
+    return out[0], out[1]
+
+
 def _pivots(graph: StanceGraph, points: NDArray[np.int64]) -> Array:
     """Centroid of the held points of each step [m], shape (K - 1, 3)."""
     held = points[:-1] == points[1:]
@@ -145,8 +185,8 @@ def _pivots(graph: StanceGraph, points: NDArray[np.int64]) -> Array:
 
 def _ways(
     graph: StanceGraph, points: NDArray[np.int64], postures: Postures, bits: NDArray[np.int64]
-) -> list[tuple[int, int]]:
-    """Path kind and fold of each step on the branches and flips chosen."""
+) -> list[Way]:
+    """How each step is made on the branches and flips chosen."""
     ways = []
     for k in range(len(points) - 1):
         limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
@@ -163,7 +203,7 @@ def _joint_angles(
     postures: Postures,
     branches: NDArray[np.int64],
     flips: NDArray[np.int64],
-    ways: list[tuple[int, int]],
+    ways: list[Way],
 ) -> tuple[Array, list[dict[int, tuple[int, Array, Array]]], int | None]:
     """Joint angles at every stance (K, N, 6) [rad], continuous over each hold.
 
@@ -189,7 +229,7 @@ def _joint_angles(
                 start = joints[k, limb]
                 if ways and k < last:
                     follow(
-                        grip, tool, *here, postures.position[k + 1], postures.rotation[k + 1], ways[k][0], pivots[k],
+                        grip, tool, *here, postures.position[k + 1], postures.rotation[k + 1], ways[k].kind, pivots[k],
                         *mount, branches[k, limb], SAMPLES, start, q, low, high,
                     )  # fmt: skip
                 else:

@@ -26,8 +26,10 @@ RESOLUTION = 0.01
 SEED = 20251121
 
 
-def sampled_swing(finder: SwingFinder, start: Array, end: Array, turns: tuple[Array, Array], fold: int) -> Array | None:
-    """Knots of a swing: fold on a sampled way, move the base, unfold on a sampled way; None if none is found.
+def sampled_swing(
+    finder: SwingFinder, start: Array, end: Array, turns: tuple[Array, Array], carriage: tuple[Array, Array] | None
+) -> Array | None:
+    """Knots of a swing: a sampled way at rest, a line while the base moves, a sampled way at rest; None if none is found.
 
     The way found is checked as a whole like any other, so what the sampling planner skips between its postures does
     no harm.
@@ -37,17 +39,16 @@ def sampled_swing(finder: SwingFinder, start: Array, end: Array, turns: tuple[Ar
         start: Joint angles above the point the limb leaves [rad].
         end: Joint angles above the point it lands on, on any winding.
         turns: Fewest and most whole turns that may be added to `end`.
-        fold: The fold in which the limb is carried.
+        carriage: Joint angles at both ends of the line, see `SwingFinder.carriage`.
     """
     from mlivr_gym.planners.swing import landing
 
-    folded = finder.fold(fold, start)
-    if folded is None:
+    if carriage is None:
         return None
-    away = sampled_way(finder, 0.0, start, folded)
+    away = sampled_way(finder, 0.0, start, carriage[0])
     if away is None:
         return None
-    back = sampled_way(finder, 1.0, folded, landing(end, turns, folded))
+    back = sampled_way(finder, 1.0, carriage[1], landing(end, turns, carriage[1]))
     if back is None:
         return None
     knots = np.vstack([_at(0.0, away), _at(1.0, back)])

@@ -5,8 +5,10 @@ change linearly together. The shortest kind that touches nothing is taken:
 
 * `direct`: one line in joint space while the base moves;
 * `over`: by way of one of the robot's folds, the base moving all along;
-* `folded`: fold, move the base, unfold; this is what the stance graph has shown to be possible;
-* `sampled`: fold and unfold on ways found by a sampling planner, where a limb has turned so far while it held that
+* `folded`: fold, move the base, unfold; this is what the stance graph has shown to be possible for most steps;
+* `changed`: change to another branch at rest, swing in a line while the base moves, change again; this is what it has
+  shown for the others;
+* `sampled`: as one of the last two, on ways found by a sampling planner, where a limb has turned so far while it held that
   the ways known to the graph would leave its joint limits.
 
 Each line is checked as a whole, see `swept_kernels`.
@@ -21,13 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.collision_kernels import CLEAR
-from mlivr_gym.release_kernels import fold_near
+from mlivr_gym.grasp_kernels import fold_near, line_end
 from mlivr_gym.stance_graph import StanceGraph
 from mlivr_gym.swept_kernels import hold_free, swing_free
 
 Array = NDArray[np.float64]
 
-SWING_KINDS = ("direct", "over", "folded", "sampled", "unchecked")
+SWING_KINDS = ("direct", "over", "folded", "changed", "sampled", "unchecked")
 """Names of the kinds of swings, the shortest first; `unchecked` where collisions are not looked at."""
 
 
@@ -60,24 +62,40 @@ class SwingFinder:
         """Look at the step in which `limb` moves while the base follows `path`."""
         self.graph, self.limb, self.path, self.holds = graph, limb, path, holds
 
-    def find(self, start: Array, end: Array, turns: tuple[Array, Array], fold: int) -> Swing | None:
+    def find(
+        self, start: Array, end: Array, turns: tuple[Array, Array], fold: int, line: tuple[Array, Array] | None
+    ) -> Swing | None:
         """The shortest swing between lifted postures.
 
         Args:
             start: Joint angles above the point it leaves, shape (6,) [rad].
             end: Joint angles above the point it lands on, on any winding.
             turns: Fewest and most whole turns that may be added to `end`, each (6,).
-            fold: The fold in which the graph has shown that the limb can be carried.
+            fold: The fold in which the graph has shown that the limb can be carried, or -1.
+            line: Joint angles between which it has shown that the limb can swing, where it cannot be carried folded.
         """
-        for kind, knots in self._ways(start, end, turns, fold):
+        for kind, knots in self._ways(start, end, turns, fold, line):
             if self.clear(knots):
                 return Swing(kind, knots)
         from mlivr_gym.planners.sampling import sampled_swing
 
-        way = sampled_swing(self, start, end, turns, fold)
+        way = sampled_swing(self, start, end, turns, self.carriage(fold, line, start))
         return None if way is None else Swing("sampled", way)
 
-    def _ways(self, start: Array, end: Array, turns: tuple[Array, Array], fold: int) -> Iterator[tuple[str, Array]]:
+    def carriage(self, fold: int, line: tuple[Array, Array] | None, start: Array) -> tuple[Array, Array] | None:
+        """Joint angles at both ends of the base path as the graph has shown it, on windings near `start`; None outside the limits."""
+        if line is None:
+            folded = self.fold(fold, start)
+            return None if folded is None else (folded, folded)
+        first, last = np.empty(6), np.empty(6)
+        limits = self.graph.solver.limits
+        if max(line_end(start, line[0], limits, first), line_end(first, line[1], limits, last)) == np.inf:
+            return None
+        return first, last
+
+    def _ways(
+        self, start: Array, end: Array, turns: tuple[Array, Array], fold: int, line: tuple[Array, Array] | None
+    ) -> Iterator[tuple[str, Array]]:
         yield "direct", np.stack([_knot(0.0, start), _knot(1.0, landing(end, turns, start))])
         count = len(self.graph.robot.folds)
         for index in range(count):
@@ -85,6 +103,8 @@ class SwingFinder:
             if middle is not None:
                 last = landing(end, turns, middle)
                 yield "over", np.stack([_knot(0.0, start), _knot(0.5, middle), _knot(1.0, last)])
+        if line is not None:
+            yield from (("changed", knots) for knots in self._changed(start, end, turns, line))
         orders = sorted(range(count), key=lambda k: k != fold)
         for carried in orders:
             for first in orders:
@@ -106,6 +126,28 @@ class SwingFinder:
                 knots.append(_knot(u, here))
         knots.append(_knot(1.0, landing(end, turns, knots[-1][1:])))
         return np.stack(knots)
+
+    def _changed(
+        self, start: Array, end: Array, turns: tuple[Array, Array], line: tuple[Array, Array]
+    ) -> Iterator[Array]:
+        """Change to the branch of the line, directly or by way of a fold, follow the line, and change again."""
+        ways = [None, *range(len(self.graph.robot.folds))]
+        for first in ways:
+            knots = [_knot(0.0, start)]
+            if first is not None:
+                here = self.fold(first, start)
+                if here is None:
+                    continue
+                knots.append(_knot(0.0, here))
+            ends = self.carriage(-1, line, knots[-1][1:])
+            if ends is None:
+                continue
+            knots += [_knot(0.0, ends[0]), _knot(1.0, ends[1])]
+            for last in ways:
+                here = ends[1] if last is None else self.fold(last, ends[1])
+                if here is not None:
+                    rest = [] if last is None else [_knot(1.0, here)]
+                    yield _without_stops(np.stack([*knots, *rest, _knot(1.0, landing(end, turns, here))]))
 
     def fold(self, index: int, near: Array) -> Array | None:
         """A fold on the windings nearest to some joint angles [rad], or None outside the limits."""
@@ -142,6 +184,12 @@ def landing(end: Array, turns: tuple[Array, Array], near: Array) -> Array:
     """The landing posture on the windings nearest to some joint angles, within the turns allowed [rad]."""
     nearest: Array = end + 2.0 * np.pi * np.clip(np.rint((near - end) / (2.0 * np.pi)), *turns)
     return nearest
+
+
+def _without_stops(knots: Array) -> Array:
+    """Knots without those that repeat the one before."""
+    moved = np.abs(np.diff(knots, axis=0)).max(axis=1) > 1e-9
+    return knots[np.concatenate([[True], moved])]
 
 
 def _knot(u: float, joints: Array) -> Array:
