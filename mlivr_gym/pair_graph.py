@@ -23,11 +23,10 @@ from mlivr_gym.errors import StanceError
 from mlivr_gym.grasp_kernels import place_branches
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.posture import Postures
-from mlivr_gym.posture_kernels import clear_of_world, hands_clear
 from mlivr_gym.release_kernels import TOGETHER, carried, holding, release
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stance_graph import STUCK, Array, IntArray, StanceGraph, State, Successors, Way
+from mlivr_gym.stance_graph import Array, IntArray, StanceGraph, State, Successors, Way
 from mlivr_gym.transitions import hold_mask
 
 KNOWN = 1 << 16
@@ -42,55 +41,53 @@ NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 
 
 @kernel
-def settle(s, edges):
-    """Take from a stance's masks, once, the branches on which a limb cannot let go without touching anything."""
+def settle(s, limb, edges):
+    """Work out, once, on which branches a limb can let go at a stance: its answer of `release`, 0 if on none."""
     points, position, rotation, mask = edges[0], edges[5], edges[6], edges[7]
     mount_rotations, mount_positions, lengths, pivots, limits = edges[8], edges[9], edges[10], edges[13], edges[15]
-    collide, ready, released, normals, rails, tool_length, lift, folds, bodies = edges[17]
+    _, ready, released, normals, rails, tool_length, lift, folds, bodies = edges[17]
     overlay, _, near, mask0, ready0, released0, _, obstacles = edges[18]
-    if not collide or ready[s]:
+    if ready[s, limb]:
         return
+    point, other, grasp = points[s, limb], 1 - limb, points[s, 1 - limb]
     placed = np.empty((8, len(bodies[0][0]), 2, 3))
+    own = len(mask) > 0  # a variable: with literals the kernels would be compiled once for each value
     for layer in range(2):
-        if ready0[s] if layer == 0 else not overlay:
-            continue
-        for limb in range(2):
-            point, other = points[s, limb], 1 - limb
-            if layer == 1:
-                mask[s, limb] &= mask0[s, limb]
-                released[s, limb] = released0[s, limb]
-                if not near[s]:
-                    continue
-            masks, answers, count = mask0, released0, 0
-            if layer == 1:
-                masks, answers = mask, released
-            if not masks[s, 0] or not masks[s, 1]:
-                break
-            if layer == 0:
-                count = place_branches(
-                    other, masks[s, other], pivots[points[s, other]], normals[points[s, other]], tool_length, position[s],
-                    rotation[s], mount_rotations, mount_positions, lengths, bodies[0], 0, placed,
-                )  # fmt: skip
-            answers[s, limb] = release(
-                limb, masks[s, limb], pivots[point], normals[point], rails[point], tool_length, lift, position[s], rotation[s],
-                placed[:count], folds, limits, mount_rotations, mount_positions, lengths,
-                bodies if layer == 0 else obstacles, layer == 0, np.int64(-1) if layer == 0 else released0[s, limb],
-            )  # fmt: skip
-            masks[s, limb] = answers[s, limb] & 0xFFFF
         if layer == 0:
-            if not mask0[s, 0] or not mask0[s, 1]:
-                mask0[s, 0] = mask0[s, 1] = 0
-            ready0[s] = True
-    if not mask[s, 0] or not mask[s, 1]:
-        mask[s, 0] = mask[s, 1] = 0
-    ready[s] = True
+            if ready0[s, limb]:
+                continue
+            wanted, before = mask0[s, limb], np.int64(-1)
+            count = place_branches(
+                other, mask0[s, other], pivots[grasp], normals[grasp], tool_length, position[s], rotation[s], mount_rotations,
+                mount_positions, lengths, bodies[0], 0, placed,
+            )  # fmt: skip
+        else:
+            if not overlay:
+                continue
+            before, count = released0[s, limb], 0
+            wanted = before & mask[s, limb] if mask[s, other] else np.int64(0)
+        answer = np.int64(0)
+        if layer == 1 and wanted and not near[s]:
+            answer = before
+        elif wanted:
+            answer = release(
+                limb, wanted, pivots[point], normals[point], rails[point], tool_length, lift, position[s], rotation[s],
+                placed[:count], folds, limits, mount_rotations, mount_positions, lengths,
+                bodies if layer == 0 else obstacles, own if layer == 0 else not own, before,
+            )  # fmt: skip
+        if layer == 0:
+            released0[s, limb], ready0[s, limb] = answer, True
+        else:
+            released[s, limb] = answer
+    ready[s, limb] = True
 
 
 @kernel
 def edge_entry(held, s0, s1, edges):
     """Branches that limb `held` can keep on the step from stance `s0` to `s1`, looked up or worked out.
 
-    Both directions of the step are entered.
+    The limb that moves must be on one of the branches on which it can let go, see `settle`, and lands on all on which it can
+    let go again. Both directions of the step are entered.
 
     Args:
         held: The limb that holds.
@@ -99,29 +96,39 @@ def edge_entry(held, s0, s1, edges):
         edges: `PairGraph.edges`.
 
     Returns:
-        The entry; see `KNOWN`, `ARC_BITS` and `FOLD_BITS`.
+        The entry; see `KNOWN`, `ARC_BITS`, `FOLD_BITS`, `DIRECT` and `PAIR_BITS`.
     """
     points, local, degree, offset, table, _, _, mask = edges[:8]
-    collide, released = edges[17][0], edges[17][2]
+    collide, released, bodies = edges[17][0], edges[17][2], edges[17][8]
     _, boxes, near, mask0, _, released0, table0, obstacles = edges[18]
     point, mover = points[s0, held], 1 - held
     here = offset[held, point] + local[held, s0] * degree[held, point] + local[held, s1]
     there = offset[held, point] + local[held, s1] * degree[held, point] + local[held, s0]
     if table[here] & KNOWN:
         return table[here]
-    settle(s0, edges)
-    settle(s1, edges)
-    own = len(table) > 0  # a variable: with literals the kernels would be compiled once for each value
+    for limb in range(2):
+        settle(s0, limb, edges)
+        settle(s1, limb, edges)
+    own = len(table) > 0
     if not table0[here] & KNOWN:
-        wanted = mask0[s0, held] & mask0[s1, held]
-        together = (released0[s0, mover] & released0[s1, mover]) >> TOGETHER & 15
-        entry = _carry(held, s0, s1, wanted, wanted & 0, together, together, edges, edges[17][8], own)
-        if collide and wanted and not entry & 0xFFFF:
-            entry = _direct(held, s0, s1, wanted, np.int64(0), edges, edges[17][8])
+        wanted, entry = mask0[s0, held] & mask0[s1, held], np.int64(KNOWN)
+        if released0[s0, mover] & 0xFFFF and released0[s1, mover] & 0xFFFF:
+            together = (released0[s0, mover] & released0[s1, mover]) >> TOGETHER & 15
+            # First what serves a limb that landed before the step and lets go after it, then what serves one of the two.
+            both = wanted & released0[s0, held] & released0[s1, held]
+            some = wanted & (released0[s0, held] | released0[s1, held]) & ~both
+            for turn in range(3):
+                now = both if turn == 0 else some if turn == 1 else wanted & ~(both | some)
+                if now and not entry & 0xFFFF:
+                    entry = _carry(held, s0, s1, now, now & 0, together, together, edges, bodies, own)
+            if collide and wanted and not entry & 0xFFFF:
+                entry = _direct(held, s0, s1, wanted, np.int64(0), edges, bodies)
         table0[here], table0[there] = entry, turned(entry)
     if boxes:
         entry = table0[here]
         left = entry & mask[s0, held] & mask[s1, held]
+        if not released[s0, mover] & 0xFFFF or not released[s1, mover] & 0xFFFF:
+            left &= 0
         arc = entry >> ARC_BITS & left
         left &= ~arc
         together = (released[s0, mover] & released[s1, mover]) >> TOGETHER & 15
@@ -195,7 +202,7 @@ def _direct(held, s0, s1, wanted, before, edges, bodies):
 
     `before` is the entry in the world without obstacles, whose swing alone is looked at, or 0.
     """
-    points, position, rotation, mask = edges[0], edges[5], edges[6], edges[7] if before else edges[18][3]
+    points, position, rotation, land = edges[0], edges[5], edges[6], edges[17][2] if before else edges[18][5]
     mount_rotations, mount_positions, lengths, grips, tools, pivots = edges[8:14]
     determinant_floor, limits, full_turn = edges[14:17]
     _, _, _, normals, rails, tool_length, lift, _, _ = edges[17]
@@ -206,7 +213,7 @@ def _direct(held, s0, s1, wanted, before, edges, bodies):
         s = s1 if side else s0
         grasp = points[s, mover]
         masks[side] = lifted_at(
-            mover, mask[s, mover], pivots[grasp], normals[grasp], rails[grasp], tool_length, lift, position[s], rotation[s],
+            mover, land[s, mover] & 0xFFFF, pivots[grasp], normals[grasp], rails[grasp], tool_length, lift, position[s], rotation[s],
             mount_rotations, mount_positions, lengths, limits, q[side],
         )  # fmt: skip
     count = pairs_by_travel(masks[0], q[0], masks[1], q[1], limits, order)
@@ -249,23 +256,29 @@ def fill_row(held, s0, row, out, edges):
 
 
 @kernel
-def pair_successors(s, mask0, mask1, check, rows, row_start, limb, stance, left, edges):
-    """Steps that leave stance `s`: limb, stance reached and branches left to the limb that holds; returns their number."""
-    points, mask = edges[0], edges[7]
+def pair_successors(s, mask0, mask1, check, rows, row_start, limb, stance, masks, edges):
+    """Steps that leave stance `s`: limb, stance reached and masks after the step, shape (k, 2); returns their number."""
+    points, mask, released = edges[0], edges[7], edges[17][2]
     count = 0
     for moving in range(2):
         held = 1 - moving
-        mine = mask1 if held else mask0
+        mine, own = (mask1, mask0) if held else (mask0, mask1)
+        if check:
+            settle(s, moving, edges)
+            if not own & released[s, moving] & 0xFFFF:
+                continue
         point = points[s, held]
         for k in range(row_start[held, point], row_start[held, point + 1]):
             s2 = rows[held, k]
             if s2 == s:
                 continue
-            after = mine & mask[s2, held]
+            after, landed = mine & mask[s2, held], mask[s2, moving]
             if check and after:
                 after &= edge_entry(held, s, s2, edges)
-            if after:
-                limb[count], stance[count], left[count] = moving, s2, after
+                landed = released[s2, moving] & 0xFFFF
+            if after and landed:
+                limb[count], stance[count] = moving, s2
+                masks[count, held], masks[count, moving] = after, landed
                 count += 1
     return count
 
@@ -358,7 +371,8 @@ class PairGraph(StanceGraph):
         self.complete = False
         """Whether every edge entry is known."""
         self._keys = self.points[:, 0] * m + self.points[:, 1]
-        self._free = self.mask, np.zeros(n, dtype=np.bool_), np.zeros((n, 2), dtype=np.int64), self.table
+        known = np.full((n, 2), not settings.collisions)
+        self._free = self.mask, known, self.mask * known, self.table
         self.edges = self._edges()
         """Arguments of `edge_entry`: the graph in the kernels' form."""
 
@@ -371,13 +385,19 @@ class PairGraph(StanceGraph):
         if overlay:
             near = self._near_obstacles()
             boxes = bool(near.any())
-            self.mask, released, ready = mask0.copy(), released0.copy(), ready0 & ~near
+            self.mask, released, ready = mask0.copy(), released0.copy(), np.zeros_like(ready0)
             taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
             taken[list(self.occupied)] = True
-            self.mask[taken[self.points[:, 0]] | taken[self.points[:, 1]]] = 0
+            gone = taken[self.points[:, 0]] | taken[self.points[:, 1]]
+            self.mask[gone] = released[gone] = 0
+            ready[gone] = True
+            ready[~gone & ~near] = ready0[~gone & ~near]
             if boxes:
                 self.table = np.zeros_like(table0)
-                self._remove_touching(near)
+                touching = near & self._within(self.robot.extent + self.settings.clearance)
+                self.clear_of_obstacles(
+                    np.flatnonzero(touching), self.points, self.position, self.rotation, self.branch, self.mask
+                )
         return (
             self.points, self.local, self.degree, self.offset, self.table, self.position, self.rotation, self.mask,
             solver.mount_rotations, solver.mount_positions, solver.lengths, self.grips,
@@ -388,21 +408,6 @@ class PairGraph(StanceGraph):
             ),
             (overlay, boxes, near, mask0, ready0, released0, table0, self.hindrance.arrays),
         )  # fmt: skip
-
-    def _remove_touching(self, near: NDArray[np.bool_]) -> None:
-        """Take the branches that touch an obstacle out of the masks of stances near one."""
-        chosen = np.flatnonzero(near & self._within(self.robot.extent + self.settings.clearance))
-        solver = self.solver
-        in_parallel(
-            len(chosen), clear_of_world, chosen, self.points, solver.points, solver.normals, self.robot.tool_length,
-            self.position, self.rotation, self.branch, self.mask, True, solver.mount_rotations, solver.mount_positions,
-            solver.lengths, self.hindrance.arrays, np.zeros(len(self), dtype=np.int64),
-        )  # fmt: skip
-        hands = np.zeros(len(self.grasp_map), dtype=np.int64)
-        hands_clear(
-            solver.points, solver.normals, self.robot.tool_length, solver.lengths, self.hindrance.arrays, hands
-        )  # fmt: skip
-        self.mask[(hands[self.points] > 0).any(axis=1)] = 0
 
     def _near_obstacles(self) -> NDArray[np.bool_]:
         """Stances whose robot, on a step from or to them, may come near an obstacle, shape (n,)."""
@@ -448,22 +453,19 @@ class PairGraph(StanceGraph):
         points = self.indices(stance)
         s = self.find(points)
         if s >= 0:
-            if self.settings.transitions:
-                settle(s, self.edges)
             if self.mask[s].all():
                 return State(points, tuple(self.mask[s].tolist()))
-            fault = self._fault(points, self.posture(points)) if self.occupied & set(points) else STUCK
+            fault = self._fault(points, self.posture(points))
             raise StanceError(f"stance {self.ids(points)} cannot be held: {fault}")
         return super().state(points)
 
-    def released(self, stance: tuple[int, ...], posture: Postures) -> IntArray:
-        """On which branches each limb can let go of a stance; see `StanceGraph.released`."""
+    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
+        """On which branches a limb can let go of a stance; see `StanceGraph.released`."""
         s = self.find(stance)
         if s < 0:
-            return super().released(stance, posture)
-        settle(s, self.edges)
-        answers: IntArray = self.edges[17][2][s]
-        return answers
+            return super().released(stance, posture, limb)
+        settle(s, limb, self.edges)
+        return int(self.edges[17][2][s, limb])
 
     def way(
         self, before: Sequence[int], after: Sequence[int], limb: int, posture: Postures, masks: Sequence[int]
@@ -526,16 +528,14 @@ class PairGraph(StanceGraph):
         if s < 0:
             return Successors(NO_POINTS, NO_POINTS, np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64))
         size = int(self.degree[0, state.stance[0]] + self.degree[1, state.stance[1]])
-        limb, stance, left = (np.empty(size, dtype=np.int64) for _ in range(3))
+        limb, stance = (np.empty(size, dtype=np.int64) for _ in range(2))
+        masks = np.empty((size, 2), dtype=np.int64)
         count = pair_successors(
             s, state.masks[0], state.masks[1], self.settings.transitions, self.rows, self.row_start,
-            limb, stance, left, self.edges,
+            limb, stance, masks, self.edges,
         )  # fmt: skip
-        limb, stance, left = limb[:count], stance[:count], left[:count]
-        index = np.arange(count)
-        masks = self.mask[stance]
-        masks[index, 1 - limb] = left
-        return Successors(limb, self.points[stance, limb], self.position[stance], masks)
+        limb, stance = limb[:count], stance[:count]
+        return Successors(limb, self.points[stance, limb], self.position[stance], masks[:count])
 
     @cached_property
     def max_step(self) -> float:

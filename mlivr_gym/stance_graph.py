@@ -19,13 +19,13 @@ from scipy.spatial import cKDTree
 from mlivr_gym.base_path import ARC, STRAIGHT, follow
 from mlivr_gym.bodies import Bodies
 from mlivr_gym.collision_kernels import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
-from mlivr_gym.compiled import is_cached, second_process
+from mlivr_gym.compiled import in_parallel, is_cached, second_process
 from mlivr_gym.direct_kernels import TRIES, lifted_at, line_free, pairs_by_travel
 from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
 from mlivr_gym.grasp_kernels import place_branches
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.posture import FIELDS, OPPOSED_HEIGHTS, Postures, PostureSolver
-from mlivr_gym.posture_kernels import solve_geometries
+from mlivr_gym.posture_kernels import clear_of_world, hands_clear, solve_geometries
 from mlivr_gym.release_kernels import TOGETHER, carried, holding, release, together_apart
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
@@ -43,8 +43,6 @@ TOUCHED = {
     UNDECIDED: "something", SELF: "the robot itself", CABIN: "the cabin", HANDRAIL: "a handrail", OBSTACLE: "an obstacle",
 }  # fmt: skip
 """What a cause of a collision is called in a sentence."""
-
-STUCK = "a limb could not let go without touching something"
 
 
 class State(NamedTuple):
@@ -252,12 +250,7 @@ class StanceGraph(ABC):
         posture = self.posture(points)
         if not self.is_node(posture)[0]:
             raise StanceError(f"stance {self.ids(points)} cannot be held: {self._fault(points, posture)}")
-        masks = posture.mask[0]
-        if self.settings.collisions and self.settings.transitions:
-            masks = self.released(points, posture) & 0xFFFF
-            if not masks.all():
-                raise StanceError(f"stance {self.ids(points)} cannot be held: {STUCK}")
-        return State(points, tuple(int(m) for m in masks))
+        return State(points, tuple(int(m) for m in posture.mask[0]))
 
     def _fault(self, points: tuple[int, ...], posture: Postures) -> str:
         taken = [self.grasp_map.ids[p] for p in points if p in self.occupied]
@@ -329,12 +322,11 @@ class StanceGraph(ABC):
             kinds = [k for k in (STRAIGHT, ARC) if self._holds(k, pivot, held, after, posture, before, masks)]
             if not kinds:
                 return None
-            first = self.released(state.stance, posture.take(slice(0, 1)))
-            second = self.released(tuple(after), posture.take(slice(1, 2)))
-            together = int(first[limb] & second[limb]) >> TOGETHER & 15
-            before = [m & int(r) & 0xFFFF for m, r in zip(before, first, strict=True)]
-            masks = [m & int(r) & 0xFFFF for m, r in zip(masks, second, strict=True)]
-            if not all(before) or not all(masks):
+            first = self.released(state.stance, posture.take(slice(0, 1)), limb)
+            second = self.released(tuple(after), posture.take(slice(1, 2)), limb)
+            together = (first & second) >> TOGETHER & 15
+            leave, masks[limb] = first & 0xFFFF, second & 0xFFFF
+            if not before[limb] & leave or not masks[limb]:
                 return None
         gained = dict.fromkeys(held, 0)
         for kind in (STRAIGHT, ARC):
@@ -352,7 +344,7 @@ class StanceGraph(ABC):
         for kind in (STRAIGHT, ARC) if self.settings.collisions and not all(gained.values()) else ():
             left = self._holds(kind, pivot, held, after, posture, before, masks)
             if left:
-                between = (state.stance[limb], after[limb]), (before[limb], masks[limb])
+                between = (state.stance[limb], after[limb]), (leave, masks[limb])
                 gained = self._direct(kind, pivot, limb, after, posture, left, *between).left
             if all(gained.values()):
                 break
@@ -393,48 +385,45 @@ class StanceGraph(ABC):
                 if not self.settings.collisions:
                     return Way(kind, -1, -1, left)
                 chances.append((kind, left))
-        first = self.released(tuple(before), posture.take(slice(0, 1)))
-        second = self.released(tuple(after), posture.take(slice(1, 2)))
-        together = int(first[limb] & second[limb]) >> TOGETHER & 15
+        first = self.released(tuple(before), posture.take(slice(0, 1)), limb)
+        second = self.released(tuple(after), posture.take(slice(1, 2)), limb)
+        together = (first & second) >> TOGETHER & 15
         for kind, left in chances:
             found = self._carry(kind, pivot, limb, after, posture, dict(left), together)
             if all(found.left.values()):
                 return found
-        between = (before[limb], after[limb]), (int(first[limb]) & 0xFFFF, int(second[limb]) & 0xFFFF)
+        between = (before[limb], after[limb]), (first & 0xFFFF, second & 0xFFFF)
         for kind, left in chances:
             found = self._direct(kind, pivot, limb, after, posture, dict(left), *between)
             if all(found.left.values()):
                 return found
         return Way(ARC, -1, -1, {})
 
-    def released(self, stance: tuple[int, ...], posture: Postures) -> IntArray:
-        """On which branches each limb can let go of a stance, see `release_kernels.release`; zeros if one cannot."""
-        solver, robot = self.solver, self.robot
-        limbs = self.limbs
-        masks = [int(m) for m in posture.mask[0]]
-        answers = np.full(limbs, -1, dtype=np.int64)
+    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
+        """On which branches a limb can let go of a stance, see `release_kernels.release`; 0 if on none."""
+        solver, robot, limbs = self.solver, self.robot, self.limbs
         here = (np.ascontiguousarray(posture.position[0]), np.ascontiguousarray(posture.rotation[0]))
         mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
+        answer, wanted, point = -1, int(posture.mask[0, limb]), stance[limb]
         for bodies, inside in self.checks:
-            placed = np.empty((8 * (limbs - 1), len(solver.shapes), 2, 3))
-            for limb in range(limbs):
-                count = 0
-                for other in range(limbs):
-                    if inside and other != limb:
-                        point = stance[other]
-                        count = place_branches(
-                            other, masks[other], solver.points[point], solver.normals[point], robot.tool_length, *here,
-                            *mounts, bodies[0], count, placed,
-                        )  # fmt: skip
-                point = stance[limb]
-                answers[limb] = release(
-                    limb, masks[limb], solver.points[point], solver.normals[point], solver.rails[point], robot.tool_length,
-                    robot.lift, *here, placed[:count], solver.folds, solver.limits, *mounts, bodies, inside, answers[limb],
-                )  # fmt: skip
-                masks[limb] = int(answers[limb]) & 0xFFFF
-                if not masks[limb]:
-                    return np.zeros(limbs, dtype=np.int64)
-        return answers
+            placed, count = np.empty((8 * (limbs - 1), len(solver.shapes), 2, 3)), 0
+            for other in range(limbs):
+                if inside and other != limb:
+                    grasp = stance[other]
+                    count = place_branches(
+                        other, int(posture.mask[0, other]), solver.points[grasp], solver.normals[grasp], robot.tool_length,
+                        *here, *mounts, bodies[0], count, placed,
+                    )  # fmt: skip
+            answer = int(
+                release(
+                    limb, wanted, solver.points[point], solver.normals[point], solver.rails[point], robot.tool_length,
+                    robot.lift, *here, placed[:count], solver.folds, solver.limits, *mounts, bodies, inside, answer,
+                )
+            )  # fmt: skip
+            wanted = answer & 0xFFFF
+            if not wanted:
+                return 0
+        return answer
 
     def _carry(
         self,
@@ -516,6 +505,29 @@ class StanceGraph(ABC):
             )  # fmt: skip
             left[i], left[j] = int(first), int(second)
 
+    def clear_of_obstacles(
+        self, chosen: IntArray, points: IntArray, position: Array, rotation: Array, branch: IntArray, mask: IntArray
+    ) -> None:
+        """Take the branches that touch an obstacle out of the masks of some stances.
+
+        Args:
+            chosen: Indices of the stances to look at.
+            points: Point indices of all, shape (k, N).
+            position: Base positions [m], shape (k, 3).
+            rotation: Base rotations, shape (k, 3, 3).
+            branch: The postures' own branches, shape (k, N).
+            mask: Branches and flips of each limb, shape (k, N), changed.
+        """
+        solver, bodies = self.solver, self.hindrance.arrays
+        in_parallel(
+            len(chosen), clear_of_world, chosen, points, solver.points, solver.normals, self.robot.tool_length, position,
+            rotation, branch, mask, True, solver.mount_rotations, solver.mount_positions, solver.lengths, bodies,
+            np.zeros(len(points), dtype=np.int64),
+        )  # fmt: skip
+        hands = np.zeros(len(self.grasp_map), dtype=np.int64)
+        hands_clear(solver.points, solver.normals, self.robot.tool_length, solver.lengths, bodies, hands)
+        mask[(hands[points] > 0).any(axis=1)] = 0
+
     def hold(self, kind: int, pivot: Array, point: int, limb: int, posture: Postures, mask: int) -> int:
         """Those of the branches and flips in `mask` on which a limb can hold along a base path.
 
@@ -555,21 +567,25 @@ class LazyGraph(StanceGraph):
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Start with nothing known."""
         super().__init__(grasp_map, robot, settings)
-        self._released: dict[tuple[int, ...], IntArray] = {}
+        self._released: dict[tuple[tuple[int, ...], int], int] = {}
 
     def postures(self, stances: IntArray) -> Postures:
-        """Postures of stances, shape (k, N), feasible or not; with occupied points they cannot be held."""
+        """Postures of stances, shape (k, N), feasible or not; those that touch an obstacle or an occupied point cannot be held."""
         stances = np.asarray(stances, dtype=np.int64).reshape(-1, self.limbs)
         found = super().postures(stances)
+        if self.obstacles:
+            self.clear_of_obstacles(
+                np.arange(len(stances)), stances, found.position, found.rotation, found.branch, found.mask
+            )
         if self.occupied:
             found.mask[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
         return found
 
-    def released(self, stance: tuple[int, ...], posture: Postures) -> IntArray:
-        """On which branches each limb can let go, worked out once."""
-        if stance not in self._released:
-            self._released[stance] = super().released(stance, posture)
-        return self._released[stance]
+    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
+        """On which branches a limb can let go, worked out once."""
+        if (stance, limb) not in self._released:
+            self._released[stance, limb] = super().released(stance, posture, limb)
+        return self._released[stance, limb]
 
     def _obstacles_changed(self) -> None:
         self._released = {}

@@ -41,8 +41,8 @@ def backward(goal, base_weight, step_weight, check, rows, row_start, row_positio
         done: Zeros, shape (n, 2, 2); branches settled by holding limb and kind.
         best: Infinities, shape (n, 2, 16); least costs found.
     """
-    points, local, degree, offset, table, position, mask = (
-        edges[0], edges[1], edges[2], edges[3], edges[4], edges[5], edges[7],
+    points, local, degree, offset, table, position, mask, released = (
+        edges[0], edges[1], edges[2], edges[3], edges[4], edges[5], edges[7], edges[17][2],
     )  # fmt: skip
     n = len(goal)
     size_pool = 1 << 16
@@ -71,12 +71,14 @@ def backward(goal, base_weight, step_weight, check, rows, row_start, row_positio
         if new == 0:
             continue
         if kind == 0:
-            first = done[s, held, 0] == 0
+            # Where the limb that holds landed here, the other came holding and must be able to let go.
+            land = released[s, held] & 0xFFFF if check else mask[s, held]
+            first = new & land != 0 and done[s, held, 0] & land == 0
             done[s, held, 0] |= new
             for b in range(16):
                 if new >> b & 1:
                     value[s, held, b] = cost
-            # The other limb may have landed here with any branch; so may this one, if the other holds and it came.
+            # The other limb may have landed here; so may this one, if the other holds and it came.
             if used + 2 > size_pool:
                 f, none, node, bits, heap = _grown(f), _grown(none), _grown(node), _grown(bits), _grown(heap)
                 size_pool *= 2
@@ -87,7 +89,8 @@ def backward(goal, base_weight, step_weight, check, rows, row_start, row_positio
             _sift_up(heap, size, f, none)
             if first:
                 other = 1 - held
-                f[used], none[used], node[used], bits[used] = cost, 0.0, 4 * s + 2 * other + 1, mask[s, other]
+                leave = released[s, other] & 0xFFFF if check else mask[s, other]
+                f[used], none[used], node[used], bits[used] = cost, 0.0, 4 * s + 2 * other + 1, leave
                 heap[size] = used
                 used += 1
                 size += 1
@@ -148,6 +151,7 @@ class CostToGo:
         self.is_goal: NDArray[np.bool_] = np.linalg.norm(graph.position - goal, axis=1) <= tolerance
         if graph.settings.transitions:
             fill_rows(graph, progress)
+        self._leave = graph.edges[17][2] & 0xFFFF if graph.settings.transitions else graph.mask
         self._held = np.full((len(graph), 2, 16), np.inf)
         backward(
             self.is_goal, cost.base_weight, cost.step_weight, graph.settings.transitions, graph.rows,
@@ -161,7 +165,8 @@ class CostToGo:
         s = self.graph.find(state.stance)
         if self.is_goal[s]:
             return 0.0
-        return float(min(self._held[s, i][_bits(state.masks[i])].min() for i in range(2)))
+        leave = self._leave[s] & state.masks
+        return float(min(self._held[s, i][_bits(state.masks[i])].min() if leave[1 - i] else np.inf for i in range(2)))
 
     def action_values(self, state: State, successors: Successors) -> Array:
         """Cost of taking each step that leaves a state and going on optimally, shape (k,)."""

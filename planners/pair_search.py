@@ -1,7 +1,7 @@
 """Best-first search over the stances of a two-limb robot (compiled).
 
 A search state is (stance, limb that moved last, branches left to the other limb): the limb that landed
-has all its branches. Edges are checked when a state is taken from the queue, not when it is
+has all branches on which it can let go again. A limb that has held must be on one of those when it moves. Edges are checked when a state is taken from the queue, not when it is
 put there, so only edges the search wants to use are worked out. For each (stance, limb) one mask says which
 branches were expanded already; a state with nothing new is dropped, which is exact because the cost
 of going on is the least over the branches left.
@@ -92,7 +92,7 @@ def search(
         Status, number generated, and for each expanded state `3 * stance + limb moved` (2 at the start), mask
         of the limb that held, parent, and cost so far. If found, the last one is the goal.
     """
-    points, position, mask = edges[0], edges[5], edges[7]
+    points, position, mask, ready, released = edges[0], edges[5], edges[7], edges[17][1], edges[17][2]
     local, degree, offset, table = edges[1], edges[2], edges[3], edges[4]
     size_pool = 1 << 14
     f, g = np.empty(size_pool), np.empty(size_pool)
@@ -120,15 +120,24 @@ def search(
             if check:
                 if closed[s, moved] & left == left:
                     continue
-                before = out_node[above]
-                left = edge_entry(held, before // 3, s, edges) & 0xFFFF
-                if before % 3 != 2 and before % 3 == moved:
+                before, last = out_node[above] // 3, out_node[above] % 3
+                left = edge_entry(held, before, s, edges) & 0xFFFF
+                if last == moved:
                     left &= out_mask[above]
+                elif last == held:
+                    left &= released[before, held]
+                    if not out_mask[above] & released[before, moved] & 0xFFFF:
+                        continue
             if left & ~closed[s, moved] == 0:
                 continue
             full = left == mask[s, held]
+            if check and ready[s, held]:
+                full = released[s, held] & 0xFFFF & ~left == 0
             closed[s, moved] |= left
-        if full:
+        if full and moved < 2:
+            # A limb that landed here instead would be on branches that the one that holds has now.
+            closed[s, 1 - moved] |= released[s, moved] & 0xFFFF if check else mask[s, moved]
+        elif full:
             closed[s, 0], closed[s, 1] = mask[s, 1], mask[s, 0]
         if expanded == size_out:
             out_node, out_mask = _grown(out_node), _grown(out_mask)
@@ -151,9 +160,14 @@ def search(
                 continue
             holds = 1 - limb
             point = points[s, holds]
-            mine = mask[s, holds]
+            mine, sure = mask[s, holds], True
             if moved == limb:
                 mine = left
+            elif moved == holds and check:
+                mine &= released[s, holds]
+                sure = ready[s, limb]
+                if sure and not left & released[s, limb] & 0xFFFF:
+                    continue
             first = offset[holds, point] + local[holds, s] * degree[holds, point]
             for k in range(row_start[holds, point], row_start[holds, point + 1]):
                 s2 = rows[holds, k]
@@ -175,7 +189,7 @@ def search(
                         after &= entry
                         if after & ~closed[s2, limb] == 0:
                             continue
-                        if after == theirs:
+                        if sure and after == theirs:
                             best[s2, limb] = cost2
                 else:
                     # Without checks it does not matter which limb moved.
