@@ -7,13 +7,11 @@ holds on b and the other limb moves next. One search backward from the goal sett
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.compiled import kernel
-from mlivr_gym.pair_graph import PairGraph, fill_rows
+from mlivr_gym.pair_graph import KNOWN, PairGraph, edge_entry
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import _grown, _sift_down, _sift_up
 from mlivr_gym.stance_graph import State, Successors
@@ -22,24 +20,32 @@ Array = NDArray[np.float64]
 
 
 @kernel
-def backward(goal, base_weight, step_weight, check, rows, row_start, row_position, edges, value, done, best):
-    """Fill the table by best-first search backward from the goal stances.
+def backward(
+    goal, start, toward, base_weight, step_weight, limit, check, rows, row_start, row_position, edges, value, done, best
+):
+    """Fill the table by best-first search backward from the goal stances; steps are checked when they are wanted.
 
     A queue entry is (cost, stance, limb, mask, kind). Kind 0: limb holds on a branch of the mask and the other
     moves next. Kind 1: the other limb has just landed, so that either may move next.
 
     Args:
         goal: Which stances are goals, shape (n,).
+        start: Stance at which to stop, or -1 to go on to the end.
+        toward: Consistent lower bound of the cost from the start to each stance, shape (n,); zeros without one.
         base_weight: Weight of the base displacement [1/m].
         step_weight: Charge for each step.
+        limit: Most entries to take from the queue.
         check: Whether steps are checked.
         rows: `PairGraph.rows`.
         row_start: `PairGraph.row_start`.
         row_position: `PairGraph.row_position`.
-        edges: `PairGraph.edges`, with every entry known if steps are checked.
+        edges: `PairGraph.edges`.
         value: Shape (n, 2, 16), filled with U by holding limb and bit; inf where the goal cannot be reached.
         done: Zeros, shape (n, 2, 2); branches settled by holding limb and kind.
         best: Infinities, shape (n, 2, 16); least costs found.
+
+    Returns:
+        Lower bound of cost and `toward` together over all states that were not settled, and whether it got to the start.
     """
     points, local, degree, offset, table, position, mask, released = (
         edges[0], edges[1], edges[2], edges[3], edges[4], edges[5], edges[7], edges[17][2],
@@ -48,17 +54,20 @@ def backward(goal, base_weight, step_weight, check, rows, row_start, row_positio
     size_pool = 1 << 16
     f, none = np.empty(size_pool), np.empty(size_pool)
     node, bits, heap = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
-    used = size = 0
+    after, spent = np.empty(size_pool, np.int64), np.empty(size_pool)
+    used = size = taken = 0
     for s in range(n):
-        if goal[s]:
+        if goal[s] and mask[s, 0]:
             for held in range(2):
                 if used == size_pool:
                     f, none, node, bits, heap = _grown(f), _grown(none), _grown(node), _grown(bits), _grown(heap)
+                    after, spent = _grown(after), _grown(spent)
                     size_pool *= 2
-                f[used], none[used], node[used], bits[used] = 0.0, 0.0, 4 * s + 2 * held + 1, mask[s, held]
-                heap[size] = used
+                f[used], none[used], node[used], bits[used] = toward[s], 0.0, 4 * s + 2 * held + 1, mask[s, held]
+                spent[used], after[used], heap[size] = 0.0, -1, used
                 used += 1
                 size += 1
+                _sift_up(heap, size, f, none)
     while size > 0:
         item = heap[0]
         size -= 1
@@ -66,11 +75,18 @@ def backward(goal, base_weight, step_weight, check, rows, row_start, row_positio
             heap[0] = heap[size]
             _sift_down(heap, size, f, none)
         s, held, kind = node[item] >> 2, node[item] >> 1 & 1, node[item] & 1
-        cost = f[item]
+        cost, next = spent[item], after[item]
         new = bits[item] & ~done[s, held, kind]
         if new == 0:
             continue
+        if taken >= limit:
+            return f[item], False
+        taken += 1
         if kind == 0:
+            if check:
+                new &= edge_entry(held, s, next, edges)
+                if new == 0:
+                    continue
             # Where the limb that holds landed here, the other came holding and must be able to let go.
             land = released[s, held] & 0xFFFF if check else mask[s, held]
             first = new & land != 0 and done[s, held, 0] & land == 0
@@ -78,20 +94,18 @@ def backward(goal, base_weight, step_weight, check, rows, row_start, row_positio
             for b in range(16):
                 if new >> b & 1:
                     value[s, held, b] = cost
+            if s == start:
+                return f[item], True
             # The other limb may have landed here; so may this one, if the other holds and it came.
             if used + 2 > size_pool:
                 f, none, node, bits, heap = _grown(f), _grown(none), _grown(node), _grown(bits), _grown(heap)
+                after, spent = _grown(after), _grown(spent)
                 size_pool *= 2
-            f[used], none[used], node[used], bits[used] = cost, 0.0, 4 * s + 2 * held + 1, new
-            heap[size] = used
-            used += 1
-            size += 1
-            _sift_up(heap, size, f, none)
-            if first:
-                other = 1 - held
-                leave = released[s, other] & 0xFFFF if check else mask[s, other]
-                f[used], none[used], node[used], bits[used] = cost, 0.0, 4 * s + 2 * other + 1, leave
-                heap[size] = used
+            for turn in range(2 if first else 1):
+                holder = held if turn == 0 else 1 - held
+                leave = released[s, holder] & 0xFFFF if check else mask[s, holder]
+                f[used], none[used], node[used] = f[item], 0.0, 4 * s + 2 * holder + 1
+                bits[used], spent[used], after[used], heap[size] = new if turn == 0 else leave, cost, -1, used
                 used += 1
                 size += 1
                 _sift_up(heap, size, f, none)
@@ -104,30 +118,37 @@ def backward(goal, base_weight, step_weight, check, rows, row_start, row_positio
             s2 = rows[held, k]
             if s2 == s:
                 continue
-            after = new & mask[s2, held] & ~done[s2, held, 0]
-            if check:
-                after &= table[first_entry + local[held, s2]]
-            if after == 0:
+            keep = new & mask[s2, held] & ~done[s2, held, 0]
+            if keep == 0:
                 continue
+            entry = table[first_entry + local[held, s2]] if check else np.int64(KNOWN)
+            if check and entry & KNOWN:
+                keep &= entry
             dx = row_position[held, k, 0] - x
             dy = row_position[held, k, 1] - y
             dz = row_position[held, k, 2] - z
             cost2 = cost + base_weight * np.sqrt(dx * dx + dy * dy + dz * dz) + step_weight
             better = np.int64(0)
             for b in range(16):
-                if after >> b & 1 and cost2 < best[s2, held, b]:
-                    best[s2, held, b] = cost2
+                if keep >> b & 1 and cost2 < best[s2, held, b]:
+                    if entry & KNOWN:
+                        best[s2, held, b] = cost2
                     better |= 1 << b
             if better == 0:
                 continue
             if used == size_pool:
                 f, none, node, bits, heap = _grown(f), _grown(none), _grown(node), _grown(bits), _grown(heap)
+                after, spent = _grown(after), _grown(spent)
                 size_pool *= 2
-            f[used], none[used], node[used], bits[used] = cost2, 0.0, 4 * s2 + 2 * held, better
-            heap[size] = used
+            f[used], none[used], node[used], bits[used] = cost2 + toward[s2], 0.0, 4 * s2 + 2 * held, better
+            spent[used], after[used], heap[size] = cost2, s, used
             used += 1
             size += 1
             _sift_up(heap, size, f, none)
+    return np.inf, False
+
+
+NO_LIMIT = np.iinfo(np.int64).max
 
 
 class CostToGo:
@@ -144,20 +165,17 @@ class CostToGo:
         goal: Array,
         tolerance: float,
         cost: Cost,
-        progress: Callable[[int, int], None] | None = None,
     ) -> None:
-        """Check every step of the graph, once for all goals, and search backward from this one."""
+        """Search backward from the goal; the steps it wants are checked, once for all goals."""
         self.graph, self.cost = graph, cost
         self.is_goal: NDArray[np.bool_] = np.linalg.norm(graph.position - goal, axis=1) <= tolerance
-        if graph.settings.transitions:
-            fill_rows(graph, progress)
-        self._leave = graph.edges[17][2] & 0xFFFF if graph.settings.transitions else graph.mask
         self._held = np.full((len(graph), 2, 16), np.inf)
         backward(
-            self.is_goal, cost.base_weight, cost.step_weight, graph.settings.transitions, graph.rows,
+            self.is_goal, -1, np.zeros(len(graph)), cost.base_weight, cost.step_weight, NO_LIMIT, graph.settings.transitions, graph.rows,
             graph.row_start, graph.row_position, graph.edges, self._held,
             np.zeros((len(graph), 2, 2), dtype=np.int64), np.full((len(graph), 2, 16), np.inf),
         )  # fmt: skip
+        self._leave = graph.edges[17][2] & 0xFFFF if graph.settings.transitions else graph.mask
         self.values: Array = np.where(self.is_goal, 0.0, self._held.min(axis=(1, 2)))
 
     def value(self, state: State) -> float:

@@ -261,16 +261,14 @@ def distance_to_goal(
     points,
     position,
     row_position,
-    edges,
-    known,
+    mask,
     value,
     settled,
     along,
 ):
     """Exact cost from stances to the goal region when steps are not checked, by search backward from the goal.
 
-    Steps that are known to be impossible may be left out, which brings the cost nearer to the true one. Otherwise moving one
-    limb twice in a row never pays, so a stance reached along a row does not open that row again.
+    Moving one limb twice in a row never pays then, so a stance reached along a row does not open that row again.
 
     Args:
         goal: Which stances are goals, shape (n,).
@@ -283,13 +281,11 @@ def distance_to_goal(
         points: `PairGraph.points`.
         position: `PairGraph.position`.
         row_position: `PairGraph.row_position`.
-        edges: `PairGraph.edges`; stances without a branch are left out.
-        known: Whether to leave out steps that are known to be impossible.
+        mask: `PairGraph.mask`; stances without a branch are left out.
         value: Infinities, shape (n,); least costs found.
         settled: Infinities, shape (n,), filled with the cost of each stance that was settled.
         along: Minus ones, shape (n,); the limb that held when a stance was reached.
     """
-    mask, local, degree, offset, table = edges[7], edges[1], edges[2], edges[3], edges[4]
     n = len(goal)
     size_pool = n + 1
     f, g = np.empty(size_pool), np.empty(size_pool)
@@ -317,10 +313,9 @@ def distance_to_goal(
             break
         x, y, z = position[s, 0], position[s, 1], position[s, 2]
         for held in range(2):
-            if held == along[s] and not known:
+            if held == along[s]:
                 continue
             point = points[s, held]
-            first = offset[held, point] + local[held, s] * degree[held, point]
             for k in range(row_start[held, point], row_start[held, point + 1]):
                 s2 = rows[held, k]
                 dx = row_position[held, k, 0] - x
@@ -328,8 +323,6 @@ def distance_to_goal(
                 dz = row_position[held, k, 2] - z
                 cost2 = cost + base_weight * np.sqrt(dx * dx + dy * dy + dz * dz) + step_weight
                 if cost2 < value[s2] and mask[s2, 0]:
-                    if known and table[first + local[held, s2]] & 0x1FFFF == KNOWN:
-                        continue
                     value[s2] = cost2
                     along[s2] = held
                     if used == size_pool:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mlivr_gym.errors import PlanError, SettingError, StanceError, choice, nonnegative
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners.assemble import assemble
-from mlivr_gym.planners.cost_to_go import CostToGo
+from mlivr_gym.planners.cost_to_go import CostToGo, backward
 from mlivr_gym.planners.costs import HEURISTICS, Cost
 from mlivr_gym.planners.lazy_search import lazy_search
 from mlivr_gym.planners.pair_search import FOUND, LIMIT, distance_to_goal, search, steps_to_goal
@@ -34,8 +34,11 @@ GOAL_TOLERANCE = 0.2
 MOST_BLOCKED = 50
 """Steps left out of one query, at most, because a limb would leave its joint limits while it holds."""
 
-PATIENCE = 300
-"""States explored before the estimate is worked out again from what was learnt; four times as many each time."""
+PATIENCE = 100
+"""States explored before the estimate is brought nearer to the truth by a search backward; four times as many each time."""
+
+LEARNING = 8
+"""Entries taken from the queue of the backward search for each state explored until then; most need no new step checked."""
 
 CACHED_TABLES = 16
 """Cost-to-go tables a planner keeps."""
@@ -257,13 +260,16 @@ class Planner:
     ) -> None:
         """Work the `"cost_to_go"` heuristic out for all stances, so that further plans to this goal are fast.
 
-        Steps that are known to be impossible by then are left out of it: the more of the graph has been looked at, the
-        closer the estimate.
+        Where steps are checked it is the exact cost, so that a plan among obstacles explores little beside them.
         """
         graph = self._two_limbs()
         priced = Cost.named(cost, regrasp_price)
         target, tolerance = graph.grasp_map.check_goal(goal), nonnegative("goal_tolerance", goal_tolerance)
-        self._relaxed_table(graph, target, tolerance, priced, -1, known=graph.settings.transitions)
+        key = (*target.tolist(), tolerance, priced)
+        if graph.settings.transitions:
+            self._keep(key, self.cost_to_go(goal, cost, regrasp_price=regrasp_price, goal_tolerance=tolerance).values)
+        else:
+            self._keep(key, _unchecked(graph, self._goal_region(graph, target, tolerance)[1], priced))
 
     def cost_to_go(
         self,
@@ -305,48 +311,46 @@ class Planner:
                 self._regions.popitem(last=False)
         return self._regions[key]
 
-    def _relaxed_table(
-        self, graph: PairGraph, target: Array, tolerance: float, cost: Cost, start: int, known: bool = False
-    ) -> Array:
-        """Lower bound of the cost to the goal, exact where it was settled; kept if it covers all stances.
+    def _relaxed_table(self, graph: PairGraph, target: Array, tolerance: float, cost: Cost, start: int) -> Array:
+        """Lower bound of the cost to the goal, exact when steps are not checked where it was settled, shape (n,).
 
-        What is kept stays a lower bound when obstacles come, since they only take steps away. If `known`, steps that were
-        found to be impossible are left out.
+        It is kept if it covers all stances: it stays a lower bound when obstacles come, since they only take steps away.
         """
         key = (*target.tolist(), tolerance, cost)
-        if key in self._relaxed and not (known and start >= 0):
+        if key in self._relaxed:
             self._relaxed.move_to_end(key)
             return self._relaxed[key]
         distance, goal, _ = self._goal_region(graph, target, tolerance)
-        table = np.full(len(graph), np.inf)
-        if cost.base_weight == 0.0 and not known:
-            opened = np.zeros(graph.degree.shape, dtype=np.bool_)
-            steps_to_goal(goal, graph.rows, graph.row_start, graph.points, graph.mask, table, opened)
-            table *= cost.step_weight
-        else:
-            toward = np.zeros(len(graph))
-            bounded = start >= 0
-            if bounded:
-                away = _distances(graph.position, graph.position[start])
-                toward = cost.heuristic("consistent", away, 0.0, graph.max_step)
-            distance_to_goal(
-                goal, start if bounded else -1, toward, cost.base_weight, cost.step_weight, graph.rows, graph.row_start,
-                graph.points, graph.position, graph.row_position, graph.edges, known, np.full(len(graph), np.inf), table,
-                np.full(len(graph), -1),
-            )  # fmt: skip
-            if bounded:
-                # Stances that the backward search left out cost at least what it had reached.
-                rest = np.isinf(table)
-                bound = cost.heuristic("consistent", distance, tolerance, graph.max_step)
-                table[rest] = np.maximum(bound, table[start] - toward)[rest]
-                return table
-        if graph.occupied or graph.obstacles:
-            # Once these are gone again the bound would not hold.
-            return table
-        self._relaxed[key] = table
-        if len(self._relaxed) > CACHED_TABLES:
-            self._relaxed.popitem(last=False)
+        if cost.base_weight == 0.0:
+            return self._keep(key, _unchecked(graph, goal, cost))
+        toward = cost.heuristic("consistent", _distances(graph.position, graph.position[start]), 0.0, graph.max_step)
+        table = _unchecked(graph, goal, cost, start, toward)
+        # Stances that the backward search left out cost at least what it had reached.
+        rest = np.isinf(table)
+        bound = cost.heuristic("consistent", distance, tolerance, graph.max_step)
+        table[rest] = np.maximum(bound, table[start] - toward)[rest]
         return table
+
+    def _keep(self, key: tuple[Any, ...], table: Array) -> Array:
+        """Keep a table of all stances, but for one made among obstacles: once they are gone it would not hold."""
+        if not (self.graph.occupied or self.graph.obstacles):
+            self._relaxed[key] = table
+            if len(self._relaxed) > CACHED_TABLES:
+                self._relaxed.popitem(last=False)
+        return table
+
+    def _learnt(self, graph: PairGraph, goal: NDArray[np.bool_], cost: Cost, start: int, h: Array, limit: int) -> Array:
+        """A closer lower bound than `h`, from a search backward from the goal that checks steps, of at most `limit` entries."""
+        n, first = len(graph), np.zeros(len(graph), dtype=np.bool_)
+        first[start] = True
+        away, value = _unchecked(graph, first, cost), np.full((n, 2, 16), np.inf)
+        bound, arrived = backward(
+            goal, start, away, cost.base_weight, cost.step_weight, limit, True, graph.rows, graph.row_start,
+            graph.row_position, graph.edges, value, np.zeros((n, 2, 2), dtype=np.int64), np.full((n, 2, 16), np.inf),
+        )  # fmt: skip
+        exact = np.where(goal, 0.0, value.min(axis=(1, 2)))
+        # Every stance of an optimal plan was settled if the search arrived.
+        return np.fmax(h, exact if arrived else np.fmin(exact, bound - away))
 
     def _pair_path(
         self, graph: PairGraph, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
@@ -371,8 +375,8 @@ class Planner:
             explored, made = explored + len(node), made + generated
             if status != LIMIT or explored >= limit:
                 break
-            # Many steps that the estimate counts on turned out to be impossible: leave them out of it.
-            h = self._relaxed_table(graph, target, tolerance, cost, start, known=True)
+            # Many steps that the estimate counts on are impossible: learn from the other end how it is there.
+            h = self._learnt(graph, goal, cost, start, h, LEARNING * patience)
             patience *= 4
         stance, moved = node // 3, node % 3
         chain = _chain(parent)
@@ -415,6 +419,26 @@ class Planner:
         tree = np.stack([position[parents], position[1:]], axis=1)
         states = [found.states[k] for k in chain]
         return _Path(found.status, states, postures, found.costs[-1], (len(found.states), found.generated), tree)
+
+
+def _unchecked(
+    graph: PairGraph, goal: NDArray[np.bool_], cost: Cost, start: int = -1, toward: Array | None = None
+) -> Array:
+    """Cost from each stance to the nearest goal stance when steps are not checked, shape (n,).
+
+    With a start and lower bounds of the cost from there, `toward`, the search ends there and leaves the rest at infinity.
+    """
+    n, table = len(graph), np.full(len(graph), np.inf)
+    if cost.base_weight == 0.0:
+        opened = np.zeros(graph.degree.shape, dtype=np.bool_)
+        steps_to_goal(goal, graph.rows, graph.row_start, graph.points, graph.mask, table, opened)
+        return table * cost.step_weight
+    distance_to_goal(
+        goal, start, np.zeros(n) if toward is None else toward, cost.base_weight, cost.step_weight, graph.rows,
+        graph.row_start, graph.points, graph.position, graph.row_position, graph.mask, np.full(n, np.inf), table,
+        np.full(n, -1),
+    )  # fmt: skip
+    return table
 
 
 def _distances(positions: Array, point: Array) -> Array:
