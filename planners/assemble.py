@@ -64,17 +64,22 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
     )  # fmt: skip
     branches = postures.branch.copy()
     flips = np.zeros((count, limbs), dtype=np.int64)
+    allowed: list[dict[int, int]] = [{} for _ in range(limbs)]
     if checked:
         for limb in range(limbs):
             for first, last in holds(points, limb):
-                mask = states[last].masks[limb]
+                allowed[limb][first] = states[last].masks[limb]
+                if graph.settings.collisions and last < count - 1:
+                    here = postures.take(slice(last, last + 1))
+                    allowed[limb][first] &= graph.released(states[last].stance, here, limb)
+                mask = allowed[limb][first]
                 least = w[first : last + 1, limb].min(axis=0)
                 bits = [bit for bit in range(16) if mask >> bit & 1]
                 bit = max(bits, key=lambda b: (round(float(least[(b & 7) >> 1]), 12), -b))
                 branches[first : last + 1, limb], flips[first : last + 1, limb] = bit & 7, bit >> 3
     pivots = _pivots(graph, points)
     ways = _ways(graph, points, postures, branches + 8 * flips) if checked else []
-    if _keep_lines(ways, states, branches, flips):
+    if _keep_lines(ways, points, allowed, branches, flips):
         ways = _ways(graph, points, postures, branches + 8 * flips)
     joints, spans, beyond = _joint_angles(graph, points, pivots, postures, branches, flips, ways)
     w_m = np.take_along_axis(w, branches[..., None] >> 1, axis=2)[..., 0]
@@ -141,10 +146,10 @@ def _lifted(
 
 
 def _keep_lines(
-    ways: list[Way], states: Sequence[State], branches: NDArray[np.int64], flips: NDArray[np.int64]
-) -> bool:
+    ways: list[Way], points: NDArray[np.int64], allowed: list[dict[int, int]], branches: NDArray[np.int64],
+    flips: NDArray[np.int64],
+) -> bool:  # fmt: skip
     """Put limbs on the branches of the direct swings that the graph knows, where they may be; whether any was changed."""
-    points = np.array([state.stance for state in states])
     changed = False
     for k, way in enumerate(ways):
         if way.pair < 0:
@@ -153,7 +158,7 @@ def _keep_lines(
         spans = holds(points, limb)
         for stance, wanted in ((k, way.pair >> 3), (k + 1, way.pair & 7)):
             first, last = next(span for span in spans if span[0] <= stance <= span[1])
-            if branches[first, limb] != wanted and states[last].masks[limb] >> (wanted + 8 * flips[first, limb]) & 1:
+            if branches[first, limb] != wanted and allowed[limb][first] >> (wanted + 8 * flips[first, limb]) & 1:
                 branches[first : last + 1, limb] = wanted
                 changed = True
     return changed

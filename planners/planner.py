@@ -378,13 +378,15 @@ class Planner:
             # Many steps that the estimate counts on are impossible: learn from the other end how it is there.
             h = self._learnt(graph, goal, cost, start, h, LEARNING * patience)
             patience *= 4
-        stance, moved = node // 3, node % 3
+        stance, moved, released = node // 3, node % 3, graph.edges[17][2]
         chain = _chain(parent)
         states = []
         for k in chain:
             masks = graph.mask[stance[k]].tolist()
             if moved[k] < 2:
                 masks[1 - moved[k]] = int(mask[k])
+                if graph.settings.transitions:
+                    masks[moved[k]] = int(released[stance[k], moved[k]]) & 0xFFFF
             a, b = graph.points[stance[k]].tolist()
             states.append(State((a, b), (masks[0], masks[1])))
         path = stance[chain]
