@@ -315,42 +315,70 @@ class StanceGraph(ABC):
         masks = [int(m) for m in posture.mask[1]]
         if not self.settings.transitions:
             return Transition(pivot, tuple(masks))
-        together = 0
         before = [int(m) for m in state.masks]
-        if self.settings.collisions:
+        if not self.settings.collisions:
+            gained = self._gained(limb, held, pivot, after, posture, before, masks, 0)
+        else:
             # What holding limbs cannot follow need not be looked at for collisions, which takes longer.
-            kinds = [k for k in (STRAIGHT, ARC) if self._holds(k, pivot, held, after, posture, before, masks)]
-            if not kinds:
+            if not any(self._holds(k, pivot, held, after, posture, before, masks) for k in (STRAIGHT, ARC)):
                 return None
-            first = self.released(state.stance, posture.take(slice(0, 1)), limb)
-            second = self.released(tuple(after), posture.take(slice(1, 2)), limb)
-            together = (first & second) >> TOGETHER & 15
-            leave, masks[limb] = first & 0xFFFF, second & 0xFFFF
-            if not before[limb] & leave or not masks[limb]:
+            ends = (state.stance, posture.take(slice(0, 1))), (tuple(after), posture.take(slice(1, 2)))
+            first, second = (self.released(*end, limb) for end in ends)
+            masks[limb] = second & 0xFFFF
+            if not before[limb] & first & 0xFFFF or not masks[limb]:
                 return None
+            stages = self._stages(before, held, ends)
+            gained = {}
+            for some in stages:
+                if all(some[i] for i in held):
+                    together = (first & second) >> TOGETHER & 15
+                    gained = self._gained(limb, held, pivot, after, posture, some, masks, together)
+                if gained:
+                    break
+            wanted = before if self.limbs == 2 else stages[0]
+            for kind in (STRAIGHT, ARC):
+                left = {} if gained else self._holds(kind, pivot, held, after, posture, wanted, masks)
+                if left:
+                    between = (state.stance[limb], after[limb]), (first & 0xFFFF, masks[limb])
+                    left = self._direct(kind, pivot, limb, after, posture, left, *between).left
+                    gained = left if all(left.values()) else {}
+        if not gained:
+            return None
+        return Transition(pivot, tuple(gained.get(i, masks[i]) for i in range(self.limbs)))
+
+    def _stages(
+        self, before: list[int], held: list[int], ends: tuple[tuple[tuple[int, ...], Postures], ...]
+    ) -> list[list[int]]:
+        """Branches of the limbs that hold in the order in which they are looked at.
+
+        First those on which a limb could let go before the step and after it, as one must that landed just before or moves just
+        after; for one limb that holds then the others. For more the pairs of branches would be too many.
+        """
+        both, some, rest = (list(before) for _ in range(3))
+        for i in held:
+            first, second = (self.released(*end, i) & 0xFFFF for end in ends)
+            both[i] &= first & second
+            some[i] &= (first | second) & ~(first & second)
+            rest[i] &= ~(first | second)
+        return [both, some, rest] if len(held) == 1 else [both]
+
+    def _gained(
+        self, limb: int, held: list[int], pivot: Array, after: Sequence[int], posture: Postures, before: list[int],
+        masks: list[int], together: int,
+    ) -> dict[int, int]:  # fmt: skip
+        """Branches left to the limbs that hold while `limb` is carried folded, empty if one has none."""
         gained = dict.fromkeys(held, 0)
         for kind in (STRAIGHT, ARC):
-            left = self._holds(
-                kind, pivot, held, after, posture, [b & ~gained.get(i, 0) for i, b in enumerate(before)], masks
-            )
+            wanted = [b & ~gained.get(i, 0) for i, b in enumerate(before)]
+            left = self._holds(kind, pivot, held, after, posture, wanted, masks)
             if self.settings.collisions and left:
                 left = self._carry(kind, pivot, limb, after, posture, left, together).left
             if len(held) == 1:
                 # One limb may take some branches along the line and others along the arc.
                 gained[held[0]] |= left.get(held[0], 0)
             elif left and all(left.values()):
-                gained = left
-                break
-        for kind in (STRAIGHT, ARC) if self.settings.collisions and not all(gained.values()) else ():
-            left = self._holds(kind, pivot, held, after, posture, before, masks)
-            if left:
-                between = (state.stance[limb], after[limb]), (leave, masks[limb])
-                gained = self._direct(kind, pivot, limb, after, posture, left, *between).left
-            if all(gained.values()):
-                break
-        if not all(gained.values()):
-            return None
-        return Transition(pivot, tuple(gained.get(i, masks[i]) for i in range(self.limbs)))
+                return left
+        return gained if all(gained.values()) else {}
 
     def _holds(
         self, kind: int, pivot: Array, held: list[int], after: Sequence[int], posture: Postures, before: Sequence[int],

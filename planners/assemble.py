@@ -188,9 +188,7 @@ def _pivots(graph: StanceGraph, points: NDArray[np.int64]) -> Array:
     return centres
 
 
-def _ways(
-    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, bits: NDArray[np.int64]
-) -> list[Way]:
+def _ways(graph: StanceGraph, points: NDArray[np.int64], postures: Postures, bits: NDArray[np.int64]) -> list[Way]:
     """How each step is made on the branches and flips chosen."""
     ways = []
     for k in range(len(points) - 1):

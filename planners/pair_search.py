@@ -1,10 +1,10 @@
 """Best-first search over the stances of a two-limb robot (compiled).
 
-A search state is (stance, limb that moved last, branches left to the other limb): the limb that landed
-has all branches on which it can let go again. A limb that has held must be on one of those when it moves. Edges are checked when a state is taken from the queue, not when it is
-put there, so only edges the search wants to use are worked out. For each (stance, limb) one mask says which
-branches were expanded already; a state with nothing new is dropped, which is exact because the cost
-of going on is the least over the branches left.
+A search state is (stance, limb that moved last, branches left to the other limb): the limb that landed has all branches on
+which it can let go again. A limb that has held must be on one of those when it moves. Edges are checked when a state is
+taken from the queue, not when it is put there, so only edges the search wants to use are worked out. For each (stance,
+limb) one mask says which branches were expanded already; a state with nothing new is dropped, which is exact because the
+cost of going on is the least over the branches left.
 """
 
 from __future__ import annotations

@@ -278,7 +278,6 @@ class Planner:
         *,
         regrasp_price: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,
-        progress: Callable[[int, int], None] | None = None,
     ) -> CostToGo:
         """Exact cost from every state to a goal, steps checked: the oracle and expert. Two limbs only.
 
@@ -290,7 +289,7 @@ class Planner:
         target, tolerance = graph.grasp_map.check_goal(goal), nonnegative("goal_tolerance", goal_tolerance)
         key = (*target.tolist(), tolerance, priced, self.graph.version)
         if key not in self._exact:
-            self._exact[key] = CostToGo(graph, target, tolerance, priced, progress)
+            self._exact[key] = CostToGo(graph, target, tolerance, priced)
             if len(self._exact) > CACHED_TABLES:
                 self._exact.popitem(last=False)
         return self._exact[key]

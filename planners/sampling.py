@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 TIME_LIMIT = 0.5
-"""Longest search for one half of a swing [s]."""
+"""Longest search for one way [s]."""
 
 MOST_CHECKS = 4000
 """Postures looked at in one search, at most; it ends a search before the time does on all but slow machines."""
@@ -45,53 +45,58 @@ def sampled_swing(
 
     if carriage is None:
         return None
-    away = sampled_way(finder, 0.0, start, carriage[0])
+    away = sampled_way(finder, _knot(0.0, start), _knot(0.0, carriage[0]))
     if away is None:
         return None
-    back = sampled_way(finder, 1.0, carriage[1], landing(end, turns, carriage[1]))
+    back = sampled_way(finder, _knot(1.0, carriage[1]), _knot(1.0, landing(end, turns, carriage[1])))
     if back is None:
         return None
-    knots = np.vstack([_at(0.0, away), _at(1.0, back)])
+    knots = np.vstack([away, back])
     return knots if finder.clear(knots) else None
 
 
-def sampled_way(finder: SwingFinder, u: float, start: Array, end: Array) -> Array | None:
-    """Joint angles of a way between two postures with the base at rest at `u`, shape (k, 6), or None."""
+def sampled_way(finder: SwingFinder, start: Array, end: Array) -> Array | None:
+    """Knots of a way between two knots, shape (k, 7), or None; if both have the same base parameter, with the base at rest."""
     from ompl import base, geometric, util
 
     util.setLogLevel(util.LOG_NONE)
     util.RNG.setSeed(SEED)
     limits = finder.graph.robot.limb.limits
-    space = base.RealVectorStateSpace(6)
-    bounds = base.RealVectorBounds(6)
-    for joint in range(6):
-        bounds.setLow(joint, float(limits[joint, 0]) - LIMIT_TOLERANCE)
-        bounds.setHigh(joint, float(limits[joint, 1]) + LIMIT_TOLERANCE)
+    rest = float(start[0]) if start[0] == end[0] else None
+    first = 0 if rest is None else 1
+    size = len(start) - first
+    space = base.RealVectorStateSpace(size)
+    bounds = base.RealVectorBounds(size)
+    for axis in range(size):
+        low, high = (0.0, 1.0) if axis + first == 0 else limits[axis + first - 1]
+        bounds.setLow(axis, float(low) - LIMIT_TOLERANCE)
+        bounds.setHigh(axis, float(high) + LIMIT_TOLERANCE)
     space.setBounds(bounds)
     setup = geometric.SimpleSetup(space)
     checks = 0
 
+    def knot(state: Any) -> Array:
+        return np.array(([] if rest is None else [rest]) + [state[axis] for axis in range(size)])
+
     def valid(state: Any) -> bool:
         nonlocal checks
         checks += 1
-        q = np.array([state[joint] for joint in range(6)])
-        return checks <= MOST_CHECKS and finder.clear(_at(u, np.stack([q, q])))
+        here = knot(state)
+        return checks <= MOST_CHECKS and finder.clear(np.stack([here, here]))
 
     setup.setStateValidityChecker(valid)
     setup.getSpaceInformation().setStateValidityCheckingResolution(RESOLUTION)
-    first, last = space.allocState(), space.allocState()
-    for joint in range(6):
-        first[joint], last[joint] = float(start[joint]), float(end[joint])
-    setup.setStartAndGoalStates(first, last)
+    ends = space.allocState(), space.allocState()
+    for axis in range(size):
+        ends[0][axis], ends[1][axis] = float(start[axis + first]), float(end[axis + first])
+    setup.setStartAndGoalStates(*ends)
     setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
     setup.solve(TIME_LIMIT)
     if not setup.haveExactSolutionPath():
         return None
     setup.simplifySolution(TIME_LIMIT)
-    path = setup.getSolutionPath()
-    return np.array([[state[joint] for joint in range(6)] for state in path.getStates()])
+    return np.array([knot(state) for state in setup.getSolutionPath().getStates()])
 
 
-def _at(u: float, joints: Array) -> Array:
-    """Knots at one base parameter."""
-    return np.column_stack([np.full(len(joints), u), joints])
+def _knot(u: float, joints: Array) -> Array:
+    return np.concatenate([[u], joints])
