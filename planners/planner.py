@@ -187,7 +187,9 @@ class Planner:
         while True:
             if isinstance(self.graph, PairGraph):
                 with self.graph.without(blocked):
-                    path = self._pair_path(self.graph, first, target, tolerance, priced, heuristic, g_weight, limit)
+                    path = self._pair_path(
+                        self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, not blocked
+                    )
             else:
                 path = self._lazy_path(
                     self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress, blocked
@@ -338,8 +340,13 @@ class Planner:
                 self._relaxed.popitem(last=False)
         return table
 
-    def _learnt(self, graph: PairGraph, goal: NDArray[np.bool_], cost: Cost, start: int, h: Array, limit: int) -> Array:
-        """A closer lower bound than `h`, from a search backward from the goal that checks steps, of at most `limit` entries."""
+    def _learnt(
+        self, graph: PairGraph, goal: NDArray[np.bool_], cost: Cost, start: int, h: Array, limit: int
+    ) -> tuple[Array, Array]:
+        """Two lower bounds closer than `h`, from a search backward from the goal that checks steps, of at most `limit` entries.
+
+        The first holds for plans from `start`, the second from anywhere.
+        """
         n, first = len(graph), np.zeros(len(graph), dtype=np.bool_)
         first[start] = True
         away, value = _unchecked(graph, first, cost), np.full((n, 2, 16), np.inf)
@@ -348,12 +355,14 @@ class Planner:
             graph.row_position, graph.edges, value, np.zeros((n, 2, 2), dtype=np.int64), np.full((n, 2, 16), np.inf),
         )  # fmt: skip
         exact = np.where(goal, 0.0, value.min(axis=(1, 2)))
+        with np.errstate(invalid="ignore"):
+            closer = np.fmax(h, np.fmin(exact, bound - away))
         # Every stance of an optimal plan was settled if the search arrived.
-        return np.fmax(h, exact if arrived else np.fmin(exact, bound - away))
+        return np.fmax(h, exact) if arrived else closer, closer
 
     def _pair_path(
         self, graph: PairGraph, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
-        g_weight: float, limit: int,
+        g_weight: float, limit: int, whole: bool,
     ) -> _Path | None:  # fmt: skip
         start = graph.find(first.stance)
         distance, goal, parts = self._goal_region(graph, target, tolerance)
@@ -364,7 +373,7 @@ class Planner:
         else:
             h = cost.heuristic(heuristic, distance, tolerance, graph.max_step)
         patience = PATIENCE if heuristic == "cost_to_go" and graph.settings.transitions else limit
-        explored = made = 0
+        bound, explored, made = h, 0, 0
         while True:
             status, generated, node, mask, parent, g = search(
                 start, goal, h, cost.base_weight, cost.step_weight, g_weight, min(limit - explored, patience),
@@ -375,7 +384,9 @@ class Planner:
             if status != LIMIT or explored >= limit:
                 break
             # Many steps that the estimate counts on are impossible: learn from the other end how it is there.
-            h = self._learnt(graph, goal, cost, start, h, LEARNING * patience)
+            h, bound = self._learnt(graph, goal, cost, start, bound, LEARNING * patience)
+            if whole:
+                self._keep((*target.tolist(), tolerance, cost), bound)
             patience *= 4
         stance, moved, released = node // 3, node % 3, graph.edges[17][2]
         chain = _chain(parent)
