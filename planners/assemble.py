@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from mlivr_gym.base_path import LIMIT_TOLERANCE, PATH_KINDS, SAMPLES, STRAIGHT, follow
 from mlivr_gym.planners.plan import Step
-from mlivr_gym.planners.swing import Hold, Swing, SwingFinder
 from mlivr_gym.posture import Postures
 from mlivr_gym.posture_kernels import base_along, choices_along
 from mlivr_gym.stance_graph import StanceGraph, State
+from mlivr_gym.swing import Hold, Swing, SwingFinder
 
 Array = NDArray[np.float64]
 

@@ -72,7 +72,7 @@ class SwingFinder:
         for kind, knots in self._ways(start, end, turns, fold):
             if self.clear(knots):
                 return Swing(kind, knots)
-        from mlivr_gym.planners.sampling import sampled_swing
+        from mlivr_gym.sampling import sampled_swing
 
         way = sampled_swing(self, start, end, turns, fold)
         return None if way is None else Swing("sampled", way)

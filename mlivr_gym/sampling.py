@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mlivr_gym.base_path import LIMIT_TOLERANCE
 
 if TYPE_CHECKING:
-    from mlivr_gym.planners.swing import SwingFinder
+    from mlivr_gym.swing import SwingFinder
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def sampled_swing(finder: SwingFinder, start: Array, end: Array, turns: tuple[Ar
         turns: Fewest and most whole turns that may be added to `end`.
         fold: The fold in which the limb is carried.
     """
-    from mlivr_gym.planners.swing import landing
+    from mlivr_gym.swing import landing
 
     folded = finder.fold(fold, start)
     if folded is None:
