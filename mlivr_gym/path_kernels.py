@@ -62,7 +62,10 @@ def joints_along(
     limb_rotation, offset, q = np.empty((3, 3)), np.empty(3), near.copy()
     half_turn = 0.0
     for i in range(len(out)):
-        flange, tool = flange_positions[min(i, len(flange_positions) - 1)], flange_rotations[min(i, len(flange_rotations) - 1)]
+        flange, tool = (
+            flange_positions[min(i, len(flange_positions) - 1)],
+            flange_rotations[min(i, len(flange_rotations) - 1)],
+        )
         position, rotation = positions[min(i, len(positions) - 1)], rotations[min(i, len(rotations) - 1)]
         for row in range(3):
             offset[row] = flange[row] - position[row]

@@ -133,7 +133,9 @@ class RegraspPath:
         turn = (tools[0].inv() * tools[1]).as_rotvec()
         rotations = (tools[0] * Rotation.from_rotvec(share[:, None] * turn)).as_matrix()
         flanges = above[0] + share[:, None] * (above[1] - above[0])
-        return self._follow(step.limb, step.branches[step.limb], flanges, rotations, *self.base(share), self._knots[0, 1:])
+        return self._follow(
+            step.limb, step.branches[step.limb], flanges, rotations, *self.base(share), self._knots[0, 1:]
+        )
 
     def base(self, u: Array) -> tuple[Array, Array]:
         """Base positions (k, 3) [m] and rotations (k, 3, 3) at base parameters."""
@@ -154,7 +156,9 @@ class RegraspPath:
             if limb != step.limb:
                 point = step.before[limb]
                 hold = (graph.grips[point][None], graph.solver.tools[point][None])
-                joints[:, limb] = self._follow(limb, step.branches[limb], *hold, positions, rotations, step.joints[limb])
+                joints[:, limb] = self._follow(
+                    limb, step.branches[limb], *hold, positions, rotations, step.joints[limb]
+                )
         return joints
 
     def _follow(

@@ -188,9 +188,7 @@ def trajectory(path: RegraspPath, durations: Durations | None = None, period: fl
     step, graph = path.regrasp, path.graph
     count = round(durations.total / period) + 1
     times = np.linspace(0.0, durations.total, count)
-    ends = np.cumsum(
-        [durations.departure, *(durations.swing * _shares(path)), durations.approach]
-    )
+    ends = np.cumsum([durations.departure, *(durations.swing * _shares(path)), durations.approach])
     part = np.minimum(np.searchsorted(ends, times, side="left"), len(ends) - 1)
     starts = np.concatenate([[0.0], ends[:-1]])
     share = quintic(np.clip((times - starts[part]) / (ends - starts)[part], 0.0, 1.0))
