@@ -1,8 +1,8 @@
 """The dynamic model: the scene with controllers, compliant grasps and sensors, in zero gravity.
 
 **Joints** follow position and velocity references by PD control with the manufacturer's torque limits. It is an affine
-actuator, `torque = kp (ctrl - q) - kd qdot` cut off at the limit; with `ctrl = q_ref + kd / kp qdot_ref` it is the PD law, and
-nothing has to be computed between time steps.
+actuator, `torque = kp (ctrl - q) - kd qdot` cut off at the limit; with `ctrl = q_ref + kd / kp qdot_ref` it is the PD law, to
+which `tau / kp` adds a torque known beforehand, and nothing has to be computed between time steps.
 
 **Grasps** are springs and dampers in N/m and N m/rad between the grasp frame of a gripper and an anchor, a frame that is
 put on the point when the limb takes hold: six actuators a limb, along and about the anchor's axes, with no control. They are
@@ -55,6 +55,8 @@ class Physics:
         hold_torque: Largest torque that a grasp holds [N m].
         saturation_time: A joint whose torque is at its limit for longer than this has failed [s].
         limit_margin: A joint farther beyond its limits than this has failed [rad]; the manufacturer's controller stops there.
+        feedforward: Whether the torques that the trajectory needs by the robot's dynamics are added to those of the PD
+            controller (`feedforward.feedforward`); the paper's controller does without.
     """
 
     timestep: float = 0.002
@@ -70,12 +72,13 @@ class Physics:
     hold_torque: float = 100.0
     saturation_time: float = 0.1
     limit_margin: float = float(np.deg2rad(3.0))
+    feedforward: bool = True
 
     def __post_init__(self) -> None:
         """Check that every figure is finite and above zero."""
         for field in fields(self):
             value = getattr(self, field.name)
-            if not (np.isfinite(value) and value > 0.0):
+            if field.name != "feedforward" and not (np.isfinite(value) and value > 0.0):
                 raise SettingError(f"{field.name} is {value!r}; it must be finite and above 0")
 
 

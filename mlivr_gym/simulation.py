@@ -22,6 +22,7 @@ from mlivr_gym.collision_kernels import FLUSH
 from mlivr_gym.dynamics import AXES, Physics, dynamics_spec, gripper_bit
 from mlivr_gym.errors import SimulationError
 from mlivr_gym.failures import FailureWatch, Measured
+from mlivr_gym.feedforward import feedforward
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.posture import tool_rotations
 from mlivr_gym.recording import Capture, Failure, Peaks, Recording
@@ -137,8 +138,7 @@ class Simulation:
         limb, lands = self._moving(trajectory)
         leaves = self.points[limb]
         self._release(limb)
-        control = trajectory.joint_positions + (self.physics.kd / self.physics.kp) * trajectory.joint_velocities
-        control = control.reshape(len(control), -1)
+        control = self._control(trajectory)
         parts: list[tuple[Recording, Peaks]] = []
         watch = FailureWatch(self.physics, self.robot.limb.limits, step)
         count = len(control) - 1
@@ -159,6 +159,14 @@ class Simulation:
         capture = Capture(self.time, step, limb, self.grasp_map.ids[lands], distance, angle)
         self._grasp(limb, lands)
         return Carried(*_joined(parts), capture, None)
+
+    def _control(self, trajectory: Trajectory) -> Array:
+        """Control of the joints' actuators at each time, shape (k, 6 N)."""
+        physics = self.physics
+        control = trajectory.joint_positions + (physics.kd / physics.kp) * trajectory.joint_velocities
+        if physics.feedforward:
+            control += feedforward(self.model, trajectory) / physics.kp
+        return control.reshape(len(control), -1)
 
     def grasp_error(self, limb: int, point: int) -> tuple[float, float]:
         """Distance [m] and angle [rad] of a gripper from a point that it might hold."""
