@@ -15,8 +15,8 @@ from mlivr_gym.trajectory import FREE, Trajectory
 
 Array = NDArray[np.float64]
 
-PERIOD = 0.02
-"""Spacing of the times at which torques are worked out [s]; they are interpolated in between."""
+SAMPLES = 1000
+"""Times in a step at which torques are worked out; they are interpolated in between."""
 
 
 def feedforward(model: mujoco.MjModel, trajectory: Trajectory) -> Array:
@@ -28,7 +28,7 @@ def feedforward(model: mujoco.MjModel, trajectory: Trajectory) -> Array:
         model: The dynamic model of the robot, its free joint first.
         trajectory: Of one step.
     """
-    coarse = trajectory.every(min(PERIOD, 0.02 * float(trajectory.times[-1])))
+    coarse = trajectory.every(float(trajectory.times[-1]) / SAMPLES)
     count, limbs = coarse.grasps.shape
     holding = np.flatnonzero(coarse.grasps[1] != FREE)
     positions = np.column_stack(

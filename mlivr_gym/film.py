@@ -29,8 +29,8 @@ def film(
     recording: Recording,
     path: str | Path,
     size: tuple[int, int] = (640, 320),
-    frames: int = 150,
-    rate: float = 15.0,
+    frames: int = 100,
+    rate: float = 10.0,
     obstacles: Sequence[Box] = (),
     progress: Callable[[int], None] | None = None,
 ) -> None:
@@ -58,17 +58,11 @@ def film(
     chosen = np.unique(np.linspace(0, len(recording.times) - 1, frames).round().astype(int))
     pictures = []
     for done, k in enumerate(chosen, 1):
-        pictures.append(
-            renderer.render(
-                recording.base_positions[k],
-                recording.base_quaternions[k],
-                recording.joint_positions[k],
-                lookat=lookat,
-                distance=max(3.6, 1.15 * reach),
-                azimuth=86.0,
-                elevation=-8.0,
-            )  # fmt: skip
-        )
+        picture = renderer.render(
+            recording.base_positions[k], recording.base_quaternions[k], recording.joint_positions[k],
+            lookat=np.array([recording.base_positions[k, 0], 0.0, -0.1]), distance=3.3, azimuth=84.0, elevation=-8.0,
+        )  # fmt: skip
+        pictures.append(picture)
         if progress is not None:
             progress(done)
     renderer.close()

@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--film", default="walk.gif", metavar="NAME", help=".gif or .mp4 (default: %(default)s)")
     parser.add_argument("--no-film", action="store_true", help="do without a film")
     parser.add_argument("--size", nargs=2, type=int, default=(640, 320), metavar=("W", "H"), help="pixels of the film")
-    parser.add_argument("--frames", type=int, default=150, help="pictures in the film (default: %(default)s)")
+    parser.add_argument("--frames", type=int, default=100, help="pictures in the film (default: %(default)s)")
 
 
 def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:

@@ -63,6 +63,8 @@ class Simulation:
         data: Its data.
         physics: Figures of controller, grasps and failures.
         time: Time since the reset [s].
+        points: Point index each limb holds, or `FREE`.
+        joint_actuators: Indices of the joints' actuators, limb by limb, shape (6 N,).
     """
 
     def __init__(
@@ -84,7 +86,7 @@ class Simulation:
         joints = [f"limb{i}/joint{k}" for i in limbs for k in range(1, 7)]
         self._base = int(model.joint("base").qposadr[0])
         self._qpos, self._qvel = address("qposadr", joints), address("dofadr", joints)
-        self._actuators = np.array([model.actuator(name).id for name in joints])
+        self.joint_actuators = np.array([model.actuator(name).id for name in joints])
         self._torques = np.array([int(model.sensor(name).adr[0]) for name in joints])
         grasps = [[f"limb{i}/grasp/{axis}" for axis in AXES] for i in limbs]
         self._wrenches = np.array([[int(model.sensor(name).adr[0]) for name in names] for names in grasps])
@@ -92,7 +94,11 @@ class Simulation:
             int(model.sensor(name).adr[0]) for name in ("contact", "velocity", "angular_momentum")
         )
         self._anchors = [model.body(f"limb{i}/anchor").id for i in limbs]
-        self._boxes = [(model.geom(box.id).id, box) for box in (*grasp_map.boxes, *obstacles)]
+        boxes = (*grasp_map.boxes, *obstacles)
+        self._boxes = np.array([model.geom(box.id).id for box in boxes], dtype=np.int64)
+        self._centres = np.array([box.centre for box in boxes]).reshape(-1, 3)
+        self._halves = np.array([box.half for box in boxes]).reshape(-1, 3)
+        self._axes = np.array([box.rotation for box in boxes]).reshape(-1, 3, 3)
         self._met = model.geom_contype.copy()
         self.points: list[int] = [FREE] * robot.limbs
 
@@ -199,16 +205,13 @@ class Simulation:
 
     def _meets(self, limb: int, points: Sequence[int]) -> None:
         """Let a gripper meet every box but those that lie behind the surface of some points."""
-        bit, places, normals = (
-            gripper_bit(limb),
-            *(a[list(points)] for a in (self.grasp_map.positions, self.grasp_map.normals)),
-        )
-        for geom, box in self._boxes:
-            ahead = ((np.array(box.centre) - places) * normals).sum(axis=1)
-            reach = np.abs(normals @ np.array(box.rotation)) @ np.array(box.half)
-            behind = bool((ahead + reach <= FLUSH).any())
-            contype = int(self.model.geom_contype[geom])
-            self.model.geom_contype[geom] = contype & ~bit if behind else contype | bit
+        bit, contype = gripper_bit(limb), self.model.geom_contype
+        contype[self._boxes] |= bit
+        for point in points:
+            normal = self.grasp_map.normals[point]
+            ahead = (self._centres - self.grasp_map.positions[point]) @ normal
+            reach = (np.abs(normal @ self._axes) * self._halves).sum(axis=1)
+            contype[self._boxes[ahead + reach <= FLUSH]] &= ~bit
 
     def _moving(self, trajectory: Trajectory) -> tuple[int, int]:
         """The limb that moves on a trajectory and the point it lands on."""
@@ -238,7 +241,7 @@ class Simulation:
     def _roll(self, control: Array) -> tuple[Array, Array]:
         """States before each time step and sensors at it; leaves the data behind the last."""
         ordered = np.zeros((len(control), self.model.nu))
-        ordered[:, self._actuators] = control
+        ordered[:, self.joint_actuators] = control
         state = self._state()
         states, sensors = mujoco.rollout.rollout(
             self.model, self.data, state, ordered, initial_warmstart=self.data.qacc_warmstart, nstep=len(control)
