@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FAILURES = ("missed grasp", "saturation", "collision", "lost hold", "joint limit", "divergence")
-"""Kinds of failure."""
+FAILURES = ("missed grasp", "saturation", "collision", "lost hold", "joint limit", "divergence", "no way")
+"""Kinds of failure; `"no way"`: an environment's step for which no swing, or none inside the joint limits, was found."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,8 @@ class Peaks:
     def join(cls, parts: list[Peaks]) -> Peaks:
         """The larger of each."""
         largest = {field.name: np.max([getattr(part, field.name) for part in parts], axis=0) for field in fields(cls)}
-        return cls(**{name: value if value.ndim else float(value) for name, value in largest.items()})
+        values: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in largest.items()}
+        return cls(**values)
 
     def to_dict(self) -> dict[str, Any]:
         """The peaks as plain data for JSON."""

@@ -7,13 +7,13 @@ picture, a trajectory and a simulation all follow the same path.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.base_path import LIMIT_TOLERANCE
+from mlivr_gym.base_path import LIMIT_TOLERANCE, PATH_KINDS, STRAIGHT
 from mlivr_gym.errors import PlanError
 from mlivr_gym.path_kernels import joints_along, poses_along
 
@@ -177,3 +177,34 @@ class RegraspPath:
                 f"{ids[self.regrasp.lands]!r}: the plan does not fit this map and robot, or its steps were not checked"
             )
         return out
+
+
+def planned_regrasp(graph: StanceGraph, plan: Any, index: int) -> Regrasp:
+    """What is needed to carry out one step of a plan.
+
+    Args:
+        graph: The stance graph of the plan's robot and map.
+        plan: A `planners.Plan`; only its arrays are read.
+        index: Index of the step.
+
+    Raises:
+        PlanError: If the plan has no such step.
+    """
+    if not 0 <= index < len(plan.steps):
+        raise PlanError(f"the plan has no step {index}; it has {len(plan.steps)}, counted from 0")
+    step = plan.steps[index]
+    limb = step.limb
+    ends = slice(index, index + 2)
+    return Regrasp(
+        limb=limb,
+        before=graph.indices(plan.stances[index]),
+        lands=graph.grasp_map.index(step.lands),
+        positions=plan.base_positions[ends],
+        rotations=Rotation.from_quat(plan.base_quaternions[ends], scalar_first=True).as_matrix(),
+        kind=PATH_KINDS.index(step.path) if step.path in PATH_KINDS else STRAIGHT,
+        pivot=np.array(step.pivot),
+        branches=(*plan.branches[index].tolist(), int(plan.branches[index + 1, limb])),
+        joints=plan.joint_positions[index],
+        landing=plan.joint_positions[index + 1, limb],
+        knots=np.array(step.knots, dtype=np.float64).reshape(-1, 7),
+    )

@@ -131,6 +131,12 @@ class Simulation:
                 self._meets(limb, (point,))
         mujoco.mj_forward(self.model, self.data)
 
+    @property
+    def configuration(self) -> tuple[Array, Array, Array]:
+        """Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad]."""
+        base = self.data.qpos[self._base : self._base + 7].copy()
+        return base[:3], base[3:], self.data.qpos[self._qpos].reshape(-1, 6)
+
     def carry_out(self, trajectory: Trajectory, step: int = 0) -> Carried:
         """Carry a regrasp out: let go, follow the trajectory, take hold.
 
@@ -252,7 +258,7 @@ class Simulation:
 
     def _measure(self, states: Array, sensors: Array, trajectory: Trajectory, first: int) -> Measured:
         count, limbs = len(states), self.robot.limbs
-        finite = np.isfinite(states).all(axis=1)
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(states).all(axis=1))
         # What a diverged state holds is not looked at; a failure is reported at the first of them.
         qpos, qvel = np.split(
             np.where(finite[:, None], states, 0.0)[:, 1 : 1 + self.model.nq + self.model.nv], [self.model.nq], 1
@@ -261,7 +267,7 @@ class Simulation:
         wanted = trajectory.base_quaternions[first : first + count]
         cosine = np.abs((base[:, 3:] * wanted).sum(axis=1)) / np.maximum(np.linalg.norm(base[:, 3:], axis=1), 1e-9)
         return Measured(
-            times=(self._steps - count + np.arange(count)) * physics.timestep,
+            times=np.arange(self._steps - count, self._steps, dtype=np.float64) * physics.timestep,
             joints=qpos[:, self._qpos].reshape(count, limbs, 6),
             speeds=qvel[:, self._qvel].reshape(count, limbs, 6),
             torques=sensors[:, self._torques].reshape(count, limbs, 6),
@@ -278,7 +284,7 @@ class Simulation:
 
     def _record(self, measured: Measured, ended: int, step: int, phase: int) -> tuple[Recording, Peaks]:
         stride = max(round(RECORD_PERIOD / self.physics.timestep), 1)
-        whole = Measured(*(array[:ended] for array in measured))
+        whole = measured._replace(**{name: array[:ended] for name, array in measured._asdict().items()})
         recording = Recording(
             whole.times, np.full(ended, step), np.full(ended, phase), whole.joints, whole.torques, whole.base[:, :3],
             whole.base[:, 3:], whole.base_errors, whole.base_angle_errors, whole.forces, whole.grasp_torques, self.mass * whole.velocity,

@@ -11,6 +11,7 @@ import csv
 import io
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +108,8 @@ class Trajectory:
         """The samples nearest to a coarser grid of about `period` seconds, the last one among them."""
         stride = max(round(period / self.period), 1)
         chosen = np.unique(np.append(np.arange(0, len(self.times), stride), len(self.times) - 1))
-        return replace(self, **{name: getattr(self, name)[chosen] for name in _ARRAYS})
+        kept: dict[str, Any] = {name: getattr(self, name)[chosen] for name in _ARRAYS}
+        return replace(self, **kept)
 
     def save_npz(self, path: str | Path) -> None:
         """Write the arrays as a NumPy archive, whole or not at all.
@@ -177,7 +179,7 @@ def trajectory(path: RegraspPath, durations: Durations | None = None, period: fl
     Args:
         path: The regrasp.
         durations: How long its parts take; by default the paper's 10, 30 and 10 s.
-        period: Spacing of the time grid [s], rounded so that it divides the step.
+        period: Spacing of the time grid [s]; the step takes a whole number of them.
 
     Raises:
         PlanError: If a limb that holds cannot follow the base, or a joint would leave its limits.
@@ -187,8 +189,9 @@ def trajectory(path: RegraspPath, durations: Durations | None = None, period: fl
         raise SettingError(f"period is {period!r}; it must be above 0 and below {durations.total:g} [s]")
     step, graph = path.regrasp, path.graph
     count = round(durations.total / period) + 1
-    times = np.linspace(0.0, durations.total, count)
+    times: Array = np.arange(count, dtype=np.float64) * period
     ends = np.cumsum([durations.departure, *(durations.swing * _shares(path)), durations.approach])
+    ends *= times[-1] / ends[-1]
     part = np.minimum(np.searchsorted(ends, times, side="left"), len(ends) - 1)
     starts = np.concatenate([[0.0], ends[:-1]])
     share = quintic(np.clip((times - starts[part]) / (ends - starts)[part], 0.0, 1.0))

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from mlivr_gym.base_path import PATH_KINDS, STRAIGHT
 from mlivr_gym.errors import PlanError
 from mlivr_gym.planners.plan import Plan
-from mlivr_gym.regrasp import PHASES, Regrasp, RegraspPath
+from mlivr_gym.regrasp import PHASES, RegraspPath, planned_regrasp
 from mlivr_gym.stance_graph import StanceGraph
 from mlivr_gym.trajectory import Durations, Trajectory, trajectory
 from mlivr_gym.transitions import quaternion
@@ -36,37 +34,6 @@ class StepMotion:
     joint_positions: Array
 
 
-def regrasp(graph: StanceGraph, plan: Plan, index: int) -> Regrasp:
-    """What is needed to carry out one step of a plan.
-
-    Args:
-        graph: The stance graph of the plan's robot and map.
-        plan: The plan.
-        index: Index of the step.
-
-    Raises:
-        PlanError: If the plan has no such step.
-    """
-    if not 0 <= index < len(plan.steps):
-        raise PlanError(f"the plan has no step {index}; it has {len(plan.steps)}, counted from 0")
-    step = plan.steps[index]
-    limb = step.limb
-    ends = slice(index, index + 2)
-    return Regrasp(
-        limb=limb,
-        before=graph.indices(plan.stances[index]),
-        lands=graph.grasp_map.index(step.lands),
-        positions=plan.base_positions[ends],
-        rotations=Rotation.from_quat(plan.base_quaternions[ends], scalar_first=True).as_matrix(),
-        kind=PATH_KINDS.index(step.path) if step.path in PATH_KINDS else STRAIGHT,
-        pivot=np.array(step.pivot),
-        branches=(*plan.branches[index].tolist(), int(plan.branches[index + 1, limb])),
-        joints=plan.joint_positions[index],
-        landing=plan.joint_positions[index + 1, limb],
-        knots=np.array(step.knots, dtype=np.float64).reshape(-1, 7),
-    )
-
-
 def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -> StepMotion:
     """Configurations along one step of a plan that was made with collisions checked.
 
@@ -82,7 +49,7 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
     Raises:
         PlanError: If the step carries no swing.
     """
-    step = regrasp(graph, plan, index)
+    step = planned_regrasp(graph, plan, index)
     if not len(step.knots):
         raise PlanError(f"step {index} carries no swing; make the plan with collisions=True")
     path, share = RegraspPath(graph, step), np.linspace(0.0, 1.0, samples)
@@ -99,7 +66,7 @@ def step_trajectory(
     graph: StanceGraph, plan: Plan, index: int, durations: Durations | None = None, period: float = 0.002
 ) -> Trajectory:
     """The trajectory of one step of a plan; see `trajectory.trajectory`."""
-    return trajectory(RegraspPath(graph, regrasp(graph, plan, index)), durations, period)
+    return trajectory(RegraspPath(graph, planned_regrasp(graph, plan, index)), durations, period)
 
 
 def plan_trajectory(
