@@ -71,17 +71,18 @@ class RegraspPath:
 
     Attributes:
         pieces: Number of pieces of the swing, each from rest to rest.
+        in_task_space: Whether the gripper swings on a straight line.
     """
 
     def __init__(self, graph: StanceGraph, regrasp: Regrasp) -> None:
         """Follow `regrasp` on the map and with the robot of `graph`."""
         self.graph, self.regrasp = graph, regrasp
         self._knots = regrasp.knots
-        self._in_task_space = False
+        self.in_task_space = False
         if not len(self._knots):
             ends = np.concatenate([self.departure(np.array([0.0, 1.0]))[1:], self.approach(np.array([0.0, 1.0]))[:1]])
             self._knots = np.column_stack([[0.0, 1.0], ends])
-            self._in_task_space = self._serves_in_task_space()
+            self.in_task_space = self._serves_in_task_space()
         self.pieces = len(self._knots) - 1
 
     def departure(self, share: Array) -> Array:
@@ -108,7 +109,7 @@ class RegraspPath:
 
     def swing(self, piece: int, share: Array) -> tuple[Array, Array]:
         """Base parameter (k,) and joint angles (k, 6) [rad] of the moving limb at shares of one piece of its swing."""
-        if self._in_task_space:
+        if self.in_task_space:
             return share, self._in_a_straight_line(share)
         first, last = self._knots[piece : piece + 2]
         values = first + share[:, None] * (last - first)
@@ -128,11 +129,12 @@ class RegraspPath:
         """Joint angles of the moving limb on a straight line of its gripper, shape (k, 6) [rad]."""
         step, graph = self.regrasp, self.graph
         points = [step.before[step.limb], step.lands]
-        above = graph.grips[points] + graph.robot.lift * graph.solver.normals[points]
+        above = graph.grasp_map.positions[points] + graph.robot.lift * graph.solver.normals[points]
         tools = Rotation.from_matrix(graph.solver.tools[points])
         turn = (tools[0].inv() * tools[1]).as_rotvec()
         rotations = (tools[0] * Rotation.from_rotvec(share[:, None] * turn)).as_matrix()
-        flanges = above[0] + share[:, None] * (above[1] - above[0])
+        grasps = above[0] + share[:, None] * (above[1] - above[0])
+        flanges = grasps - graph.robot.tool_length * rotations[:, :, 2]
         return self._follow(
             step.limb, step.branches[step.limb], flanges, rotations, *self.base(share), self._knots[0, 1:]
         )
