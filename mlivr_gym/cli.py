@@ -227,7 +227,7 @@ def _simulate(args: argparse.Namespace) -> int:
     from mlivr_gym import GraspMap, jem_map, stance_graph
     from mlivr_gym.planners import Plan
 
-    if args.plan and (args.start or args.goal or args.case):
+    if bool(args.plan) + bool(args.case) + bool(args.start or args.goal) > 1:
         raise SettingError("give either --plan, or --case, or --start and --goal")
     if args.plan:
         plan = Plan.load(args.plan, GraspMap.load(args.map) if args.map else jem_map())
