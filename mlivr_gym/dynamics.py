@@ -55,8 +55,8 @@ class Physics:
         hold_torque: Largest torque that a grasp holds [N m].
         saturation_time: A joint whose torque is at its limit for longer than this has failed [s].
         limit_margin: A joint farther beyond its limits than this has failed [rad]; the manufacturer's controller stops there.
-        feedforward: Whether the torques that the trajectory needs by the robot's dynamics are added to those of the PD
-            controller (`feedforward.feedforward`); the paper's controller does without.
+        feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward to the PD controller, see
+            `feedforward.feedforward`; the paper's controller does without.
     """
 
     timestep: float = 0.002

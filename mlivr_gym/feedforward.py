@@ -1,7 +1,8 @@
-"""Torques that a trajectory needs by the robot's own dynamics, to be added to those of the PD controller.
+"""What a trajectory needs by the robot's own dynamics, to be fed forward to the PD controller.
 
 With the robot in free fall, what accelerates it is the wrench of the grasps that hold: the base rows of the inverse dynamics give
-that wrench, and the transposed Jacobians of the grasps what the joints have to do for it.
+that wrench, and the transposed Jacobians of the grasps what torque the joints have to add. The same wrench bends the
+grasps, which the joints of the limbs that hold make up for.
 """
 
 from __future__ import annotations
@@ -9,8 +10,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.dynamics import Physics
 from mlivr_gym.trajectory import FREE, Trajectory
 
 Array = NDArray[np.float64]
@@ -19,13 +22,14 @@ SAMPLES = 1000
 """Times in a step at which torques are worked out; they are interpolated in between."""
 
 
-def feedforward(model: mujoco.MjModel, trajectory: Trajectory) -> Array:
-    """Joint torques along a trajectory, shape (k, N, 6) [N m].
+def feedforward(model: mujoco.MjModel, physics: Physics, trajectory: Trajectory) -> tuple[Array, Array]:
+    """Joint torques [N m] and changes of the joint positions [rad] along a trajectory, each of shape (k, N, 6).
 
     Where several limbs hold, they share the wrench such that the sum of its squares is least.
 
     Args:
         model: The dynamic model of the robot, its free joint first.
+        physics: Figures of the grasps.
         trajectory: Of one step.
     """
     coarse = trajectory.every(float(trajectory.times[-1]) / SAMPLES)
@@ -57,11 +61,32 @@ def feedforward(model: mujoco.MjModel, trajectory: Trajectory) -> Array:
     stacked = jacobians.reshape(count, -1, model.nv)
     wrench = np.linalg.pinv(stacked[:, :, :6].swapaxes(1, 2)) @ forces[:, :6, None]
     torques = (forces[:, :, None] - stacked.swapaxes(1, 2) @ wrench)[:, order, 0]
+    bends = _bends(physics, wrench.reshape(count, len(sites), 6), float(times[1] - times[0]))
+    shifts = np.zeros((count, limbs, 6))
+    for n, limb in enumerate(holding):
+        shifts[:, limb] = (
+            np.linalg.pinv(jacobians[:, n][:, :, order[6 * limb : 6 * limb + 6]]) @ bends[:, n, :, None]
+        )[..., 0]
     place = np.interp(trajectory.times, times, np.arange(count))
     left = np.minimum(place.astype(np.int64), count - 2)
     share = (place - left)[:, None]
-    fine: Array = (1.0 - share) * torques[left] + share * torques[left + 1]
-    return fine.reshape(len(fine), limbs, 6)
+    rough = np.column_stack([torques, shifts.reshape(count, -1)])
+    fine = (1.0 - share) * rough[left] + share * rough[left + 1]
+    both = fine.reshape(len(fine), 2, limbs, 6)
+    return both[:, 0], both[:, 1]
+
+
+def _bends(physics: Physics, wrenches: Array, period: float) -> Array:
+    """How far wrenches, shape (k, n, 6), bend grasps that start at rest [m, rad]."""
+    bends = np.empty_like(wrenches)
+    for rows, stiffness, damping in (
+        (slice(0, 3), physics.grasp_stiffness, physics.grasp_damping),
+        (slice(3, 6), physics.grasp_rotational_stiffness, physics.grasp_rotational_damping),
+    ):
+        # A spring beside a damper follows its load with the time constant damping / stiffness.
+        kept = float(np.exp(-period * stiffness / damping))
+        bends[..., rows] = lfilter([1.0 - kept], [1.0, -kept], -wrenches[..., rows] / stiffness, axis=0)
+    return bends
 
 
 def _angular_velocity(quaternions: Array, times: Array) -> Array:

@@ -175,9 +175,12 @@ class Simulation:
     def _control(self, trajectory: Trajectory) -> Array:
         """Control of the joints' actuators at each time, shape (k, 6 N)."""
         physics = self.physics
-        control = trajectory.joint_positions + (physics.kd / physics.kp) * trajectory.joint_velocities
+        positions, speeds = trajectory.joint_positions, trajectory.joint_velocities
+        torques = np.zeros_like(positions)
         if physics.feedforward:
-            control += feedforward(self.model, trajectory) / physics.kp
+            torques, shifts = feedforward(self.model, physics, trajectory)
+            positions, speeds = positions + shifts, speeds + np.gradient(shifts, trajectory.times, axis=0)
+        control: Array = positions + (physics.kd * speeds + torques) / physics.kp
         return control.reshape(len(control), -1)
 
     def grasp_error(self, limb: int, point: int) -> tuple[float, float]:

@@ -98,7 +98,7 @@ class Trajectory:
     def after(self, other: Trajectory) -> Trajectory:
         """This trajectory behind another that ends where it starts."""
         late = replace(self, times=self.times + other.times[-1], step=self.step + other.step[-1] + 1)
-        joined = {
+        joined: dict[str, Any] = {
             name: np.concatenate([getattr(other, name)[:-1], getattr(late, name)])
             for name in _ARRAYS
         }  # fmt: skip
