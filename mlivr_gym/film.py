@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,8 @@ def film(
     kind = Path(path).suffix.lower()
     if kind not in (".gif", ".mp4"):
         raise RenderError(f"cannot write a film as {str(path)!r}; valid endings are '.gif', '.mp4'")
+    if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
+        raise RenderError("an .mp4 needs the package imageio[ffmpeg]; without it, write a .gif")
     renderer = SceneRenderer(grasp_map, robot, *size, obstacles)
     chosen = np.unique(np.linspace(0, len(recording.times) - 1, frames).round().astype(int))
     pictures = []
@@ -83,9 +86,7 @@ def _gif(pictures: list[NDArray[np.uint8]], rate: float) -> bytes:
 
 
 def _mp4(pictures: list[NDArray[np.uint8]], rate: float) -> bytes:
-    try:
-        import imageio.v3 as iio
-    except ImportError:
-        raise RenderError("an .mp4 needs the package imageio[ffmpeg]; without it, write a .gif") from None
+    import imageio.v3 as iio
+
     encoded: bytes = iio.imwrite("<bytes>", np.stack(pictures), extension=".mp4", fps=rate, plugin="FFMPEG")
     return encoded

@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--timestep", type=float, default=0.002, metavar="S", help="time step [s] (default: %(default)s)"
     )
+    parser.add_argument("--no-feedforward", action="store_true", help="PD control alone, as in the paper")
     parser.add_argument("--out", default="walk", metavar="FOLDER", help="where results go (default: %(default)s)")
     parser.add_argument("--film", default="walk.gif", metavar="NAME", help=".gif or .mp4 (default: %(default)s)")
     parser.add_argument("--no-film", action="store_true", help="do without a film")
@@ -40,11 +41,12 @@ def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
             f"--size is {tuple(args.size)}, --frames {args.frames}; 16 to 1920 pixels, at least 2 frames"
         )
     out, durations = Path(args.out), Durations.of_step(args.duration)
+    physics = Physics(timestep=args.timestep, feedforward=not args.no_feedforward)
     out.mkdir(parents=True, exist_ok=True)
     plan.save(out / "plan.json")
     plan_trajectory(graph, plan, durations).every(0.1).save_csv(out / "trajectory.csv")
     bar = Bar("steps carried out", len(plan.steps))
-    execution = execute(graph, plan, durations, Physics(timestep=args.timestep), bar.show)
+    execution = execute(graph, plan, durations, physics, bar.show)
     bar.close()
     summary, peaks = execution.summary(), execution.peaks
     print(

@@ -6,6 +6,8 @@ import sys
 import pytest
 
 from mlivr_gym.cli import main
+from mlivr_gym.errors import RenderError
+from mlivr_gym.film import film
 from mlivr_gym.planners import Plan
 
 
@@ -142,6 +144,8 @@ def test_simulate_leaves_measurements_plot_and_film(capsys, tmp_path, checked_gr
     assert (tmp_path / "walk" / "simulation.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "walk" / "trajectory.csv").read_text().startswith("time_s,step,phase")
     assert "no film" in out or (tmp_path / "walk" / "walk.gif").read_bytes().startswith(b"GIF8")
+    with pytest.raises(RenderError, match="valid endings"):
+        film(checked_graph.grasp_map, checked_graph.robot, None, tmp_path / "walk.avi")
     plan = str(tmp_path / "walk" / "plan.json")
     code, out, _ = run(
         capsys, "simulate", "--plan", plan, "--duration", "3", "--no-film", "--out", str(tmp_path / "fast")
