@@ -7,10 +7,10 @@ failure ends the walk at the very step at which it showed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import mujoco.rollout
@@ -150,27 +150,58 @@ class Simulation:
         limb, lands = self._moving(trajectory)
         leaves = self.points[limb]
         self._release(limb)
-        control = self._control(trajectory)
-        parts: list[tuple[Recording, Peaks]] = []
+        near = ((leaves,), (), (lands,))
+        recording, peaks, failure = self._run(
+            trajectory, self._control(trajectory), step, lambda phase: self._meets(limb, near[phase])
+        )
+        if failure is not None:
+            return Carried(recording, peaks, None, failure)
+        distance, angle = self.grasp_error(limb, lands)
+        if not self._within_reach(distance, angle):
+            return Carried(recording, peaks, None, self._missed(limb, lands, distance, angle, step))
+        capture = Capture(self.time, step, limb, self.grasp_map.ids[lands], distance, angle)
+        self._grasp(limb, lands)
+        return Carried(recording, peaks, capture, None)
+
+    def rest(self, trajectory: Trajectory, duration: float, step: int = 0) -> Carried:
+        """Hold still in the stance in which a trajectory ended.
+
+        Args:
+            trajectory: The trajectory that was carried out last.
+            duration: How long [s].
+            step: Index of the step, for the record.
+        """
+        count = max(round(duration / self.physics.timestep), 1) + 1
+        last: dict[str, Any] = {
+            name: np.repeat(getattr(trajectory, name)[-1:], count, axis=0)
+            for name in ("step", "phase", "joint_positions", "base_positions", "base_quaternions", "grasps")
+        }
+        times = np.arange(count, dtype=np.float64) * self.physics.timestep
+        still = replace(trajectory, times=times, joint_velocities=np.zeros_like(last["joint_positions"]), **last)
+        recording, peaks, failure = self._run(still, still.joint_positions.reshape(count, -1), step, lambda _: None)
+        return Carried(recording, peaks, None, failure)
+
+    def _run(
+        self, trajectory: Trajectory, control: Array, step: int, enter: Callable[[int], None]
+    ) -> tuple[Recording, Peaks, Failure | None]:
+        """Simulate until the end or the first failure; `enter` is called with the phase before each piece of it."""
+        recordings, peaks, failure = [], [], None
         watch = FailureWatch(self.physics, self.robot.limb.limits, step)
-        count = len(control) - 1
-        for first, last in _chunks(trajectory.phase, count):
+        for first, last in _chunks(trajectory.phase, len(control) - 1):
             phase = int(trajectory.phase[first + 1])
-            self._meets(limb, ((leaves,), (), (lands,))[phase])
+            enter(phase)
             states, sensors = self._roll(control[first:last])
             measured = self._measure(states, sensors, trajectory, first)
             found = watch.first(measured, PHASES[phase], [point != FREE for point in self.points])
             ended = len(measured.times) if found is None else found[0] + 1
-            parts.append(self._record(measured, ended, step, phase))
+            recorded, largest = self._record(measured, ended, step, phase)
+            recordings.append(recorded)
+            peaks.append(largest)
             if found is not None:
                 self._restore(states[found[0]], found[1].time)
-                return Carried(*_joined(parts), None, self._named(found[1]))
-        distance, angle = self.grasp_error(limb, lands)
-        if not self._within_reach(distance, angle):
-            return Carried(*_joined(parts), None, self._missed(limb, lands, distance, angle, step))
-        capture = Capture(self.time, step, limb, self.grasp_map.ids[lands], distance, angle)
-        self._grasp(limb, lands)
-        return Carried(*_joined(parts), capture, None)
+                failure = self._named(found[1])
+                break
+        return Recording.join(recordings), Peaks.join(peaks), failure
 
     def _control(self, trajectory: Trajectory) -> Array:
         """Control of the joints' actuators at each time, shape (k, 6 N)."""
@@ -330,7 +361,3 @@ def _chunks(phase: NDArray[np.int64], count: int) -> Iterator[tuple[int, int]]:
     for start, stop in pairwise(edges):
         for first in range(start, stop, CHUNK):
             yield first, min(first + CHUNK, stop)
-
-
-def _joined(parts: list[tuple[Recording, Peaks]]) -> tuple[Recording, Peaks]:
-    return Recording.join([recording for recording, _ in parts]), Peaks.join([peaks for _, peaks in parts])

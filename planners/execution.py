@@ -22,6 +22,9 @@ from mlivr_gym.simulation import Simulation
 from mlivr_gym.stance_graph import StanceGraph
 from mlivr_gym.trajectory import Durations
 
+REST = 2.0
+"""How long the last grasp is held at the end of a walk [s]."""
+
 
 @dataclass(frozen=True)
 class Execution:
@@ -52,7 +55,7 @@ class Execution:
     @property
     def simulated_time(self) -> float:
         """Time that passed in the simulation [s]."""
-        return self.durations.total * len(self.captures) if self.failure is None else self.failure.time
+        return self.durations.total * len(self.captures) + REST if self.failure is None else self.failure.time
 
     def summary(self) -> dict[str, Any]:
         """What was measured, without the arrays, as plain data for JSON."""
@@ -137,6 +140,14 @@ def execute(
         failure = done.failure
         if failure is not None:
             break
+    else:
+        # The walk goes on for a moment, so that the last grasp is measured too.
+        start = time.perf_counter()
+        done = simulation.rest(trajectory, REST, len(plan.steps) - 1)
+        simulated += time.perf_counter() - start
+        recordings.append(done.recording)
+        peaks.append(done.peaks)
+        failure = done.failure
     return Execution(
         plan, durations, simulation.physics, Recording.join(recordings), Peaks.join(peaks), tuple(captures), failure,
         prepared, simulated,

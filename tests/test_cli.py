@@ -138,7 +138,7 @@ def test_simulate_leaves_measurements_plot_and_film(capsys, tmp_path, checked_gr
         capsys, "simulate", "--start", "D2a:4", "D1b:3", "--goal", *(f"{x:.6f}" for x in goal), "--cost", "steps",
         "--duration", "20", "--frames", "2", "--size", "64", "32", "--out", str(tmp_path / "walk"),
     )  # fmt: skip
-    assert code == 0 and "1 of 1 steps carried out, 20 s simulated" in out and "took hold of" in out
+    assert code == 0 and "1 of 1 steps carried out, 22 s simulated" in out and "took hold of" in out
     summary = json.loads((tmp_path / "walk" / "simulation.json").read_text())
     assert summary["success"] and summary["captures"][0]["distance"] < 0.01
     assert (tmp_path / "walk" / "simulation.png").read_bytes().startswith(b"\x89PNG")

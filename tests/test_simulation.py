@@ -186,7 +186,7 @@ def test_joint_torques_are_those_of_the_pd_law_within_the_manufacturers_limits(j
 
 
 def test_a_step_is_carried_out_within_tolerance(walked, plan, jem):
-    assert walked.failure is None and walked.simulated_time == pytest.approx(50.0)
+    assert walked.failure is None and walked.simulated_time == pytest.approx(52.0)
     (capture,) = walked.captures
     assert capture.distance < 1e-3 and capture.angle < 1e-3 and capture.point == plan.steps[0].lands
     np.testing.assert_allclose(walked.recording.base_positions[-1], plan.base_positions[1], atol=1e-3)
@@ -218,7 +218,7 @@ def test_measurements_are_saved(walked, tmp_path):
     walked.save(tmp_path / "walk.npz")
     with np.load(tmp_path / "walk.npz") as data:
         torques = data["joint_torques"]
-        assert torques.shape == (2500, 2, 6) and data["phase"].max() == 2
+        assert torques.shape == (2600, 2, 6) and data["phase"].max() == 2
     np.testing.assert_allclose(walked.recording.torque_rms**2 * 12, (torques**2).sum(axis=(1, 2)))
     assert walked.peaks.torque_rms >= walked.recording.torque_rms.max() > 0.0
     assert '"success": true' in (tmp_path / "walk.json").read_text()
