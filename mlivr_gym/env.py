@@ -75,7 +75,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
     starts, with its goal, and uses its joint angles and swings for as long as the actions follow it.
 
     ## Episode End
-    Terminated when the base is within `goal_tolerance` of the goal, or, with `dynamics="mujoco"`, when a step fails.
+    Terminated when the base is within `goal_tolerance` of the goal, or, with `dynamics="mujoco"`, when a step fails; the
+    observation is then still that of the stance before.
     Truncated after `max_episode_steps` of the registration (100).
 
     ## Information

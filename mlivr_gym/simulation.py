@@ -292,7 +292,10 @@ class Simulation:
 
     def _measure(self, states: Array, sensors: Array, trajectory: Trajectory, first: int) -> Measured:
         count, limbs = len(states), self.robot.limbs
-        finite: NDArray[np.bool_] = np.asarray(np.isfinite(states).all(axis=1))
+        times = np.arange(self._steps - count, self._steps, dtype=np.float64) * self.physics.timestep
+        # MuJoCo resets a state that diverged, and its clock with it.
+        on_time = np.abs(states[:, 0] - times) < 0.5 * self.physics.timestep
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(states).all(axis=1) & on_time)
         # What a diverged state holds is not looked at; a failure is reported at the first of them.
         qpos, qvel = np.split(
             np.where(finite[:, None], states, 0.0)[:, 1 : 1 + self.model.nq + self.model.nv], [self.model.nq], 1
@@ -301,7 +304,7 @@ class Simulation:
         wanted = trajectory.base_quaternions[first : first + count]
         cosine = np.abs((base[:, 3:] * wanted).sum(axis=1)) / np.maximum(np.linalg.norm(base[:, 3:], axis=1), 1e-9)
         return Measured(
-            times=np.arange(self._steps - count, self._steps, dtype=np.float64) * physics.timestep,
+            times=times,
             joints=qpos[:, self._qpos].reshape(count, limbs, 6),
             speeds=qvel[:, self._qvel].reshape(count, limbs, 6),
             torques=sensors[:, self._torques].reshape(count, limbs, 6),

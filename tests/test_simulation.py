@@ -261,6 +261,15 @@ def test_a_collision_is_a_failure_that_names_what_touches(checked_graph, plan, j
     assert "tool bag" in failure.message and failure.values["depth_m"] > 0.0
 
 
+def test_divergence_is_a_failure(checked_graph, plan, jem, tmp_path, monkeypatch):
+    """The damping of joints as light as a wrist's is too stiff for an explicit integrator."""
+    monkeypatch.chdir(tmp_path)  # MuJoCo leaves a log file
+    simulation = Simulation(jem, plan.robot, Physics(hold_force=1e9, hold_torque=1e9))
+    simulation.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    failure = execute(checked_graph, plan, simulation=simulation).failure
+    assert failure is not None and failure.kind == "divergence"
+
+
 def measured(count, **changes):
     zero = {
         "times": 0.002 * np.arange(count), "joints": np.zeros((count, 2, 6)), "speeds": np.zeros((count, 2, 6)),
