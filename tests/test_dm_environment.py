@@ -1,3 +1,5 @@
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -13,11 +15,16 @@ from mlivr_gym.agents import ExpertPolicy
 from mlivr_gym.dm_environment import MlivrDmEnvironment
 
 
+@cache
+def env():
+    return MlivrEnv(collisions=False)
+
+
 class TestInterface(test_utils.EnvironmentTestMixin, absltest.TestCase):
     """dm_env's own tests, with an episode that reaches its end."""
 
     def make_object_under_test(self):
-        return MlivrDmEnvironment(MlivrEnv(collisions=False), seed=0, max_episode_steps=8)
+        return MlivrDmEnvironment(env(), seed=0, max_episode_steps=8)
 
     def make_action_sequence(self):
         rng = np.random.default_rng(0)
@@ -27,16 +34,17 @@ class TestInterface(test_utils.EnvironmentTestMixin, absltest.TestCase):
 
 
 def test_the_mask_is_observed_and_the_discount_tells_goal_from_step_limit():
-    environment = MlivrDmEnvironment(MlivrEnv(collisions=False), seed=3)
+    environment = MlivrDmEnvironment(env(), seed=3)
     timestep, policy = environment.reset(), ExpertPolicy()
     while not timestep.last():
         mask = environment.env.action_masks()
         assert np.array_equal(timestep.observation["action_mask"], mask)
         timestep = environment.step(policy.act(environment.env, timestep.observation, mask))
     assert environment.info["is_success"] and timestep.discount == 0.0
-    short = MlivrDmEnvironment(MlivrEnv(collisions=False, goal_tolerance=0.0), seed=3, max_episode_steps=1)
+    short = MlivrDmEnvironment(env(), seed=3, max_episode_steps=1)
     timestep = short.reset()
-    timestep = short.step(int(np.flatnonzero(timestep.observation["action_mask"])[0]))
+    mask = timestep.observation["action_mask"]
+    timestep = short.step(int(np.flatnonzero(mask == 0)[0]))
     assert timestep.last() and timestep.discount == 1.0
 
 
