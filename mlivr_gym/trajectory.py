@@ -1,8 +1,8 @@
 """Trajectories: regrasps with a clock.
 
 Departure, each piece of the swing, and approach run from rest to rest on a quintic, so that velocity and acceleration vanish at
-every corner of the path that was checked and the path itself is kept exactly. The swing's time is shared among its pieces in
-proportion to the farthest travel of any joint. The base moves along with the swing.
+every corner of the path that was checked and the path itself is kept exactly. The swing's time is shared among its pieces such
+that the largest acceleration of any joint is about the same in all of them. The base moves along with the swing.
 """
 
 from __future__ import annotations
@@ -219,14 +219,15 @@ def trajectory(path: RegraspPath, durations: Durations | None = None, period: fl
 
 
 def _shares(path: RegraspPath) -> Array:
-    """Share of the swing's time that each of its pieces gets."""
+    """Share of the swing's time that each of its pieces gets: accelerations go with travel over time squared."""
     share = np.linspace(0.0, 1.0, PIECE_SAMPLES)
     pieces = [path.swing(piece, share) for piece in range(path.pieces)]
     others = path.supports(np.concatenate([u for u, _ in pieces])).reshape(len(pieces), PIECE_SAMPLES, -1)
     travel = [
         max(_travel(own), _travel(held[:, ~np.isnan(held[0])])) for (_, own), held in zip(pieces, others, strict=True)
     ]
-    return np.array(travel) / sum(travel)
+    roots: Array = np.sqrt(travel)
+    return roots / roots.sum()
 
 
 def _travel(joints: Array) -> float:
