@@ -52,11 +52,7 @@ def film(
         RenderError: If there is no GL library, or the kind of file cannot be written.
         FileError: If the file cannot be written.
     """
-    kind = Path(path).suffix.lower()
-    if kind not in (".gif", ".mp4"):
-        raise RenderError(f"cannot write a film as {str(path)!r}; valid endings are '.gif', '.mp4'")
-    if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
-        raise RenderError("an .mp4 needs the package imageio[ffmpeg]; without it, write a .gif")
+    kind = check_kind(path)
     renderer = SceneRenderer(grasp_map, robot, *size, obstacles)
     chosen = np.unique(np.linspace(0, len(recording.times) - 1, frames).round().astype(int))
     pictures = []
@@ -70,6 +66,20 @@ def film(
             progress(done)
     renderer.close()
     write_whole(path, _gif(pictures, rate) if kind == ".gif" else _mp4(pictures, rate))
+
+
+def check_kind(path: str | Path) -> str:
+    """The ending of a film's name, if such a film can be written.
+
+    Raises:
+        RenderError: If it is neither `.gif` nor `.mp4`, or `imageio[ffmpeg]` is missing for an `.mp4`.
+    """
+    kind = Path(path).suffix.lower()
+    if kind not in (".gif", ".mp4"):
+        raise RenderError(f"cannot write a film as {str(path)!r}; valid endings are '.gif', '.mp4'")
+    if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
+        raise RenderError("an .mp4 needs the package imageio[ffmpeg]; without it, write a .gif")
+    return kind
 
 
 def _gif(pictures: list[NDArray[np.uint8]], rate: float) -> bytes:

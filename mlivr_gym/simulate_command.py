@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mlivr_gym.errors import RenderError, SettingError
+from mlivr_gym.files import FileError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
     """Carry `plan` out, print and save what was measured; 0 if it succeeded, 1 if it failed."""
     from mlivr_gym.dynamics import Physics
+    from mlivr_gym.film import check_kind
     from mlivr_gym.planners.execution import execute
     from mlivr_gym.planners.motion import plan_trajectory
     from mlivr_gym.simulation_figure import simulation_figure
@@ -40,9 +42,14 @@ def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
         raise SettingError(
             f"--size is {tuple(args.size)}, --frames {args.frames}; 16 to 1920 pixels, at least 2 frames"
         )
+    if not args.no_film:
+        check_kind(args.film)
     out, durations = Path(args.out), Durations.of_step(args.duration)
     physics = Physics(timestep=args.timestep, feedforward=not args.no_feedforward)
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot make folder {args.out!r}: {error.strerror or error}") from None
     plan.save(out / "plan.json")
     plan_trajectory(graph, plan, durations).every(0.1).save_csv(out / "trajectory.csv")
     bar = Bar("steps carried out", len(plan.steps))

@@ -300,7 +300,7 @@ class Simulation:
         qpos, qvel = np.split(
             np.where(finite[:, None], states, 0.0)[:, 1 : 1 + self.model.nq + self.model.nv], [self.model.nq], 1
         )
-        physics, base = self.physics, qpos[:, self._base : self._base + 7]
+        base = qpos[:, self._base : self._base + 7]
         wanted = trajectory.base_quaternions[first : first + count]
         cosine = np.abs((base[:, 3:] * wanted).sum(axis=1)) / np.maximum(np.linalg.norm(base[:, 3:], axis=1), 1e-9)
         return Measured(

@@ -160,6 +160,7 @@ def test_simulate_leaves_measurements_plot_and_film(capsys, tmp_path, checked_gr
     [
         (["--plan", "no.json"], "cannot read plan"), (["--plan", "x.json", "--case", "3"], "give either"),
         (["--case", "3", "--duration", "0"], "must be finite and above 0"), (["--case", "3", "--frames", "1"], "--frames 1"),
+        (["--case", "3", "--film", "walk.avi"], "valid endings"),
     ],
 )  # fmt: skip
 def test_simulate_says_what_is_wrong(capsys, tmp_path, arguments, message):
