@@ -1,4 +1,4 @@
-# make demo: install, plan the four cases of the paper, leave tables and pictures in results/
+# make demo: install, plan the four cases of the paper, carry the third out in MuJoCo; tables, pictures, film in results/
 # make test: install what the tests need, then lint, types and tests
 PYTHON ?= python3
 VENV ?= .venv
@@ -9,6 +9,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constr
 
 demo: $(VENV)/.core
 	$(BIN)/mlivr-gym table1 --out results
+	$(BIN)/mlivr-gym simulate --case 3 --out results/walk
 
 test: lint types unit
 
@@ -30,6 +31,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/blocked.py
 	$(BIN)/python experiments/interrupted_walk.py
 	$(BIN)/python experiments/benchmark_planning.py
+	$(BIN)/python experiments/dynamic_simulation.py
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed"; exit 1; }
@@ -42,7 +44,7 @@ $(VENV)/.core: $(VENV)/bin/python pyproject.toml constraints.txt
 # PyTorch first and pinned, so that nothing else pulls another build of it.
 $(VENV)/.dev: $(VENV)/.core
 	$(PIP) torch==2.13.0
-	$(PIP) --editable '.[agents,dev]'
+	$(PIP) --editable '.[agents,dm,dev]'
 	@touch $@
 
 clean:

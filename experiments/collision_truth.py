@@ -32,11 +32,11 @@ from mlivr_gym.pair_graph import PairGraph, edge_entry
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.assemble import assemble
 from mlivr_gym.planners.motion import step_motion
-from mlivr_gym.planners.sampling import sampled_way
-from mlivr_gym.planners.swing import Hold, SwingFinder
+from mlivr_gym.sampling import sampled_way
 from mlivr_gym.scene import scene_spec
 from mlivr_gym.stance_graph import join
 from mlivr_gym.swept_kernels import departure_free
+from mlivr_gym.swing import Hold, SwingFinder
 from mlivr_gym.tasks import sample_task
 
 SAMPLED_PAIRS = 3

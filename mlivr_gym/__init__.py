@@ -2,6 +2,7 @@
 
 from gymnasium.envs.registration import register
 
+import mlivr_gym._headless  # noqa: F401
 from mlivr_gym._version import __version__
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.grasp_map import GraspMap, jem_map

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from mlivr_gym.errors import MlivrError, RenderError, SettingError
+from mlivr_gym.simulate_command import add_arguments, simulate
 
 EXAMPLES = """examples:
   mlivr-gym plan
@@ -19,6 +20,7 @@ EXAMPLES = """examples:
   mlivr-gym table1 --out results
   mlivr-gym info --map my_map.json
   mlivr-gym render --start D2a:4 D2b:4 --out start.png
+  mlivr-gym simulate --case 3 --out walk
 """
 
 
@@ -38,7 +40,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES, formatter_class=formatter,
     )  # fmt: skip
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="{plan,table1,info,render}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="{plan,table1,info,render,simulate}")
 
     world = _Parser(add_help=False)
     world.add_argument("--robot", default="mlivr2", help="mlivr2, mlivr3, mlivr4 or a JSON file (default: %(default)s)")
@@ -66,29 +68,39 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     way.add_argument("--occupied", nargs="+", default=[], metavar="POINT", help="points that may not be grasped")
 
-    plan = commands.add_parser(
-        "plan", parents=[world, way], help="plan from a stance to a goal", epilog=EXAMPLES, formatter_class=formatter,
-        description="Plan from a start stance to a goal position of the base. Start and goal have defaults.",
-    )  # fmt: skip
-    plan.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
-    plan.add_argument("--goal", nargs=3, type=float, metavar=("X", "Y", "Z"), help="goal position of the base [m]")
-    plan.add_argument("--cost", default="base", help="base, steps or weighted (default: %(default)s)")
-    plan.add_argument("--regrasp-price", type=float, metavar="M", help="metres charged for a regrasp, with weighted")
-    plan.add_argument("--method", default="astar", help="astar, dijkstra or greedy (default: %(default)s)")
-    plan.add_argument("--heuristic", help="cost_to_go, consistent, paper or zero")
-    plan.add_argument(
+    query = _Parser(add_help=False)
+    query.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
+    query.add_argument("--goal", nargs=3, type=float, metavar=("X", "Y", "Z"), help="goal position of the base [m]")
+    query.add_argument("--cost", default="base", help="base, steps or weighted (default: %(default)s)")
+    query.add_argument("--regrasp-price", type=float, metavar="M", help="metres charged for a regrasp, with weighted")
+    query.add_argument("--method", default="astar", help="astar, dijkstra or greedy (default: %(default)s)")
+    query.add_argument("--heuristic", help="cost_to_go, consistent, paper or zero")
+    query.add_argument(
         "--inflation",
         type=float,
         metavar="E",
         help="factor on the heuristic: faster, cost at most E times the least (default: 1 for two limbs, 2 for more)",
     )
-    plan.add_argument(
+    query.add_argument(
         "--tolerance", type=float, default=0.2, metavar="M", help="radius of the goal [m] (default: %(default)s)"
     )
-    plan.add_argument("--limit", type=int, default=200_000, help="most states explored (default: %(default)s)")
+    query.add_argument("--limit", type=int, default=200_000, help="most states explored (default: %(default)s)")
+
+    plan = commands.add_parser(
+        "plan", parents=[world, way, query], help="plan from a stance to a goal", epilog=EXAMPLES, formatter_class=formatter,
+        description="Plan from a start stance to a goal position of the base. Start and goal have defaults.",
+    )  # fmt: skip
     plan.add_argument("--out", metavar="FILE", help="write the plan as JSON")
     plan.add_argument("--picture", metavar="FILE", help="draw the plan as PNG")
     plan.set_defaults(run=_plan)
+
+    simulate = commands.add_parser(
+        "simulate", parents=[world, way, query], help="carry a plan out in MuJoCo", epilog=EXAMPLES,
+        formatter_class=formatter,
+        description="Carry a plan out in MuJoCo: one from a file, or one that is made first as with `plan`.",
+    )  # fmt: skip
+    add_arguments(simulate)
+    simulate.set_defaults(run=_simulate)
 
     table = commands.add_parser(
         "table1",
@@ -162,11 +174,10 @@ def _default_task(graph: Any, args: argparse.Namespace) -> tuple[Any, Any]:
     return tuple(start), tuple(float(v) for v in goal)
 
 
-def _plan(args: argparse.Namespace) -> int:
-    from mlivr_gym.figures import plan_figure
+def _query(graph: Any, args: argparse.Namespace) -> tuple[Any, Any]:
+    """A plan between start and goal of the arguments, which is described, and what the planner found."""
     from mlivr_gym.planners import Planner
 
-    graph = _graph(args)
     start, goal = _default_task(graph, args)
     bar = _progress("states explored")
     result = Planner(graph).plan(
@@ -185,6 +196,14 @@ def _plan(args: argparse.Namespace) -> int:
         f"{plan.expanded} states explored, {plan.generated} generated, "
         f"{1e3 * (plan.feasibility_time + plan.search_time):.1f} ms for the query"
     )
+    return plan, result
+
+
+def _plan(args: argparse.Namespace) -> int:
+    from mlivr_gym.figures import plan_figure
+
+    graph = _graph(args)
+    plan, result = _query(graph, args)
     if args.out:
         plan.save(args.out)
         print(f"plan: {args.out}")
@@ -202,6 +221,27 @@ def _progress(what: str) -> Any:
             print("\r\033[K" if count < 0 else f"\r{count} {what}", end="", file=sys.stderr, flush=True)
 
     return show
+
+
+def _simulate(args: argparse.Namespace) -> int:
+    from mlivr_gym import GraspMap, jem_map, stance_graph
+    from mlivr_gym.planners import Plan
+
+    if bool(args.plan) + bool(args.case) + bool(args.start or args.goal) > 1:
+        raise SettingError("give either --plan, or --case, or --start and --goal")
+    if args.plan:
+        plan = Plan.load(args.plan, GraspMap.load(args.map) if args.map else jem_map())
+        graph = stance_graph(GraspMap.load(args.map) if args.map else jem_map(), plan.robot, plan.settings)
+        return simulate(args, graph, plan)
+    if args.case:
+        from mlivr_gym.table1 import CASES, case_graph, default_setup
+
+        setup = default_setup()
+        args.start, args.goal, args.cost = tuple(setup["start"]), tuple(setup["goal"]), CASES[args.case].cost
+        graph = case_graph(args.case, setup, collisions=not args.no_collisions)
+    else:
+        graph = _graph(args)
+    return simulate(args, graph, _query(graph, args)[0])
 
 
 def _table1(args: argparse.Namespace) -> int:

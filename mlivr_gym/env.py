@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -13,13 +13,28 @@ from numpy.typing import NDArray
 from mlivr_gym.errors import SettingError, StanceError, choice, nonnegative
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.posture import Postures
+from mlivr_gym.recording import Failure
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import CLEARANCE, Settings
 from mlivr_gym.stance_graph import State, Successors, stance_graph
 from mlivr_gym.tasks import sample_task
+from mlivr_gym.trajectory import Durations
+
+if TYPE_CHECKING:
+    from mlivr_gym.dynamics import Physics
+    from mlivr_gym.physical_walk import PhysicalWalk
 
 REWARDS = ("steps", "base")
 """Names of the rewards."""
+
+DYNAMICS = ("kinematic", "mujoco")
+"""Names of the ways in which a step is taken."""
+
+MEASURES = (
+    "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force", "peak_grasp_torque", "base_error",
+    "simulated_time",
+)  # fmt: skip
+"""What `info` tells of the last step that was carried out."""
 
 
 class MlivrEnv(gymnasium.Env[Any, Any]):
@@ -56,15 +71,25 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
 
     ## Starting State
     `reset(options={"start": (ids...), "goal": (x, y, z)})`; what is not given is drawn from the seed such that a
-    walk of possible steps joins start and goal.
+    walk of possible steps joins start and goal. With `dynamics="mujoco"`, `options={"plan": plan}` starts where a plan
+    starts, with its goal, and uses its joint angles and swings for as long as the actions follow it.
 
     ## Episode End
-    Terminated when the base is within `goal_tolerance` of the goal. Truncated after `max_episode_steps` of the
-    registration (100).
+    Terminated when the base is within `goal_tolerance` of the goal, or, with `dynamics="mujoco"`, when a step fails; the
+    observation is then still that of the stance before.
+    Truncated after `max_episode_steps` of the registration (100).
 
     ## Information
     `stance` (point ids), `base_position` [m], `base_translation` [m] and `steps` since reset,
     `limb_manipulability` (N,), `base_manipulability`, `action_mask` (int8), `is_success`, `invalid_action`.
+    With `dynamics="mujoco"` also `failure` (None, or a dictionary as in `recording.Failure`) and of the last step
+    `capture_distance` [m], `capture_angle` [rad], `peak_torque` [N m], `torque_rms` (largest over time) [N m],
+    `peak_grasp_force` [N], `peak_grasp_torque` [N m], `base_error` [m], and `simulated_time` since reset [s].
+
+    ## Dynamics
+    `"kinematic"`: a step is the transition of the stance graph. `"mujoco"`: it is carried out by a PD controller in
+    MuJoCo, where each limb is on one branch with one winding, chosen when it lands; `branches` then has one bit a limb and
+    the mask leaves out steps in which a limb that holds would leave its joint limits.
 
     ## Arguments
     See `__init__`.
@@ -91,6 +116,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         shaping: bool = False,
         discount: float = 0.99,
         dynamics: str = "kinematic",
+        step_duration: float = 50.0,
+        physics: Physics | None = None,
         render_mode: str | None = None,
         width: int = 640,
         height: int = 360,
@@ -111,7 +138,9 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             success_bonus: Added on reaching the goal.
             shaping: Whether to add potential-based shaping.
             discount: Discount used by the shaping.
-            dynamics: `"kinematic"`: the step of the stance graph.
+            dynamics: `"kinematic"`: the step of the stance graph; `"mujoco"`: carried out in simulation.
+            step_duration: Duration of a step that is carried out [s].
+            physics: Controller, grasps and failures of steps that are carried out.
             render_mode: `"rgb_array"`, `"human"` or None.
             width: Width of rendered pictures [px].
             height: Height of rendered pictures [px].
@@ -120,7 +149,9 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             MlivrError: If an argument cannot be used; the message names it.
         """
         self.reward = choice("reward", reward, REWARDS)
-        choice("dynamics", dynamics, ("kinematic",))
+        choice("dynamics", dynamics, DYNAMICS)
+        if dynamics == "mujoco" and not transitions:
+            raise SettingError("dynamics='mujoco' needs transitions=True: unchecked steps cannot be carried out")
         if render_mode is not None:
             choice("render_mode", render_mode, self.metadata["render_modes"])
         self.goal_tolerance = nonnegative("goal_tolerance", goal_tolerance)
@@ -149,7 +180,14 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
                 "branches": spaces.MultiBinary(16 * limbs),
             }
         )
+        self._walk: PhysicalWalk | None = None
+        if dynamics == "mujoco":
+            from mlivr_gym.dynamics import Physics
+            from mlivr_gym.physical_walk import PhysicalWalk
+
+            self._walk = PhysicalWalk(self.graph, Durations.of_step(step_duration), physics or Physics())
         self._state: State | None = None
+        self._measures: dict[str, Any] = {}
         self._viewer: Any = None
 
     @property
@@ -169,9 +207,12 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         """Start an episode; see the class for `options`."""
         super().reset(seed=seed)
         given = dict(options or {})
-        unknown = set(given) - {"start", "goal"}
-        if unknown:
-            raise SettingError(f"unknown reset option {sorted(unknown)[0]!r}; valid options are 'start', 'goal'")
+        valid = ("start", "goal") if self._walk is None else ("start", "goal", "plan")
+        for name in given:
+            choice("reset option", name, valid)
+        plan = given.pop("plan", None)
+        if plan is not None:
+            given = {"start": plan.stances[0], "goal": plan.goal, **given}
         start = self.graph.state(given["start"]) if "start" in given else None
         goal = self.graph.grasp_map.check_goal(given["goal"]) if "goal" in given else None
         if start is None or goal is None:
@@ -179,6 +220,9 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             start = drawn_start if start is None else start
             goal = drawn_goal if goal is None else goal
         self.goal: NDArray[np.float64] = goal
+        if self._walk is not None:
+            start = self._walk.start(start, plan)
+            self._measures = {"failure": None} | dict.fromkeys(MEASURES, 0.0)
         self._enter(start)
         if not len(self._successors.limb):
             raise StanceError(f"no step leaves the start stance {self.graph.ids(start.stance)}")
@@ -190,6 +234,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
     def step(self, action: np.int64 | int) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
         """Move limb `action // m` to point `action % m`."""
         state = self.state
+        if self._measures.get("failure"):
+            raise gymnasium.error.ResetNeeded("the last step failed: call reset()")
         if not self.action_space.contains(np.int64(action)):
             raise SettingError(f"action {action!r} is not in {self.action_space}")
         limb, point = divmod(int(action), len(self.graph.grasp_map))
@@ -200,8 +246,12 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             k = int(taken[0])
             stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
             moved = float(np.linalg.norm(self._successors.position[k] - self._posture.position[0]))
-            self.base_translation += moved
-            self._enter(State(stance, tuple(self._successors.masks[k].tolist())))
+            after = State(stance, tuple(self._successors.masks[k].tolist()))
+            if self._walk is not None:
+                after = self._carry_out(limb, point, after)
+            if after.stance == stance:
+                self.base_translation += moved
+                self._enter(after)
         reward = -1.0 if self.reward == "steps" else -moved
         success = self._success()
         if success:
@@ -210,7 +260,25 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             reward += self.discount * self._potential() - before
         if self.render_mode == "human":
             self.render()
-        return self._observation(), float(reward), success, False, self._info(not len(taken))
+        ended = success or bool(self._measures.get("failure"))
+        return self._observation(), float(reward), ended, False, self._info(not len(taken))
+
+    def _carry_out(self, limb: int, point: int, after: State) -> State:
+        """Carry a step out in simulation; returns the state that follows, the present one if it failed."""
+        assert self._walk is not None
+        state, done = self._walk.step(limb, point, after.masks)
+        failure = done if isinstance(done, Failure) else done.failure
+        self._measures["failure"] = None if failure is None else failure.to_dict()
+        if not isinstance(done, Failure):
+            peaks, capture = done.peaks, done.capture
+            self._measures |= {
+                "capture_distance": 0.0 if capture is None else capture.distance,
+                "capture_angle": 0.0 if capture is None else capture.angle,
+                "peak_torque": float(peaks.joint_torque.max()), "torque_rms": peaks.torque_rms,
+                "peak_grasp_force": float(peaks.grasp_force.max()), "peak_grasp_torque": float(peaks.grasp_torque.max()),
+                "base_error": peaks.base_error, "simulated_time": self._walk.simulation.time,
+            }  # fmt: skip
+        return state
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are possible, shape (N m,)."""
@@ -221,6 +289,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
     def _enter(self, state: State) -> None:
         self._state = state
         self._successors: Successors = self.graph.successors(state)
+        if self._walk is not None:
+            self._successors = self._walk.possible(self._successors)
         self._posture: Postures = self.graph.posture(state.stance)
         self._quaternion = self.graph.configuration(state)[1]
 
@@ -253,6 +323,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             "action_mask": self.action_masks().astype(np.int8),
             "is_success": self._success(),
             "invalid_action": invalid,
+            **self._measures,
         }
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -264,7 +335,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         if self.render_mode is None:
             gymnasium.logger.warn("render() was called without a render_mode; give one to gymnasium.make")
             return None
-        configuration = self.graph.configuration(self.state)
+        configuration = self.graph.configuration(self.state) if self._walk is None else self._walk.configuration
         if self.render_mode == "human":
             from mlivr_gym.rendering import SceneWindow
 

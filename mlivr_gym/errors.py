@@ -41,6 +41,10 @@ class PlanError(MlivrError):
     """A plan cannot be found, loaded or used on this map."""
 
 
+class SimulationError(MlivrError):
+    """A simulation cannot be run as asked."""
+
+
 class RenderError(MlivrError):
     """A picture cannot be rendered on this machine."""
 

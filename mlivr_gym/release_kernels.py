@@ -7,7 +7,7 @@ first cannot show, it swings in a line while the base moves, see `direct_kernels
 
 The branches in an answer of `release` are those among which the limb can change at rest, by way of a fold or, where it cannot
 fold, along lines from branch to branch. A limb that can leave or reach one of them can leave or reach all: branches
-need not be looked at in pairs. A plan takes a shorter way where there is one, see `planners.swing`.
+need not be looked at in pairs. A plan takes a shorter way where there is one, see `swing`.
 """
 
 from __future__ import annotations

@@ -6,14 +6,8 @@ face have a geom group of their own (`FACE_GROUPS`), so that a picture can leave
 
 from __future__ import annotations
 
-import os
-import sys
 from collections import Counter
 from collections.abc import Sequence
-
-if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-    # MuJoCo chooses its GL library when it is imported; without a screen only EGL can work.
-    os.environ.setdefault("MUJOCO_GL", "egl")
 
 import mujoco
 import numpy as np

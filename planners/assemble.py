@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.base_path import LIMIT_TOLERANCE, PATH_KINDS, SAMPLES, STRAIGHT, follow
-from mlivr_gym.direct_kernels import lifted_at
 from mlivr_gym.planners.plan import Step
-from mlivr_gym.planners.swing import Hold, Swing, SwingFinder
 from mlivr_gym.posture import Postures
 from mlivr_gym.posture_kernels import base_along, choices_along
 from mlivr_gym.stance_graph import StanceGraph, State, Way
+from mlivr_gym.swing import Hold, Swing, SwingFinder, direct_line
 
 Array = NDArray[np.float64]
 
@@ -102,7 +101,8 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
             start = _lifted(graph, points, postures, branches, flips, joints, k, limb)
             end = _lifted(graph, points, postures, branches, flips, joints, k + 1, limb)
             last, fewest, most = spans[limb][k + 1]
-            line = _line(graph, points, postures, k, limb, ways[k].pair) if ways[k].pair >= 0 else None
+            ends, pair = postures.take(slice(k, k + 2)), ways[k].pair
+            line = direct_line(graph, limb, points[k : k + 2, limb].tolist(), ends, pair) if pair >= 0 else None
             found = finder.find(start, end, (fewest, most), ways[k].fold, line)
             if found is None:
                 beyond = k
@@ -162,23 +162,6 @@ def _keep_lines(
                 branches[first : last + 1, limb] = wanted
                 changed = True
     return changed
-
-
-def _line(
-    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, k: int, limb: int, pair: int
-) -> tuple[Array, Array]:
-    """Joint angles above both points of step `k` on the branches of a direct swing."""
-    solver, robot = graph.solver, graph.robot
-    out = np.empty((2, 6))
-    for side, branch in ((0, pair >> 3), (1, pair & 7)):
-        point, q = points[k + side, limb], np.empty((8, 6))
-        lifted_at(
-            limb, 1 << branch, solver.points[point], solver.normals[point], solver.rails[point], robot.tool_length, robot.lift,
-            postures.position[k + side], postures.rotation[k + side], solver.mount_rotations, solver.mount_positions,
-            solver.lengths, solver.limits, q,
-        )  # fmt: skip
-        out[side] = q[branch]
-    return out[0], out[1]
 
 
 def _pivots(graph: StanceGraph, points: NDArray[np.int64]) -> Array:

@@ -34,7 +34,7 @@ class Step:
         path: `"straight"`, `"arc"`, or `"unchecked"` where steps were not checked.
         pivot: Centre of the arc: centroid of the held points [m].
         displacement: Base displacement [m].
-        swing: Kind of the limb's way, one of `planners.swing.SWING_KINDS`.
+        swing: Kind of the limb's way, one of `mlivr_gym.swing.SWING_KINDS`.
         knots: Base parameter from 0 to 1 and the limb's six joint angles [rad] at each knot of its way, from above the
             point it leaves to above the point it takes hold of; in between both change linearly.
     """

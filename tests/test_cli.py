@@ -6,6 +6,8 @@ import sys
 import pytest
 
 from mlivr_gym.cli import main
+from mlivr_gym.errors import RenderError
+from mlivr_gym.film import film
 from mlivr_gym.planners import Plan
 
 
@@ -126,3 +128,41 @@ def test_table1_holds_every_relation(capsys, tmp_path):
     }
     data = json.loads((tmp_path / "results" / "table1.json").read_text())
     assert len(data["relations"]) == 16 and all(data["relations"].values())
+
+
+def test_simulate_leaves_measurements_plot_and_film(capsys, tmp_path, checked_graph):
+    from mlivr_gym.planners import Planner
+
+    goal = Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap().base_positions[1]
+    code, out, _ = run(
+        capsys, "simulate", "--start", "D2a:4", "D1b:3", "--goal", *(f"{x:.6f}" for x in goal), "--cost", "steps",
+        "--duration", "20", "--frames", "2", "--size", "64", "32", "--out", str(tmp_path / "walk"),
+    )  # fmt: skip
+    assert code == 0 and "1 of 1 steps carried out, 22 s simulated" in out and "took hold of" in out
+    summary = json.loads((tmp_path / "walk" / "simulation.json").read_text())
+    assert summary["success"] and summary["captures"][0]["distance"] < 0.01
+    assert (tmp_path / "walk" / "simulation.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "walk" / "trajectory.csv").read_text().startswith("time_s,step,phase")
+    assert "no film" in out or (tmp_path / "walk" / "walk.gif").read_bytes().startswith(b"GIF8")
+    with pytest.raises(RenderError, match="valid endings"):
+        film(checked_graph.grasp_map, checked_graph.robot, None, tmp_path / "walk.avi")
+    plan = str(tmp_path / "walk" / "plan.json")
+    code, out, _ = run(
+        capsys, "simulate", "--plan", plan, "--duration", "3", "--no-film", "--out", str(tmp_path / "fast")
+    )
+    assert code == 1 and "failed at" in out
+    failure = json.loads((tmp_path / "fast" / "simulation.json").read_text())["failure"]
+    assert failure["message"] in out and failure["phase"] in ("departure", "swing", "approach")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--plan", "no.json"], "cannot read plan"), (["--plan", "x.json", "--case", "3"], "give either"),
+        (["--case", "3", "--duration", "0"], "must be finite and above 0"), (["--case", "3", "--frames", "1"], "--frames 1"),
+        (["--case", "3", "--film", "walk.avi"], "valid endings"),
+    ],
+)  # fmt: skip
+def test_simulate_says_what_is_wrong(capsys, tmp_path, arguments, message):
+    code, _, err = run(capsys, "simulate", *arguments, "--out", str(tmp_path))
+    assert code == 2 and message in err

@@ -21,12 +21,12 @@ from mlivr_gym.limb_shapes import NEVER_NEARER, LimbShapes
 from mlivr_gym.pair_graph import edge_entry, turned
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.motion import step_motion
-from mlivr_gym.planners.sampling import sampled_way
-from mlivr_gym.planners.swing import SwingFinder
+from mlivr_gym.sampling import sampled_way
 from mlivr_gym.scene import scene_spec, set_configuration
 from mlivr_gym.shapes import load_obstacles
 from mlivr_gym.stance_graph import LazyGraph, State
 from mlivr_gym.swept_kernels import swing_free
+from mlivr_gym.swing import SwingFinder
 from mlivr_gym.tasks import sample_task
 from mlivr_gym.transitions import base_path, quaternion
 

@@ -266,3 +266,80 @@ def test_environment_and_planner_do_not_import_torch():
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
     assert mlivr_gym.__version__
+
+
+@pytest.fixture(scope="module")
+def physical_env():
+    return gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco", step_duration=20.0).unwrapped
+
+
+def test_both_checkers_pass_with_dynamics(physical_env):
+    from stable_baselines3.common.env_checker import check_env as sb3_check
+
+    check_env(physical_env, skip_render_check=True)
+    sb3_check(physical_env)
+
+
+def test_a_plan_is_replayed_in_simulation(physical_env, checked_graph):
+    plan = Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
+    _, info = physical_env.reset(options={"plan": plan})
+    assert info["failure"] is None and info["stance"] == plan.stances[0]
+    total, points = 0.0, len(checked_graph.grasp_map)
+    for k, (limb, point) in enumerate(plan.actions):
+        action = limb * points + checked_graph.grasp_map.index(point)
+        assert info["action_mask"][action]
+        observation, reward, terminated, _, info = physical_env.step(action)
+        total += reward
+        assert info["failure"] is None and info["stance"] == plan.stances[k + 1]
+        assert 0.0 < info["capture_distance"] < 0.01 and 0.0 < info["peak_torque"] < 28.0
+        assert (observation["branches"].reshape(2, 16).sum(axis=1) == 1).all()
+        np.testing.assert_allclose(physical_env._walk.configuration[2], plan.joint_positions[k + 1], atol=0.05)
+    assert terminated and info["is_success"] and total == -len(plan.steps)
+    assert info["simulated_time"] == pytest.approx(20.0 * len(plan.steps))
+
+
+def test_steps_of_its_own_are_carried_out_and_keep_the_limits(physical_env):
+    rng = np.random.default_rng(4)
+    _, info = physical_env.reset(seed=4)
+    limits = physical_env.graph.robot.limb.limits
+    other = pickle.loads(pickle.dumps(physical_env))
+    for k in range(3):
+        possible = {int(a) for a in np.flatnonzero(physical_env.action_masks())}
+        successors = physical_env.graph.successors(physical_env.state)
+        assert possible <= set((successors.limb * len(physical_env.graph.grasp_map) + successors.point).tolist())
+        action = masked(physical_env, info, rng)
+        done = physical_env.step(action)
+        if k == 0:
+            assert data_equivalence(done, other.step(action))
+        _, _, terminated, _, info = done
+        assert info["failure"] is None
+        joints = physical_env._walk.configuration[2]
+        assert (joints >= limits[:, 0] - 0.05).all() and (joints <= limits[:, 1] + 0.05).all()
+        if terminated:
+            break
+
+
+def test_a_step_that_fails_ends_the_episode_with_its_reason():
+    from mlivr_gym.dynamics import Physics
+
+    environment = gymnasium.make(
+        "MLIVR-JEM-v0", dynamics="mujoco", step_duration=10.0, physics=Physics(capture_distance=1e-9)
+    ).unwrapped
+    _, info = environment.reset(options={"start": ("D2a:4", "D1b:3"), "goal": (6.3, 0.5, 0.35)})
+    stance, invalid = info["stance"], int(np.flatnonzero(info["action_mask"] == 0)[0])
+    assert environment.step(invalid)[4]["simulated_time"] == 0.0
+    _, _, terminated, truncated, info = environment.step(int(np.flatnonzero(info["action_mask"])[0]))
+    assert terminated and not truncated and info["failure"]["kind"] == "missed grasp"
+    assert info["stance"] == stance and not info["is_success"]
+    with pytest.raises(gymnasium.error.ResetNeeded, match="failed"):
+        environment.step(invalid)
+    environment.reset(seed=1)
+
+
+def test_dynamics_need_checked_steps_and_plans_need_dynamics(safe_env):
+    with pytest.raises(SettingError, match="transitions=True"):
+        MlivrEnv(dynamics="mujoco", transitions=False)
+    with pytest.raises(SettingError, match="'kinematic', 'mujoco'"):
+        MlivrEnv(dynamics="bullet")
+    with pytest.raises(SettingError, match="plan"):
+        safe_env.reset(options={"plan": None})

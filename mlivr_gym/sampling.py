@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mlivr_gym.base_path import LIMIT_TOLERANCE
 
 if TYPE_CHECKING:
-    from mlivr_gym.planners.swing import SwingFinder
+    from mlivr_gym.swing import SwingFinder
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def sampled_swing(
         turns: Fewest and most whole turns that may be added to `end`.
         carriage: Joint angles at both ends of the line, see `SwingFinder.carriage`.
     """
-    from mlivr_gym.planners.swing import landing
+    from mlivr_gym.swing import landing
 
     if carriage is None:
         return None

@@ -16,14 +16,16 @@ Each line is checked as a whole, see `swept_kernels`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.collision_kernels import CLEAR
+from mlivr_gym.direct_kernels import lifted_at
 from mlivr_gym.grasp_kernels import fold_near, line_end
+from mlivr_gym.posture import Postures
 from mlivr_gym.stance_graph import StanceGraph
 from mlivr_gym.swept_kernels import hold_free, swing_free
 
@@ -77,7 +79,7 @@ class SwingFinder:
         for kind, knots in self._ways(start, end, turns, fold, line):
             if self.clear(knots):
                 return Swing(kind, knots)
-        from mlivr_gym.planners.sampling import sampled_swing
+        from mlivr_gym.sampling import sampled_swing
 
         way = sampled_swing(self, start, end, turns, self.carriage(fold, line, start))
         return None if way is None else Swing("sampled", way)
@@ -178,6 +180,23 @@ class SwingFinder:
                     if found != CLEAR:
                         return False
         return True
+
+
+def direct_line(
+    graph: StanceGraph, limb: int, points: Sequence[int], postures: Postures, pair: int
+) -> tuple[Array, Array]:
+    """Joint angles of a limb above two points, in two postures, on the branches `pair` of `stance_graph.Way` [rad]."""
+    solver, robot = graph.solver, graph.robot
+    out = np.empty((2, 8, 6))
+    branches = pair >> 3, pair & 7
+    for side in range(2):
+        point = points[side]
+        lifted_at(
+            limb, 1 << branches[side], solver.points[point], solver.normals[point], solver.rails[point], robot.tool_length,
+            robot.lift, postures.position[side], postures.rotation[side], solver.mount_rotations, solver.mount_positions,
+            solver.lengths, solver.limits, out[side],
+        )  # fmt: skip
+    return out[0, branches[0]], out[1, branches[1]]
 
 
 def landing(end: Array, turns: tuple[Array, Array], near: Array) -> Array:

@@ -1,0 +1,65 @@
+from functools import cache
+
+import numpy as np
+import pytest
+
+from mlivr_gym.dynamics import dynamics_spec
+from mlivr_gym.env import MlivrEnv
+
+pytest.importorskip("dm_control")
+
+from absl.testing import absltest
+from dm_env import test_utils
+
+from mlivr_gym.agents import ExpertPolicy
+from mlivr_gym.dm_environment import MlivrDmEnvironment
+
+
+@cache
+def env():
+    return MlivrEnv(collisions=False)
+
+
+class TestInterface(test_utils.EnvironmentTestMixin, absltest.TestCase):
+    """dm_env's own tests, with an episode that reaches its end."""
+
+    def make_object_under_test(self):
+        return MlivrDmEnvironment(env(), seed=0, max_episode_steps=8)
+
+    def make_action_sequence(self):
+        rng = np.random.default_rng(0)
+        for _ in range(20):
+            mask = self.environment.env.action_masks()
+            yield self.environment.action_spec().dtype.type(rng.choice(np.flatnonzero(mask)))
+
+
+def test_the_mask_is_observed_and_the_discount_tells_goal_from_step_limit():
+    environment = MlivrDmEnvironment(env(), seed=3)
+    timestep, policy = environment.reset(), ExpertPolicy()
+    while not timestep.last():
+        mask = environment.env.action_masks()
+        assert np.array_equal(timestep.observation["action_mask"], mask)
+        timestep = environment.step(policy.act(environment.env, timestep.observation, mask))
+    assert environment.info["is_success"] and timestep.discount == 0.0
+    short = MlivrDmEnvironment(env(), seed=3, max_episode_steps=1)
+    timestep = short.reset()
+    mask = timestep.observation["action_mask"]
+    timestep = short.step(int(np.flatnonzero(mask == 0)[0]))
+    assert timestep.last() and timestep.discount == 1.0
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_the_exported_model_loads_and_steps_in_dm_control(jem, limbs):
+    from dm_control.mujoco import Physics
+
+    from mlivr_gym import robot_spec
+
+    spec = dynamics_spec(jem, robot_spec(f"mlivr{limbs}"))
+    model = spec.compile()
+    physics = Physics.from_xml_string(spec.to_xml())
+    assert (physics.model.nv, physics.model.nu) == (model.nv, model.nu)
+    assert physics.model.ngeom == model.ngeom
+    physics.data.qpos[0] = 4.0
+    for _ in range(10):
+        physics.step()
+    assert np.isfinite(physics.data.qpos).all()
