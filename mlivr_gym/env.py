@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections import OrderedDict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -12,14 +14,30 @@ from numpy.typing import NDArray
 
 from mlivr_gym.errors import SettingError, StanceError, choice, nonnegative
 from mlivr_gym.grasp_map import GraspMap, jem_map
-from mlivr_gym.posture import Postures
+from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.reliability import failure_probabilities
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import CLEARANCE, Settings
 from mlivr_gym.stance_graph import State, Successors, stance_graph
+from mlivr_gym.step_tables import StepTables, step_tables
 from mlivr_gym.tasks import sample_task
+from mlivr_gym.transitions import quaternion
 
 REWARDS = ("steps", "base")
 """Names of the rewards."""
+
+REMEMBERED = 4096
+"""States and stances of which an environment remembers what it has worked out."""
+
+
+class _Place(NamedTuple):
+    """What the environment tells of one stance."""
+
+    ids: tuple[str, ...]
+    position: tuple[float, ...]
+    w_m: NDArray[np.float64]
+    w_b: float
+    observation: dict[str, NDArray[Any]]
 
 
 class MlivrEnv(gymnasium.Env[Any, Any]):
@@ -64,7 +82,13 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
 
     ## Information
     `stance` (point ids), `base_position` [m], `base_translation` [m] and `steps` since reset,
-    `limb_manipulability` (N,), `base_manipulability`, `action_mask` (int8), `is_success`, `invalid_action`.
+    `limb_manipulability` (N,), `base_manipulability`, `action_mask` (int8), `is_success`, `invalid_action`,
+    `grasp_failed`.
+
+    ## Unreliable grasps
+    With `grasp_failure` above 0 an attempt to take hold of a point fails with that point's probability
+    (`failure_probability`). The base then goes back the way it came and the limb takes hold of the point it left: the attempt
+    costs a step and twice the base displacement, and `info["grasp_failed"]` is True.
 
     ## Arguments
     See `__init__`.
@@ -91,6 +115,9 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         shaping: bool = False,
         discount: float = 0.99,
         dynamics: str = "kinematic",
+        grasp_failure: float | NDArray[np.float64] = 0.0,
+        grasp_failure_seed: int = 0,
+        precompute: bool = False,
         render_mode: str | None = None,
         width: int = 640,
         height: int = 360,
@@ -112,6 +139,11 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             shaping: Whether to add potential-based shaping.
             discount: Discount used by the shaping.
             dynamics: `"kinematic"`: the step of the stance graph.
+            grasp_failure: Mean probability that an attempt to take hold of a point fails, or one for each point, see
+                `failure_probabilities`.
+            grasp_failure_seed: Seed of the probabilities; whether an attempt fails is drawn from the environment's own.
+            precompute: Whether to check every step beforehand, which makes each one fast; takes one to two minutes for
+                the JEM, once, and is kept on disk. Two limbs only.
             render_mode: `"rgb_array"`, `"human"` or None.
             width: Width of rendered pictures [px].
             height: Height of rendered pictures [px].
@@ -149,8 +181,25 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
                 "branches": spaces.MultiBinary(16 * limbs),
             }
         )
+        self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
+        self.precompute = bool(precompute)
+        self._tables: tuple[int, StepTables] | None = None
+        self._known: tuple[OrderedDict[State, Successors], OrderedDict[tuple[int, ...], _Place]]
+        self._known, self._version = (OrderedDict(), OrderedDict()), self.graph.version
+        if self.precompute:
+            self.tables()
         self._state: State | None = None
         self._viewer: Any = None
+
+    def tables(self) -> StepTables:
+        """Every step of the world as it is now, see `step_tables`.
+
+        Raises:
+            SettingError: If the robot has more than two limbs.
+        """
+        if self._tables is None or self._tables[0] != self.graph.version:
+            self._tables = self.graph.version, step_tables(self.graph)
+        return self._tables[1]
 
     @property
     def state(self) -> State:
@@ -189,19 +238,25 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
 
     def step(self, action: np.int64 | int) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
         """Move limb `action // m` to point `action % m`."""
-        state = self.state
-        if not self.action_space.contains(np.int64(action)):
+        state, n = self.state, int(self.action_space.n)  # type: ignore[attr-defined]
+        if not isinstance(action, (int, np.integer)) or not 0 <= action < n:
             raise SettingError(f"action {action!r} is not in {self.action_space}")
-        limb, point = divmod(int(action), len(self.graph.grasp_map))
-        taken = np.flatnonzero((self._successors.limb == limb) & (self._successors.point == point))
-        before, moved = self._potential(), self.graph.max_step
+        limb, point = divmod(int(action), n // self.graph.limbs)
+        before, moved, failed = self._potential(), self.graph.max_step, False
         self.steps += 1
-        if len(taken):
-            k = int(taken[0])
-            stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
-            moved = float(np.linalg.norm(self._successors.position[k] - self._posture.position[0]))
+        k = self._step_of.get(int(action), -1)
+        if k >= 0:
+            masks = tuple(self._successors.masks[k].tolist())
+            moved = math.dist(self._successors.position[k], self._place.position)
+            risk = self.failure_probability[point]
+            failed = bool(risk > 0.0 and self.np_random.random() < risk)
+            if failed:
+                landed = self.graph.state(state.stance).masks[limb]
+                self._enter(State(state.stance, (*masks[:limb], landed, *masks[limb + 1 :])))
+                moved *= 2.0
+            else:
+                self._enter(State((*state.stance[:limb], point, *state.stance[limb + 1 :]), masks))
             self.base_translation += moved
-            self._enter(State(stance, tuple(self._successors.masks[k].tolist())))
         reward = -1.0 if self.reward == "steps" else -moved
         success = self._success()
         if success:
@@ -210,49 +265,81 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             reward += self.discount * self._potential() - before
         if self.render_mode == "human":
             self.render()
-        return self._observation(), float(reward), success, False, self._info(not len(taken))
+        return self._observation(), float(reward), success, False, self._info(k < 0, failed)
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are possible, shape (N m,)."""
-        mask = np.zeros(self.graph.limbs * len(self.graph.grasp_map), dtype=np.bool_)
-        mask[self._successors.limb * len(self.graph.grasp_map) + self._successors.point] = True
-        return mask
+        return self._mask.copy()
+
+    def successors(self, state: State | None = None) -> Successors:
+        """The steps that leave a state, by default the present one."""
+        if state is None:
+            return self._successors
+        places: OrderedDict[State, Successors] = self._known[0]
+        if state not in places:
+            if self.precompute and isinstance(self.graph, PairGraph):
+                return self.tables().successors(self.graph.find(state.stance), state.masks)
+            places[state] = self.graph.successors(state)
+            if len(places) > REMEMBERED:
+                places.popitem(last=False)
+        return places[state]
 
     def _enter(self, state: State) -> None:
+        if self._version != self.graph.version:
+            self._version = self.graph.version
+            self._known = (OrderedDict(), OrderedDict())
         self._state = state
-        self._successors: Successors = self.graph.successors(state)
-        self._posture: Postures = self.graph.posture(state.stance)
-        self._quaternion = self.graph.configuration(state)[1]
+        self._successors = self.successors(state)
+        actions = self._successors.limb * len(self.graph.grasp_map) + self._successors.point
+        self._step_of = {action: k for k, action in enumerate(actions.tolist())}
+        self._mask = np.zeros(self.graph.limbs * len(self.graph.grasp_map), dtype=np.bool_)
+        self._mask[actions] = True
+        places = self._known[1]
+        if state.stance not in places:
+            places[state.stance] = self._look(state.stance)
+            if len(places) > REMEMBERED:
+                places.popitem(last=False)
+        self._place: _Place = places[state.stance]
 
-    def _success(self) -> bool:
-        return bool(np.linalg.norm(self._posture.position[0] - self.goal) <= self.goal_tolerance)
-
-    def _potential(self) -> float:
-        return 0.0 if self._success() else -float(np.linalg.norm(self._posture.position[0] - self.goal))
-
-    def _observation(self) -> dict[str, NDArray[Any]]:
-        stance, masks = self.state
-        bits = np.array(masks, dtype=np.int64)[:, None] >> np.arange(16) & 1
-        return {
+    def _look(self, stance: tuple[int, ...]) -> _Place:
+        posture = self.graph.posture(stance)
+        observation = {
             "stance": np.array(stance, dtype=np.int64),
             "grasps": self.graph.grasp_map.positions[list(stance)].ravel().astype(np.float32),
-            "base_position": self._posture.position[0].astype(np.float32),
-            "base_quaternion": self._quaternion.astype(np.float32),
-            "goal": self.goal.astype(np.float32),
-            "branches": bits.ravel().astype(np.int8),
+            "base_position": posture.position[0].astype(np.float32),
+            "base_quaternion": quaternion(posture.rotation[0]).astype(np.float32),
         }
+        position = tuple(posture.position[0].tolist())
+        return _Place(self.graph.ids(stance), position, posture.w_m[0], float(posture.w_b[0]), observation)
 
-    def _info(self, invalid: bool) -> dict[str, Any]:
+    def _success(self) -> bool:
+        return math.dist(self._place.position, self.goal) <= self.goal_tolerance
+
+    def _potential(self) -> float:
+        distance = math.dist(self._place.position, self.goal)
+        return 0.0 if distance <= self.goal_tolerance else -distance
+
+    def _observation(self) -> dict[str, NDArray[Any]]:
+        masks = np.array(self.state.masks, dtype=np.uint16)
+        bits = np.unpackbits(masks.astype("<u2").view(np.uint8), bitorder="little")
+        observation = {name: array.copy() for name, array in self._place.observation.items()}
+        observation["goal"] = self.goal.astype(np.float32)
+        observation["branches"] = bits.view(np.int8)
+        return observation
+
+    def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
+        place = self._place
         return {
-            "stance": self.graph.ids(self.state.stance),
-            "base_position": self._posture.position[0].copy(),
+            "stance": place.ids,
+            "base_position": np.array(place.position),
             "base_translation": self.base_translation,
             "steps": self.steps,
-            "limb_manipulability": self._posture.w_m[0].copy(),
-            "base_manipulability": float(self._posture.w_b[0]),
-            "action_mask": self.action_masks().astype(np.int8),
+            "limb_manipulability": place.w_m.copy(),
+            "base_manipulability": place.w_b,
+            "action_mask": self._mask.astype(np.int8),
             "is_success": self._success(),
             "invalid_action": invalid,
+            "grasp_failed": failed,
         }
 
     def render(self) -> NDArray[np.uint8] | None:
