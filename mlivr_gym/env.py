@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -14,30 +13,17 @@ from numpy.typing import NDArray
 
 from mlivr_gym.errors import SettingError, StanceError, choice, nonnegative
 from mlivr_gym.grasp_map import GraspMap, jem_map
+from mlivr_gym.moves import GraphMoves, Place, TableMoves, branch_bits
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.reliability import failure_probabilities
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import CLEARANCE, Settings
 from mlivr_gym.stance_graph import State, Successors, stance_graph
-from mlivr_gym.step_tables import StepTables, step_tables
+from mlivr_gym.step_tables import step_tables
 from mlivr_gym.tasks import sample_task
-from mlivr_gym.transitions import quaternion
 
 REWARDS = ("steps", "base")
 """Names of the rewards."""
-
-REMEMBERED = 4096
-"""States and stances of which an environment remembers what it has worked out."""
-
-
-class _Place(NamedTuple):
-    """What the environment tells of one stance."""
-
-    ids: tuple[str, ...]
-    position: tuple[float, ...]
-    w_m: NDArray[np.float64]
-    w_b: float
-    observation: dict[str, NDArray[Any]]
 
 
 class MlivrEnv(gymnasium.Env[Any, Any]):
@@ -183,23 +169,36 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         )
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         self.precompute = bool(precompute)
-        self._tables: tuple[int, StepTables] | None = None
-        self._known: tuple[OrderedDict[State, Successors], OrderedDict[tuple[int, ...], _Place]]
-        self._known, self._version = (OrderedDict(), OrderedDict()), self.graph.version
+        self._moves: GraphMoves | TableMoves | None = None
+        self._version = self.graph.version
         if self.precompute:
-            self.tables()
+            self.table_moves()
         self._state: State | None = None
         self._viewer: Any = None
 
-    def tables(self) -> StepTables:
-        """Every step of the world as it is now, see `step_tables`.
+    @property
+    def moves(self) -> GraphMoves | TableMoves:
+        """What answers for the world as it is now."""
+        if self._moves is None or self._version != self.graph.version:
+            self._version = self.graph.version
+            if self.precompute and isinstance(self.graph, PairGraph):
+                self._moves = TableMoves(self.graph, step_tables(self.graph))
+            else:
+                self._moves = GraphMoves(self.graph)
+        return self._moves
+
+    def table_moves(self) -> TableMoves:
+        """The same from exact tables, which are used from now on.
 
         Raises:
             SettingError: If the robot has more than two limbs.
         """
-        if self._tables is None or self._tables[0] != self.graph.version:
-            self._tables = self.graph.version, step_tables(self.graph)
-        return self._tables[1]
+        tables = step_tables(self.graph)
+        if isinstance(self.graph, PairGraph) and not (self.precompute and isinstance(self._moves, TableMoves)):
+            self.precompute, self._moves = True, TableMoves(self.graph, tables)
+        moves = self.moves
+        assert isinstance(moves, TableMoves)
+        return moves
 
     @property
     def state(self) -> State:
@@ -228,8 +227,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             start = drawn_start if start is None else start
             goal = drawn_goal if goal is None else goal
         self.goal: NDArray[np.float64] = goal
-        self._enter(start)
-        if not len(self._successors.limb):
+        self._enter(start, self.moves.place(start.stance))
+        if not self._mask.any():
             raise StanceError(f"no step leaves the start stance {self.graph.ids(start.stance)}")
         self.steps, self.base_translation = 0, 0.0
         if self.render_mode == "human":
@@ -244,18 +243,19 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         limb, point = divmod(int(action), n // self.graph.limbs)
         before, moved, failed = self._potential(), self.graph.max_step, False
         self.steps += 1
-        k = self._step_of.get(int(action), -1)
-        if k >= 0:
-            masks = tuple(self._successors.masks[k].tolist())
-            moved = math.dist(self._successors.position[k], self._place.position)
+        allowed = bool(self._mask[action])
+        if allowed:
+            after = self.moves.take(state, int(action))
+            place = self.moves.place(after.stance)
+            moved = math.dist(place.position, self._place.position)
             risk = self.failure_probability[point]
             failed = bool(risk > 0.0 and self.np_random.random() < risk)
             if failed:
-                landed = self.graph.state(state.stance).masks[limb]
-                self._enter(State(state.stance, (*masks[:limb], landed, *masks[limb + 1 :])))
                 moved *= 2.0
-            else:
-                self._enter(State((*state.stance[:limb], point, *state.stance[limb + 1 :]), masks))
+                landed = self.graph.state(state.stance).masks[limb]
+                after = State(state.stance, (*after.masks[:limb], landed, *after.masks[limb + 1 :]))
+                place = self._place
+            self._enter(after, place)
             self.base_translation += moved
         reward = -1.0 if self.reward == "steps" else -moved
         success = self._success()
@@ -265,52 +265,18 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             reward += self.discount * self._potential() - before
         if self.render_mode == "human":
             self.render()
-        return self._observation(), float(reward), success, False, self._info(k < 0, failed)
+        return self._observation(), float(reward), success, False, self._info(not allowed, failed)
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are possible, shape (N m,)."""
         return self._mask.copy()
 
-    def successors(self, state: State | None = None) -> Successors:
-        """The steps that leave a state, by default the present one."""
-        if state is None:
-            return self._successors
-        places: OrderedDict[State, Successors] = self._known[0]
-        if state not in places:
-            if self.precompute and isinstance(self.graph, PairGraph):
-                return self.tables().successors(self.graph.find(state.stance), state.masks)
-            places[state] = self.graph.successors(state)
-            if len(places) > REMEMBERED:
-                places.popitem(last=False)
-        return places[state]
+    def successors(self) -> Successors:
+        """The steps that leave the present state."""
+        return self.moves.successors(self.state)
 
-    def _enter(self, state: State) -> None:
-        if self._version != self.graph.version:
-            self._version = self.graph.version
-            self._known = (OrderedDict(), OrderedDict())
-        self._state = state
-        self._successors = self.successors(state)
-        actions = self._successors.limb * len(self.graph.grasp_map) + self._successors.point
-        self._step_of = {action: k for k, action in enumerate(actions.tolist())}
-        self._mask = np.zeros(self.graph.limbs * len(self.graph.grasp_map), dtype=np.bool_)
-        self._mask[actions] = True
-        places = self._known[1]
-        if state.stance not in places:
-            places[state.stance] = self._look(state.stance)
-            if len(places) > REMEMBERED:
-                places.popitem(last=False)
-        self._place: _Place = places[state.stance]
-
-    def _look(self, stance: tuple[int, ...]) -> _Place:
-        posture = self.graph.posture(stance)
-        observation = {
-            "stance": np.array(stance, dtype=np.int64),
-            "grasps": self.graph.grasp_map.positions[list(stance)].ravel().astype(np.float32),
-            "base_position": posture.position[0].astype(np.float32),
-            "base_quaternion": quaternion(posture.rotation[0]).astype(np.float32),
-        }
-        position = tuple(posture.position[0].tolist())
-        return _Place(self.graph.ids(stance), position, posture.w_m[0], float(posture.w_b[0]), observation)
+    def _enter(self, state: State, place: Place) -> None:
+        self._state, self._mask, self._place = state, self.moves.mask(state), place
 
     def _success(self) -> bool:
         return math.dist(self._place.position, self.goal) <= self.goal_tolerance
@@ -320,11 +286,9 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         return 0.0 if distance <= self.goal_tolerance else -distance
 
     def _observation(self) -> dict[str, NDArray[Any]]:
-        masks = np.array(self.state.masks, dtype=np.uint16)
-        bits = np.unpackbits(masks.astype("<u2").view(np.uint8), bitorder="little")
         observation = {name: array.copy() for name, array in self._place.observation.items()}
         observation["goal"] = self.goal.astype(np.float32)
-        observation["branches"] = bits.view(np.int8)
+        observation["branches"] = branch_bits(self.state.masks)
         return observation
 
     def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:

@@ -18,7 +18,6 @@ from mlivr_gym.env import MlivrEnv
 from mlivr_gym.errors import SettingError, StanceError, choice
 from mlivr_gym.step_tables import StepTables
 from mlivr_gym.table_kernels import advance, draw_tasks, legal_actions
-from mlivr_gym.transitions import quaternion
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -71,19 +70,14 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         if kwargs.pop("render_mode", None) is not None:
             raise SettingError("the vector environment does not render; use MlivrEnv")
         self.env = MlivrEnv(**(kwargs | {"precompute": True})) if env is None else env
-        self.tables: StepTables = self.env.tables()
-        graph = self.env.graph
+        moves = self.env.table_moves()
+        self.tables: StepTables = moves.tables
         self.num_envs, self.max_episode_steps = num_envs, max_episode_steps or np.iinfo(np.int64).max
         self.single_action_space: spaces.Space[Any] = self.env.action_space
         self.single_observation_space: spaces.Space[Any] = self.env.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        m = len(graph.grasp_map)
-        self._stance_at = np.full((m, m), -1, dtype=np.int32)
-        self._stance_at[self.tables.points[:, 0], self.tables.points[:, 1]] = np.arange(len(self.tables.points))
-        self._grasps = graph.grasp_map.positions[self.tables.points].reshape(-1, 6).astype(np.float32)
-        self._position = self.tables.position.astype(np.float32)
-        self._quaternion = np.array([quaternion(r) for r in graph.rotation], dtype=np.float32)
+        self._stance_at, self._looks = moves.stance_at, moves.observations
         self._streams = np.zeros(num_envs, dtype=np.uint64)
         self.goals: Array = np.zeros((num_envs, 3))
         self.stances: IntArray = np.zeros(num_envs, dtype=np.int64)
@@ -191,10 +185,7 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
     def _observation(self) -> dict[str, NDArray[Any]]:
         bits = self.masks[:, :, None] >> np.arange(16) & 1
         return {
-            "stance": self.tables.points[self.stances].astype(np.int64),
-            "grasps": self._grasps[self.stances],
-            "base_position": self._position[self.stances],
-            "base_quaternion": self._quaternion[self.stances],
+            **{name: rows[self.stances] for name, rows in self._looks.items()},
             "goal": self.goals.astype(np.float32),
             "branches": bits.reshape(self.num_envs, 32).astype(np.int8),
         }
