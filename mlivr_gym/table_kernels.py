@@ -165,3 +165,27 @@ def draw_tasks(which, targets, cabin, tolerance, tables, streams, stances, masks
         if not found:
             return False
     return True
+
+
+@kernel
+def legal_places(stances, masks, tables, out, position):
+    """Mark the possible actions of each state and write where the base is after each.
+
+    Args:
+        stances: Stance indices, shape (k,).
+        masks: Branches each limb may be on, shape (k, 2).
+        tables: `StepTables`.
+        out: Zeros, shape (k, 2, m); ones are written.
+        position: Shape (k, 2, m, 3); base positions [m] are written for the possible actions.
+    """
+    for k in range(len(stances)):
+        s = stances[k]
+        for moving in range(2):
+            mine = masks[k, 1 - moving]
+            for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
+                if tables.left[e] & mine:
+                    s2 = tables.after[e]
+                    point = tables.points[s2, moving]
+                    out[k, moving, point] = 1
+                    for axis in range(3):
+                        position[k, moving, point, axis] = tables.position[s2, axis]
