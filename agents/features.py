@@ -1,0 +1,142 @@
+"""What the point-wise policy sees: points, limbs and goal in the robot's frame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from mlivr_gym.env import MlivrEnv
+from mlivr_gym.step_tables import StepTables
+from mlivr_gym.table_kernels import legal_places
+
+Array = NDArray[np.float64]
+Features = dict[str, NDArray[np.float32]]
+
+POINT, LIMB, GOAL = 8, 5, 4
+"""Numbers that describe a point, a point as seen by one limb, and the goal."""
+
+
+def point_features(
+    positions: Array, normals: Array, free: NDArray[np.bool_], risk: Array, base: Array, rotation: Array, stance: NDArray[np.int64],
+    goal: Array, legal: NDArray[np.bool_], after: Array,
+) -> Features:  # fmt: skip
+    """Features of k states with N limbs on m points, all in the robot's frame.
+
+    Args:
+        positions: Positions of the points [m], shape (m, 3).
+        normals: Surface normals, shape (m, 3).
+        free: Which points may be grasped, shape (m,) or (k, m).
+        risk: Probability that an attempt at each point fails, shape (m,).
+        base: Base positions [m], shape (k, 3).
+        rotation: Base rotations, shape (k, 3, 3).
+        stance: Point indices, shape (k, N).
+        goal: Goal positions [m], shape (k, 3).
+        legal: Which actions are possible, shape (k, N, m).
+        after: Base position after each possible action [m], shape (k, N, m, 3); anything for the others.
+
+    Returns:
+        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 5): whether the limb holds the point,
+        whether it may move there, and the base's displacement if it does. `goal` (k, 4): direction times distance, and
+        distance.
+    """
+    k, limbs = stance.shape
+    m = len(positions)
+    points = np.empty((k, m, POINT), dtype=np.float32)
+    points[:, :, :3] = np.matmul(positions[None] - base[:, None], rotation)
+    points[:, :, 3:6] = np.matmul(normals[None], rotation)
+    points[:, :, 6], points[:, :, 7] = free, risk
+    seen = np.zeros((k, limbs, m, LIMB), dtype=np.float32)
+    seen[np.arange(k)[:, None], np.arange(limbs), stance, 0] = 1.0
+    seen[..., 1] = legal
+    state, limb, point = np.nonzero(legal)
+    moved = after[state, limb, point] - base[state]
+    seen[state, limb, point, 2:] = np.einsum("ij,ijk->ik", moved, rotation[state])
+    toward = np.einsum("ij,ijk->ik", goal - base, rotation)
+    distance = np.linalg.norm(toward, axis=1, keepdims=True)
+    return {"points": points, "limbs": seen, "goal": np.concatenate([toward, distance], axis=1).astype(np.float32)}
+
+
+def env_features(env: MlivrEnv) -> Features:
+    """Features of the present state of an environment, a batch of one."""
+    graph, state, steps = env.graph, env.state, env.successors()
+    posture = graph.posture(state.stance)
+    m, limbs = len(graph.grasp_map), graph.limbs
+    legal, after = np.zeros((1, limbs, m), dtype=np.bool_), np.zeros((1, limbs, m, 3))
+    legal[0, steps.limb, steps.point] = True
+    after[0, steps.limb, steps.point] = steps.position
+    free = np.ones(m, dtype=np.bool_)
+    free[list(graph.occupied)] = False
+    return point_features(
+        graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability, posture.position,
+        posture.rotation, np.array([state.stance]), env.goal[None], legal, after,
+    )  # fmt: skip
+
+
+class TableFeatures:
+    """Features of many states of one map from exact tables."""
+
+    def __init__(self, env: MlivrEnv) -> None:
+        """Of an environment with two limbs."""
+        self.grasp_map, self.rotation = env.graph.grasp_map, env.table_moves().graph.rotation
+        self.risk = env.failure_probability
+
+    def __call__(
+        self,
+        tables: StepTables,
+        stances: NDArray[np.int64],
+        masks: NDArray[np.int64],
+        goals: Array,
+        free: NDArray[np.bool_] | None = None,
+    ) -> Features:
+        """Features of k states.
+
+        Args:
+            tables: The steps, of all points.
+            stances: Stance indices, shape (k,).
+            masks: Branches each limb may be on, shape (k, 2).
+            goals: Goal positions [m], shape (k, 3).
+            free: Which points may be grasped, shape (m,) or (k, m); by default all.
+        """
+        k, m = len(stances), len(self.grasp_map)
+        legal, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
+        legal_places(stances, masks, tables, legal, after)
+        free = np.ones(m, dtype=np.bool_) if free is None else free
+        legal &= free[..., None, :]
+        return point_features(
+            self.grasp_map.positions, self.grasp_map.normals, free, self.risk, tables.position[stances],
+            self.rotation[stances], tables.points[stances].astype(np.int64), goals, legal.view(np.bool_), after,
+        )  # fmt: skip
+
+
+class PointObservation(gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
+    """Observations for the point-wise policy: `point_features` of the present state."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        """Wrap a `MlivrEnv`."""
+        gymnasium.utils.RecordConstructorArgs.__init__(self)
+        super().__init__(env)
+        inner = env.unwrapped
+        assert isinstance(inner, MlivrEnv)
+        self.observation_space = point_space(inner)
+
+    def observation(self, observation: dict[str, NDArray[Any]]) -> Features:
+        """The features, without a batch axis."""
+        inner = self.env.unwrapped
+        assert isinstance(inner, MlivrEnv)
+        return {name: array[0] for name, array in env_features(inner).items()}
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Which actions are possible, for sb3-contrib."""
+        mask: NDArray[np.bool_] = self.env.get_wrapper_attr("action_masks")()
+        return mask
+
+
+def point_space(env: MlivrEnv) -> spaces.Dict:
+    """Space of `point_features` for an environment."""
+    m, limbs = len(env.graph.grasp_map), env.graph.limbs
+    shapes = {"points": (m, POINT), "limbs": (limbs, m, LIMB), "goal": (GOAL,)}
+    return spaces.Dict({name: spaces.Box(-100.0, 100.0, shape, np.float32) for name, shape in shapes.items()})

@@ -1,0 +1,125 @@
+"""The point-wise policy: one network for every point and limb, whatever their number and order.
+
+A DeepSets encoder (Zaheer et al., 2017) sums up the points that may be grasped; a pointer head (Vinyals et al., 2015) then scores
+each possible action from the point it leads to, the displacement of the base, the goal, the points held and that
+summary. Nothing depends on the number or the order of the points.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from gymnasium import spaces
+from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from torch import Tensor, nn
+
+from mlivr_gym.agents.features import GOAL, LIMB, POINT
+
+IMPOSSIBLE = -1e8
+"""Score of actions that are not possible."""
+
+
+def mlp(sizes: list[int]) -> nn.Sequential:
+    """Linear layers with ReLU in between."""
+    layers: list[nn.Module] = []
+    for before, after in zip(sizes, sizes[1:], strict=False):
+        layers += [nn.Linear(before, after), nn.ReLU()]
+    return nn.Sequential(*layers[:-1])
+
+
+class PointerNetwork(nn.Module):
+    """Scores of all actions, and a summary of the state for the value."""
+
+    def __init__(self, width: int = 128, summary: int = 32) -> None:
+        """Build the layers.
+
+        Args:
+            width: Width of the pointer head.
+            summary: Width of the summary of the points.
+        """
+        super().__init__()
+        self.latent_dim_vf = width
+        self.encode = mlp([POINT + 1 + GOAL + 1, summary, summary])
+        held = POINT
+        self.score = mlp([POINT + LIMB - 2 + 1 + GOAL + 2 * held + 2 * summary, width, width, 1])
+        self.assess = mlp([2 * summary + GOAL + held, width, width])
+        # Untrained, the scores are all but equal: a new policy explores evenly.
+        last = self.score[-1]
+        assert isinstance(last, nn.Linear)
+        nn.init.normal_(last.weight, std=0.01)
+        nn.init.zeros_(last.bias)
+
+    def summarise(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
+        """Summary of the points, shape (k, 2 summary), and the points each limb holds, shape (k, N, 8)."""
+        points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
+        held = limbs[..., 0]
+        to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
+        expanded = goal[:, None].expand(-1, points.shape[1], -1)
+        code = self.encode(torch.cat([points, held.sum(dim=1)[..., None], expanded, to_goal], dim=-1))
+        near = points[..., 6:7] * torch.exp(-points[..., :3].square().sum(dim=-1, keepdim=True) / 4.0)
+        mean = (code * near).sum(dim=1) / near.sum(dim=1).clamp_min(1e-6)
+        most = (code * near).amax(dim=1)
+        return torch.cat([mean, most], dim=-1), torch.einsum("knm,kmf->knf", held, points)
+
+    def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
+        """Score of each action, shape (k, N m)."""
+        points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
+        summary, held = self.summarise(observation)
+        return self._scores(points, limbs, goal, summary, held)
+
+    def _scores(self, points: Tensor, limbs: Tensor, goal: Tensor, summary: Tensor, held: Tensor) -> Tensor:
+        count = limbs.shape[1]
+        state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
+        moved = limbs[state, limb, point, 2:]
+        left = (moved - goal[state, :3]).norm(dim=-1, keepdim=True)
+        own = held[state, limb]
+        others = (held.sum(dim=1)[state] - own) / (count - 1)
+        seen = torch.cat([points[state, point], moved, left, goal[state], own, others, summary[state]], dim=-1)
+        scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
+        scores[state, limb, point] = self.score(seen)[:, 0]
+        return scores.flatten(1)
+
+    def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
+        """What the value is read from, shape (k, width)."""
+        summary, held = self.summarise(observation)
+        return self._assessment(observation["goal"], summary, held)
+
+    def _assessment(self, goal: Tensor, summary: Tensor, held: Tensor) -> Tensor:
+        code: Tensor = self.assess(torch.cat([summary, goal, held.mean(dim=1)], dim=-1))
+        return torch.relu(code)
+
+    def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
+        """Scores and assessment."""
+        summary, held = self.summarise(observation)
+        scores = self._scores(observation["points"], observation["limbs"], observation["goal"], summary, held)
+        return scores, self._assessment(observation["goal"], summary, held)
+
+
+class _AsItIs(BaseFeaturesExtractor):
+    """Hands the observation on unchanged."""
+
+    def __init__(self, observation_space: spaces.Space[Any]) -> None:
+        super().__init__(observation_space, features_dim=1)
+
+    def forward(self, observation: dict[str, Tensor]) -> dict[str, Tensor]:
+        return observation
+
+
+class PointerPolicy(MaskableActorCriticPolicy):
+    """`PointerNetwork` as a policy of sb3-contrib's `MaskablePPO`, for observations of `PointObservation`."""
+
+    def __init__(self, *args: Any, width: int = 128, summary: int = 32, **kwargs: Any) -> None:
+        """Take the network's widths beside the arguments of `MaskableActorCriticPolicy`."""
+        self.width, self.summary = width, summary
+        super().__init__(*args, **(kwargs | {"features_extractor_class": _AsItIs, "ortho_init": False}))
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return super()._get_constructor_parameters() | {"width": self.width, "summary": self.summary}
+
+    def _build(self, lr_schedule: Any) -> None:
+        self.mlp_extractor = PointerNetwork(self.width, self.summary)
+        self.action_net = nn.Identity()
+        self.value_net = nn.Linear(self.width, 1)
+        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
