@@ -16,13 +16,13 @@ from mlivr_gym.table_kernels import legal_places
 Array = NDArray[np.float64]
 Features = dict[str, NDArray[np.float32]]
 
-POINT, LIMB, GOAL = 8, 5, 4
+POINT, LIMB, GOAL = 8, 5, 5
 """Numbers that describe a point, a point as seen by one limb, and the goal."""
 
 
 def point_features(
     positions: Array, normals: Array, free: NDArray[np.bool_], risk: Array, base: Array, rotation: Array, stance: NDArray[np.int64],
-    goal: Array, legal: NDArray[np.bool_], after: Array,
+    goal: Array, tolerance: float, legal: NDArray[np.bool_], after: Array,
 ) -> Features:  # fmt: skip
     """Features of k states with N limbs on m points, all in the robot's frame.
 
@@ -35,13 +35,14 @@ def point_features(
         rotation: Base rotations, shape (k, 3, 3).
         stance: Point indices, shape (k, N).
         goal: Goal positions [m], shape (k, 3).
+        tolerance: Radius of the goal region [m].
         legal: Which actions are possible, shape (k, N, m).
         after: Base position after each possible action [m], shape (k, N, m, 3); anything for the others.
 
     Returns:
         `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 5): whether the limb holds the point,
-        whether it may move there, and the base's displacement if it does. `goal` (k, 4): direction times distance, and
-        distance.
+        whether it may move there, and the base's displacement if it does. `goal` (k, 5): where the goal
+        lies, its distance, and the tolerance.
     """
     k, limbs = stance.shape
     m = len(positions)
@@ -57,7 +58,8 @@ def point_features(
     seen[state, limb, point, 2:] = np.einsum("ij,ijk->ik", moved, rotation[state])
     toward = np.einsum("ij,ijk->ik", goal - base, rotation)
     distance = np.linalg.norm(toward, axis=1, keepdims=True)
-    return {"points": points, "limbs": seen, "goal": np.concatenate([toward, distance], axis=1).astype(np.float32)}
+    ahead = np.concatenate([toward, distance, np.full_like(distance, tolerance)], axis=1)
+    return {"points": points, "limbs": seen, "goal": ahead.astype(np.float32)}
 
 
 def env_features(env: MlivrEnv) -> Features:
@@ -72,7 +74,8 @@ def env_features(env: MlivrEnv) -> Features:
     free[list(graph.occupied)] = False
     return point_features(
         graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability, posture.position,
-        posture.rotation, np.array([state.stance]), env.goal[None], legal, after,
+        posture.rotation, np.array([state.stance]), env.goal[None], env.goal_tolerance, legal,
+        after,
     )  # fmt: skip
 
 
@@ -82,7 +85,7 @@ class TableFeatures:
     def __init__(self, env: MlivrEnv) -> None:
         """Of an environment with two limbs."""
         self.grasp_map, self.rotation = env.graph.grasp_map, env.table_moves().graph.rotation
-        self.risk = env.failure_probability
+        self.risk, self.tolerance = env.failure_probability, env.goal_tolerance
 
     def __call__(
         self,
@@ -108,7 +111,8 @@ class TableFeatures:
         legal &= free[..., None, :]
         return point_features(
             self.grasp_map.positions, self.grasp_map.normals, free, self.risk, tables.position[stances],
-            self.rotation[stances], tables.points[stances].astype(np.int64), goals, legal.view(np.bool_), after,
+            self.rotation[stances], tables.points[stances].astype(np.int64), goals, self.tolerance, legal.view(np.bool_),
+            after,
         )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from mlivr_gym.env import MlivrEnv
 from mlivr_gym.moves import BITS
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.table_values import TableValues
-from mlivr_gym.step_tables import StepTables, without_points
+from mlivr_gym.step_tables import without_points
 from mlivr_gym.table_kernels import advance, draw_tasks
 
 Array = NDArray[np.float64]
@@ -66,6 +66,10 @@ class ImitationSettings:
     discount: float = 0.99
 
 
+SAME_GOAL = 0.01
+"""Goals nearer than this to one that is held out are not learnt from [m]."""
+
+
 class Samples(NamedTuple):
     """States that were visited, with what is best there."""
 
@@ -105,7 +109,15 @@ class Imitation:
         success: Share of the last round's walks by the policy that reached their goal.
     """
 
-    def __init__(self, env: MlivrEnv, policy: Any, plain: bool, settings: ImitationSettings, seed: int) -> None:
+    def __init__(
+        self,
+        env: MlivrEnv,
+        policy: Any,
+        plain: bool,
+        settings: ImitationSettings,
+        seed: int,
+        held_out: Array | None = None,
+    ) -> None:
         """Work the environment's steps out, or read them from the cache.
 
         Args:
@@ -114,12 +126,14 @@ class Imitation:
             plain: Whether the policy sees the environment's own observations.
             settings: How to imitate.
             seed: Seed of layouts, goals, walks and batches.
+            held_out: Goals that must not be learnt from [m], shape (g, 3).
         """
         self.env, self.policy, self.plain, self.settings = env, policy, plain, settings
         self.moves = env.table_moves()
         self.features = TableFeatures(env)
         self.rng = np.random.default_rng(seed)
         self.m = len(env.graph.grasp_map)
+        self._held_out = np.zeros((0, 3)) if held_out is None else held_out
         self.data: list[Samples] = []
         self.success = 0.0
         self._optimizer = torch.optim.Adam(policy.parameters(), lr=settings.learning_rate)
@@ -161,12 +175,16 @@ class Imitation:
             self._streams, *drawn, goals,
         ):  # fmt: skip
             return _nothing(self.m), 1.0
+        if len(self._held_out):
+            goals = goals[np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1) > SAME_GOAL]
+            if not len(goals):
+                return _nothing(self.m), 1.0
         risk = env.failure_probability
         values = TableValues(tables, goals, env.goal_tolerance, cost, risk)
         which, stances = self._starts(values)
         masks = tables.masks[stances].astype(np.int64)
         streams = rng.integers(2**63, size=len(stances)).astype(np.uint64)
-        rows: list[Samples] = []
+        rows = [_nothing(self.m)]
         count = len(stances)
         for _ in range(settings.longest):
             if not len(stances):

@@ -20,6 +20,9 @@ from mlivr_gym.agents.features import GOAL, LIMB, POINT
 IMPOSSIBLE = -1e8
 """Score of actions that are not possible."""
 
+SHARPNESS = 0.005
+"""Width of the step from 0 to 1 at the goal tolerance in what tells that an action arrives [m]."""
+
 
 def mlp(sizes: list[int]) -> nn.Sequential:
     """Linear layers with ReLU in between."""
@@ -43,7 +46,7 @@ class PointerNetwork(nn.Module):
         self.latent_dim_vf = width
         self.encode = mlp([POINT + 1 + GOAL + 1, summary, summary])
         held = POINT
-        self.score = mlp([POINT + LIMB - 2 + 1 + GOAL + 2 * held + 2 * summary, width, width, 1])
+        self.score = mlp([POINT + LIMB - 2 + 2 + GOAL + 2 * held + 2 * summary, width, width, 1])
         self.assess = mlp([2 * summary + GOAL + held, width, width])
         # Untrained, the scores are all but equal: a new policy explores evenly.
         last = self.score[-1]
@@ -74,9 +77,10 @@ class PointerNetwork(nn.Module):
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
         moved = limbs[state, limb, point, 2:]
         left = (moved - goal[state, :3]).norm(dim=-1, keepdim=True)
+        arrives = torch.sigmoid((goal[state, 4:5] - left) / SHARPNESS)
         own = held[state, limb]
         others = (held.sum(dim=1)[state] - own) / (count - 1)
-        seen = torch.cat([points[state, point], moved, left, goal[state], own, others, summary[state]], dim=-1)
+        seen = torch.cat([points[state, point], moved, left, arrives, goal[state], own, others, summary[state]], dim=-1)
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
         scores[state, limb, point] = self.score(seen)[:, 0]
         return scores.flatten(1)
