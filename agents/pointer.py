@@ -32,10 +32,14 @@ def mlp(sizes: list[int]) -> nn.Sequential:
     return nn.Sequential(*layers[:-1])
 
 
+AHEAD, NEAR = 0.8, 1.4
+"""Distance of the second centre of the summary towards the goal, and width of both [m]."""
+
+
 class PointerNetwork(nn.Module):
     """Scores of all actions, and a summary of the state for the value."""
 
-    def __init__(self, width: int = 128, summary: int = 32) -> None:
+    def __init__(self, width: int = 96, summary: int = 32) -> None:
         """Build the layers.
 
         Args:
@@ -45,9 +49,10 @@ class PointerNetwork(nn.Module):
         super().__init__()
         self.latent_dim_vf = width
         self.encode = mlp([POINT + 1 + GOAL + 1, summary, summary])
-        held = POINT
-        self.score = mlp([POINT + LIMB - 2 + 2 + GOAL + 2 * held + 2 * summary, width, width, 1])
-        self.assess = mlp([2 * summary + GOAL + held, width, width])
+        self.of_limb = nn.Linear(GOAL + 2 * POINT + 4 * summary, width)
+        self.of_action = nn.Linear(POINT + LIMB, width)
+        self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
+        self.assess = mlp([4 * summary + GOAL + POINT, width, width])
         # Untrained, the scores are all but equal: a new policy explores evenly.
         last = self.score[-1]
         assert isinstance(last, nn.Linear)
@@ -55,34 +60,42 @@ class PointerNetwork(nn.Module):
         nn.init.zeros_(last.bias)
 
     def summarise(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
-        """Summary of the points, shape (k, 2 summary), and the points each limb holds, shape (k, N, 8)."""
+        """Summary of the points, shape (k, 4 summary), and the points each limb holds, shape (k, N, 8).
+
+        The points count by their distance from the base, and once more by their distance from a place `AHEAD` towards
+        the goal.
+        """
         points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
         held = limbs[..., 0]
         to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
         expanded = goal[:, None].expand(-1, points.shape[1], -1)
         code = self.encode(torch.cat([points, held.sum(dim=1)[..., None], expanded, to_goal], dim=-1))
-        near = points[..., 6:7] * torch.exp(-points[..., :3].square().sum(dim=-1, keepdim=True) / 4.0)
-        mean = (code * near).sum(dim=1) / near.sum(dim=1).clamp_min(1e-6)
-        most = (code * near).amax(dim=1)
-        return torch.cat([mean, most], dim=-1), torch.einsum("knm,kmf->knf", held, points)
+        ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))
+        parts = []
+        for centre in (torch.zeros_like(ahead), ahead):
+            away = (points[..., :3] - centre[:, None]).square().sum(dim=-1, keepdim=True)
+            near = points[..., 6:7] * torch.exp(-away / (2.0 * NEAR**2))
+            weighted = code * near
+            parts += [weighted.sum(dim=1) / near.sum(dim=1).clamp_min(1e-6), weighted.amax(dim=1)]
+        return torch.cat(parts, dim=-1), torch.einsum("knm,kmf->knf", held, points)
 
     def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
         """Score of each action, shape (k, N m)."""
-        points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
-        summary, held = self.summarise(observation)
-        return self._scores(points, limbs, goal, summary, held)
+        return self._scores(observation, *self.summarise(observation))
 
-    def _scores(self, points: Tensor, limbs: Tensor, goal: Tensor, summary: Tensor, held: Tensor) -> Tensor:
+    def _scores(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
+        points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
         count = limbs.shape[1]
+        others = (held.sum(dim=1, keepdim=True) - held) / (count - 1)
+        whole = torch.cat([goal, summary], dim=-1)[:, None].expand(-1, count, -1)
+        context = self.of_limb(torch.cat([held, others, whole], dim=-1))
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
         moved = limbs[state, limb, point, 2:]
         left = (moved - goal[state, :3]).norm(dim=-1, keepdim=True)
         arrives = torch.sigmoid((goal[state, 4:5] - left) / SHARPNESS)
-        own = held[state, limb]
-        others = (held.sum(dim=1)[state] - own) / (count - 1)
-        seen = torch.cat([points[state, point], moved, left, arrives, goal[state], own, others, summary[state]], dim=-1)
+        seen = self.of_action(torch.cat([points[state, point], moved, left, arrives], dim=-1))
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
-        scores[state, limb, point] = self.score(seen)[:, 0]
+        scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
         return scores.flatten(1)
 
     def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
@@ -97,8 +110,7 @@ class PointerNetwork(nn.Module):
     def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
         """Scores and assessment."""
         summary, held = self.summarise(observation)
-        scores = self._scores(observation["points"], observation["limbs"], observation["goal"], summary, held)
-        return scores, self._assessment(observation["goal"], summary, held)
+        return self._scores(observation, summary, held), self._assessment(observation["goal"], summary, held)
 
 
 class _AsItIs(BaseFeaturesExtractor):
@@ -114,7 +126,7 @@ class _AsItIs(BaseFeaturesExtractor):
 class PointerPolicy(MaskableActorCriticPolicy):
     """`PointerNetwork` as a policy of sb3-contrib's `MaskablePPO`, for observations of `PointObservation`."""
 
-    def __init__(self, *args: Any, width: int = 128, summary: int = 32, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, width: int = 96, summary: int = 32, **kwargs: Any) -> None:
         """Take the network's widths beside the arguments of `MaskableActorCriticPolicy`."""
         self.width, self.summary = width, summary
         super().__init__(*args, **(kwargs | {"features_extractor_class": _AsItIs, "ortho_init": False}))

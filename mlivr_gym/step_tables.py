@@ -31,7 +31,7 @@ CACHE_VARIABLE = "MLIVR_GYM_CACHE"
 """Environment variable that names another cache directory; empty: nothing is kept."""
 
 NOT_IN_KEY = {
-    "cli.py", "env.py", "figures.py", "moves.py", "reliability.py", "rendering.py", "scene.py", "table1.py",
+    "cli.py", "cli_agents.py", "env.py", "figures.py", "moves.py", "reliability.py", "rendering.py", "scene.py", "table1.py",
     "table_kernels.py", "tasks.py", "vector_env.py",
 }  # fmt: skip
 """Modules that no step depends on: changing them keeps what is cached."""
