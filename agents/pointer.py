@@ -35,6 +35,12 @@ def mlp(sizes: list[int]) -> nn.Sequential:
 AHEAD, NEAR = 0.8, 1.4
 """Distance of the second centre of the summary towards the goal, and width of both [m]."""
 
+STRIDE, AROUND = 0.5, 0.5
+"""How far beyond the base of an action its own surroundings are centred, towards the goal, and their width [m]."""
+
+GRID = (-1.5, -0.75, 0.0, 0.75, 1.5), (-0.6, 0.4)
+"""Nodes of the grid along and across the body [m]: x and y, and z."""
+
 
 class PointerNetwork(nn.Module):
     """Scores of all actions, and a summary of the state for the value."""
@@ -47,43 +53,53 @@ class PointerNetwork(nn.Module):
             summary: Width of the summary of the points.
         """
         super().__init__()
+        self.grid: Tensor
         self.latent_dim_vf = width
         self.encode = mlp([POINT + 1 + GOAL + 1, summary, summary])
         self.of_limb = nn.Linear(GOAL + 2 * POINT + 4 * summary, width)
-        self.of_action = nn.Linear(POINT + LIMB, width)
+        self.of_action = nn.Linear(POINT + LIMB + summary + 1, width)
         self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
         self.assess = mlp([4 * summary + GOAL + POINT, width, width])
+        nodes = torch.cartesian_prod(torch.tensor(GRID[0]), torch.tensor(GRID[0]), torch.tensor(GRID[1]))
+        self.register_buffer("grid", nodes, persistent=False)
         # Untrained, the scores are all but equal: a new policy explores evenly.
         last = self.score[-1]
         assert isinstance(last, nn.Linear)
         nn.init.normal_(last.weight, std=0.01)
         nn.init.zeros_(last.bias)
 
-    def summarise(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
+    def codes(self, observation: dict[str, Tensor]) -> Tensor:
+        """Codes of the points, nothing for those that may not be grasped, shape (k, m, summary)."""
+        points, goal = observation["points"], observation["goal"]
+        held = observation["limbs"][..., 0].sum(dim=1)[..., None]
+        to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
+        expanded = goal[:, None].expand(-1, points.shape[1], -1)
+        code: Tensor = torch.relu(self.encode(torch.cat([points, held, expanded, to_goal], dim=-1)))
+        return code * points[..., 6:7]
+
+    def summarise(self, observation: dict[str, Tensor], codes: Tensor) -> tuple[Tensor, Tensor]:
         """Summary of the points, shape (k, 4 summary), and the points each limb holds, shape (k, N, 8).
 
         The points count by their distance from the base, and once more by their distance from a place `AHEAD` towards
         the goal.
         """
-        points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
-        held = limbs[..., 0]
-        to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
-        expanded = goal[:, None].expand(-1, points.shape[1], -1)
-        code = self.encode(torch.cat([points, held.sum(dim=1)[..., None], expanded, to_goal], dim=-1))
+        points, goal = observation["points"], observation["goal"]
         ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))
         parts = []
         for centre in (torch.zeros_like(ahead), ahead):
             away = (points[..., :3] - centre[:, None]).square().sum(dim=-1, keepdim=True)
-            near = points[..., 6:7] * torch.exp(-away / (2.0 * NEAR**2))
-            weighted = code * near
-            parts += [weighted.sum(dim=1) / near.sum(dim=1).clamp_min(1e-6), weighted.amax(dim=1)]
-        return torch.cat(parts, dim=-1), torch.einsum("knm,kmf->knf", held, points)
+            near = torch.exp(-away / (2.0 * NEAR**2))
+            weighted = codes * near
+            count = (near * points[..., 6:7]).sum(dim=1)
+            parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
+        return torch.cat(parts, dim=-1), torch.einsum("knm,kmf->knf", observation["limbs"][..., 0], points)
 
     def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
         """Score of each action, shape (k, N m)."""
-        return self._scores(observation, *self.summarise(observation))
+        codes = self.codes(observation)
+        return self._scores(observation, codes, *self.summarise(observation, codes))
 
-    def _scores(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
+    def _scores(self, observation: dict[str, Tensor], codes: Tensor, summary: Tensor, held: Tensor) -> Tensor:
         points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
         count = limbs.shape[1]
         others = (held.sum(dim=1, keepdim=True) - held) / (count - 1)
@@ -91,26 +107,53 @@ class PointerNetwork(nn.Module):
         context = self.of_limb(torch.cat([held, others, whole], dim=-1))
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
         moved = limbs[state, limb, point, 2:]
-        left = (moved - goal[state, :3]).norm(dim=-1, keepdim=True)
+        toward = goal[state, :3] - moved
+        left = toward.norm(dim=-1, keepdim=True)
         arrives = torch.sigmoid((goal[state, 4:5] - left) / SHARPNESS)
-        seen = self.of_action(torch.cat([points[state, point], moved, left, arrives], dim=-1))
+        centre = moved + toward * (STRIDE / left.clamp_min(STRIDE))
+        local = self._around(points, codes, state, centre)
+        seen = self.of_action(torch.cat([points[state, point], moved, left, arrives, local], dim=-1))
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
         scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
         return scores.flatten(1)
 
+    def _around(self, points: Tensor, codes: Tensor, state: Tensor, centre: Tensor) -> Tensor:
+        """Codes of the points round each action's centre, shape (a, summary + 1), and how many there are.
+
+        The points are summed up round the nodes of a grid fixed to the robot; an action takes what the nodes near its centre
+        have. That is linear in the number of points and of actions.
+
+        Args:
+            points: Shape (k, m, 8).
+            codes: Shape (k, m, summary).
+            state: State of each action, in ascending order, shape (a,).
+            centre: A place one stride on from where the base would be [m], shape (a, 3).
+        """
+        k = len(points)
+        nodes = self.grid.expand(k, -1, -1)
+        near = torch.exp(-torch.cdist(nodes, points[..., :3]).square() / (2.0 * AROUND**2))
+        gathered = torch.bmm(near, torch.cat([codes, points[..., 6:7]], dim=-1)) / 8.0
+        counts = torch.bincount(state, minlength=k)
+        slot = torch.arange(len(state), device=state.device) - (torch.cumsum(counts, 0) - counts)[state]
+        weights = centre.new_zeros(k, max(int(counts.max()), 1), len(self.grid))
+        away = torch.cdist(centre, self.grid).square()
+        weights[state, slot] = torch.softmax(-away / (2.0 * AROUND**2), dim=-1)
+        found: Tensor = torch.bmm(weights, gathered)[state, slot]
+        return found
+
     def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
         """What the value is read from, shape (k, width)."""
-        summary, held = self.summarise(observation)
-        return self._assessment(observation["goal"], summary, held)
+        return self._assessment(observation, *self.summarise(observation, self.codes(observation)))
 
-    def _assessment(self, goal: Tensor, summary: Tensor, held: Tensor) -> Tensor:
-        code: Tensor = self.assess(torch.cat([summary, goal, held.mean(dim=1)], dim=-1))
+    def _assessment(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
+        code: Tensor = self.assess(torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1))
         return torch.relu(code)
 
     def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
         """Scores and assessment."""
-        summary, held = self.summarise(observation)
-        return self._scores(observation, summary, held), self._assessment(observation["goal"], summary, held)
+        codes = self.codes(observation)
+        summary, held = self.summarise(observation, codes)
+        return self._scores(observation, codes, summary, held), self._assessment(observation, summary, held)
 
 
 class _AsItIs(BaseFeaturesExtractor):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.errors import SettingError
+from mlivr_gym.moves import TableMoves
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
@@ -47,23 +48,25 @@ class ExpertPolicy:
             expect_failures: Whether costs are expected costs where grasps may fail; otherwise every grasp counts as sure.
         """
         self._expect = expect_failures
-        self._values: tuple[Any, TableValues] | None = None
+        self._moves: TableMoves | None = None
+        self._goal: tuple[bytes, float] = b"", 0.0
 
     def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> int:
-        """An optimal action for the environment's reward."""
+        """An optimal action for the environment's reward; the first of equal ones."""
         graph = env.graph
         if not isinstance(graph, PairGraph):
             raise SettingError(f"the expert policy needs two limbs; robot {graph.robot.name!r} has more")
         moves = env.table_moves()
-        key = (id(moves), env.goal.tobytes(), env.goal_tolerance)
-        if self._values is None or self._values[0] != key:
+        goal = (env.goal.tobytes(), env.goal_tolerance)
+        if self._moves is not moves or self._goal != goal:
             risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
             cost = Cost.named(env.reward)
-            self._values = key, TableValues(moves.tables, env.goal[None], env.goal_tolerance, cost, risk)
-        values = self._values[1]
+            self._moves, self._goal = moves, goal
+            self._values = TableValues(moves.tables, env.goal[None], env.goal_tolerance, cost, risk)
         s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
-        costs = values.of_actions(s, np.array([env.state.masks]), np.zeros(1, dtype=np.int64), len(mask))[0]
-        return int(np.flatnonzero(costs <= costs.min() + 1e-9)[0])
+        costs = self._values.of_actions(s, np.array([env.state.masks]), np.zeros(1, dtype=np.int64), len(mask))[0]
+        # Where nothing leads to the goal any possible action will do.
+        return int(np.flatnonzero(mask & (costs <= costs.min() + 1e-9))[0])
 
 
 class PlanPolicy:

@@ -15,10 +15,14 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import write_whole
 from mlivr_gym.grasp_map import GraspMap, jem_map
-from mlivr_gym.tasks import sample_task
+from mlivr_gym.planners import Planner
+from mlivr_gym.tasks import random_state
 
 SPLITS = ("same", "half", "dense", "occupied")
 """The map of the training; half of its points; points every 0.1 m; a fifth of the points newly occupied."""
+
+FAR = 2.0
+"""Least distance between the bases at start and goal [m]: an easy walk tells little."""
 
 OCCUPIED = 0.2
 """Share of the points that are occupied in the last split."""
@@ -98,7 +102,13 @@ def _draw(world: World, count: int, rng: np.random.Generator, groups: int = 0) -
             env.graph.vacate()
             env.graph.occupy(occupied)
         share = count * (group + 1) // max(groups, 1)
+        planner = Planner(env.graph)
         while len(tasks) < share:
-            state, goal = sample_task(env.graph, rng, env.goal_tolerance)
-            tasks.append(Task(env.graph.ids(state.stance), tuple(goal.tolist()), occupied))
+            first, last = random_state(env.graph, rng), random_state(env.graph, rng)
+            origin, goal = (env.graph.posture(state.stance).position[0] for state in (first, last))
+            low, high = env.graph.grasp_map.cabin
+            if np.linalg.norm(goal - origin) < FAR or (goal < low).any() or (goal > high).any():
+                continue
+            if planner.plan(first.stance, goal.tolist(), "steps", goal_tolerance=env.goal_tolerance):
+                tasks.append(Task(env.graph.ids(first.stance), tuple(goal.tolist()), occupied))
     return world._replace(tasks=tuple(tasks))

@@ -27,9 +27,13 @@ def add_commands(commands: Any, world: argparse.ArgumentParser) -> None:
     train.add_argument("--network", default="pointer", help="pointer or mlp (default: %(default)s)")
     train.add_argument("--seed", type=int, default=0, help="seed (default: %(default)s)")
     train.add_argument("--reward", default="steps", help="steps or base (default: %(default)s)")
-    train.add_argument("--grasp-failure", type=float, default=0.0, metavar="P", help="mean probability that a grasp fails")
+    train.add_argument(
+        "--grasp-failure", type=float, default=0.0, metavar="P", help="mean probability that a grasp fails"
+    )
     train.add_argument("--hyperparameters", metavar="FILE", help="JSON file (default: training.json of the package)")
-    train.add_argument("--out", default="policy", metavar="PATH", help="checkpoint without suffix (default: %(default)s)")
+    train.add_argument(
+        "--out", default="policy", metavar="PATH", help="checkpoint without suffix (default: %(default)s)"
+    )
     train.add_argument("--logs", metavar="FOLDER", help="write TensorBoard logs")
     train.set_defaults(run=_train)
 
@@ -38,11 +42,15 @@ def add_commands(commands: Any, world: argparse.ArgumentParser) -> None:
         description="Success, steps and base translation over seeded episodes, or over the frozen test set.",
     )  # fmt: skip
     evaluate.add_argument(
-        "--policy", default="pretrained", help=f"pretrained, a checkpoint, or {', '.join(PLANNERS)} (default: %(default)s)"
+        "--policy",
+        default="pretrained",
+        help=f"pretrained, a checkpoint, or {', '.join(PLANNERS)} (default: %(default)s)",
     )
     evaluate.add_argument("--episodes", type=int, default=20, help="episodes (default: %(default)s)")
     evaluate.add_argument("--seed", type=int, default=0, help="seed of the first episode (default: %(default)s)")
-    evaluate.add_argument("--grasp-failure", type=float, default=0.0, metavar="P", help="mean probability that a grasp fails")
+    evaluate.add_argument(
+        "--grasp-failure", type=float, default=0.0, metavar="P", help="mean probability that a grasp fails"
+    )
     evaluate.add_argument("--split", help="a split of the frozen test set in place of seeded episodes")
     evaluate.set_defaults(run=_evaluate)
 
@@ -140,7 +148,9 @@ def _evaluate(args: argparse.Namespace) -> int:
     first = [float(t) for r in results for t in r.first_decision]
     print(f"{args.policy}: {sum(success)} of {len(success)} episodes reach the goal")
     if steps:
-        print(f"  where it is reached: {sum(steps) / len(steps):.2f} steps, {sum(metres) / len(metres):.3f} m of base translation")
+        print(
+            f"  where it is reached: {sum(steps) / len(steps):.2f} steps, {sum(metres) / len(metres):.3f} m of base translation"
+        )
     print(f"  first action after {1e3 * sum(first) / len(first):.1f} ms on average, world included")
     return 0
 
@@ -181,5 +191,7 @@ def _dataset(args: argparse.Namespace) -> int:
     dataset = write_dataset(
         args.id, args.episodes, args.seed, environment_arguments(args), progress=lambda k: show(k, args.episodes, "")
     )  # fmt: skip
-    print(f"{args.id}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; load with minari.load_dataset({args.id!r})")
+    print(
+        f"{args.id}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; load with minari.load_dataset({args.id!r})"
+    )
     return 0
