@@ -130,7 +130,7 @@ def _episode(
     return done, steps, float(info["base_translation"]), first, spent / max(steps, 1), failed, carried
 
 
-def bootstrap(values: Array, statistic: Callable[[Array], float] = np.mean, seed: int = 0) -> tuple[float, float]:  # type: ignore[assignment]
+def bootstrap(values: Array, statistic: Callable[[Array], float] = np.mean, seed: int = 0) -> tuple[float, float]:
     """95 % percentile bootstrap interval of a statistic of independent values, shape (k,); NaN without values."""
     if not len(values):
         return float("nan"), float("nan")

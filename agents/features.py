@@ -10,19 +10,24 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from mlivr_gym.env import MlivrEnv
+from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.stance_graph import StanceGraph
 from mlivr_gym.step_tables import StepTables
 from mlivr_gym.table_kernels import legal_places
 
 Array = NDArray[np.float64]
 Features = dict[str, NDArray[np.float32]]
 
-POINT, LIMB, GOAL = 8, 5, 5
+POINT, LIMB, GOAL = 8, 6, 5
 """Numbers that describe a point, a point as seen by one limb, and the goal."""
+
+FAR = 10.0
+"""Reach of points that no stance has [m]."""
 
 
 def point_features(
     positions: Array, normals: Array, free: NDArray[np.bool_], risk: Array, base: Array, rotation: Array, stance: NDArray[np.int64],
-    goal: Array, tolerance: float, legal: NDArray[np.bool_], after: Array,
+    goal: Array, tolerance: float, legal: NDArray[np.bool_], after: Array, reach: Array,
 ) -> Features:  # fmt: skip
     """Features of k states with N limbs on m points, all in the robot's frame.
 
@@ -38,10 +43,11 @@ def point_features(
         tolerance: Radius of the goal region [m].
         legal: Which actions are possible, shape (k, N, m).
         after: Base position after each possible action [m], shape (k, N, m, 3); anything for the others.
+        reach: What `reach_of_points` returns [m], shape (k, N, m).
 
     Returns:
-        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 5): whether the limb holds the point,
-        whether it may move there, and the base's displacement if it does. `goal` (k, 5): where the goal
+        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6): whether the limb holds the point,
+        whether it may move there, the base's displacement if it does, and the reach. `goal` (k, 5): where the goal
         lies, its distance, and the tolerance.
     """
     k, limbs = stance.shape
@@ -55,11 +61,37 @@ def point_features(
     seen[..., 1] = legal
     state, limb, point = np.nonzero(legal)
     moved = after[state, limb, point] - base[state]
-    seen[state, limb, point, 2:] = np.einsum("ij,ijk->ik", moved, rotation[state])
+    seen[..., 5] = reach
+    seen[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
     toward = np.einsum("ij,ijk->ik", goal - base, rotation)
     distance = np.linalg.norm(toward, axis=1, keepdims=True)
     ahead = np.concatenate([toward, distance, np.full_like(distance, tolerance)], axis=1)
     return {"points": points, "limbs": seen, "goal": ahead.astype(np.float32)}
+
+
+def reach_of_points(graph: StanceGraph, goal: Array, held: NDArray[np.bool_] | None = None) -> Array:
+    """Least distance to the goal that the base can have while a limb holds a point [m], shape (N, m), at most `FAR`.
+
+    Over all stances that can be held, whether steps lead there or not: a look one step further than an action. For more than two
+    limbs the stances are not known beforehand; it is then the distance of the point itself.
+
+    Args:
+        graph: The stance graph.
+        goal: Goal position [m], shape (3,).
+        held: Which stances can be held, shape (n,); by default those that the graph says.
+    """
+    if not isinstance(graph, PairGraph):
+        away = np.linalg.norm(graph.grasp_map.positions - goal, axis=1)
+        return np.tile(np.minimum(away, FAR), (graph.limbs, 1))
+    held = (graph.mask != 0).all(axis=1) if held is None else held
+    away = graph.row_position - goal
+    distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), FAR)
+    distance[~held[graph.rows]] = FAR
+    out = np.full((2, len(graph.grasp_map)), FAR)
+    for limb in range(2):
+        known = np.flatnonzero(graph.degree[limb])
+        out[limb, known] = np.minimum.reduceat(distance[limb], graph.row_start[limb, known])
+    return out
 
 
 def env_features(env: MlivrEnv) -> Features:
@@ -75,7 +107,7 @@ def env_features(env: MlivrEnv) -> Features:
     return point_features(
         graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability, posture.position,
         posture.rotation, np.array([state.stance]), env.goal[None], env.goal_tolerance, legal,
-        after,
+        after, reach_of_points(graph, env.goal)[None],
     )  # fmt: skip
 
 
@@ -93,6 +125,7 @@ class TableFeatures:
         stances: NDArray[np.int64],
         masks: NDArray[np.int64],
         goals: Array,
+        reach: Array,
         free: NDArray[np.bool_] | None = None,
     ) -> Features:
         """Features of k states.
@@ -102,6 +135,7 @@ class TableFeatures:
             stances: Stance indices, shape (k,).
             masks: Branches each limb may be on, shape (k, 2).
             goals: Goal positions [m], shape (k, 3).
+            reach: What `reach_of_points` returns for each state [m], shape (k, 2, m).
             free: Which points may be grasped, shape (m,) or (k, m); by default all.
         """
         k, m = len(stances), len(self.grasp_map)
@@ -112,7 +146,7 @@ class TableFeatures:
         return point_features(
             self.grasp_map.positions, self.grasp_map.normals, free, self.risk, tables.position[stances],
             self.rotation[stances], tables.points[stances].astype(np.int64), goals, self.tolerance, legal.view(np.bool_),
-            after,
+            after, reach,
         )  # fmt: skip
 
 

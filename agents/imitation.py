@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from mlivr_gym.agents.features import TableFeatures
+from mlivr_gym.agents.features import TableFeatures, reach_of_points
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.moves import BITS
@@ -73,17 +73,19 @@ SAME_GOAL = 0.01
 class Samples(NamedTuple):
     """States that were visited, with what is best there."""
 
-    stances: IntArray
+    stances: NDArray[Any]
     """Stance indices, shape (k,)."""
-    masks: IntArray
+    masks: NDArray[Any]
     """Branches each limb may be on, shape (k, 2)."""
-    goals: Array
+    goals: NDArray[Any]
     """Goal positions [m], shape (k, 3)."""
-    free: NDArray[np.uint8]
+    which: NDArray[Any]
+    """Index of the goal's reach among those that `Imitation` keeps, shape (k,)."""
+    free: NDArray[Any]
     """Which points may be grasped, packed bits, shape (k, ceil(m / 8))."""
-    optimal: NDArray[np.uint8]
+    optimal: NDArray[Any]
     """Which actions are optimal, packed bits, shape (k, ceil(2 m / 8))."""
-    cost: NDArray[np.float32]
+    cost: NDArray[Any]
     """Least cost to the goal, shape (k,)."""
 
 
@@ -135,6 +137,7 @@ class Imitation:
         self.m = len(env.graph.grasp_map)
         self._held_out = np.zeros((0, 3)) if held_out is None else held_out
         self.data: list[Samples] = []
+        self._reach: list[NDArray[np.float32]] = []
         self.success = 0.0
         self._optimizer = torch.optim.Adam(policy.parameters(), lr=settings.learning_rate)
         self._streams = self.rng.integers(2**63, size=settings.goals).astype(np.uint64)
@@ -182,6 +185,10 @@ class Imitation:
         risk = env.failure_probability
         values = TableValues(tables, goals, env.goal_tolerance, cost, risk)
         which, stances = self._starts(values)
+        first, held = sum(map(len, self._reach)), (tables.masks != 0).all(axis=1)
+        self._reach.append(
+            np.array([reach_of_points(self.moves.graph, goal, held) for goal in goals], dtype=np.float32)
+        )
         masks = tables.masks[stances].astype(np.int64)
         streams = rng.integers(2**63, size=len(stances)).astype(np.uint64)
         rows = [_nothing(self.m)]
@@ -194,7 +201,7 @@ class Imitation:
             legal, optimal = np.isfinite(costs), costs <= least[:, None] + 1e-6
             optimal &= legal
             here = Samples(
-                stances.copy(), masks.copy(), goals[which], np.tile(np.packbits(free), (len(stances), 1)),
+                stances.copy(), masks.copy(), goals[which], first + which, np.tile(np.packbits(free), (len(stances), 1)),
                 np.packbits(optimal, axis=1), least.astype(np.float32),
             )  # fmt: skip
             rows.append(here)
@@ -240,7 +247,10 @@ class Imitation:
     def observe(self, samples: Samples) -> tuple[dict[str, Tensor], Tensor]:
         """Observations as the policy sees them, and which actions are possible, shape (k, 2 m)."""
         free = np.unpackbits(samples.free, axis=1, count=self.m).view(np.bool_)
-        seen = self.features(self.moves.tables, samples.stances, samples.masks, samples.goals, free)
+        if len(self._reach) > 1:
+            self._reach = [np.concatenate(self._reach)]
+        reach = self._reach[0][samples.which].astype(np.float64)
+        seen = self.features(self.moves.tables, samples.stances, samples.masks, samples.goals, reach, free)
         legal = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
         if self.plain:
             looks = {name: rows[samples.stances] for name, rows in self.moves.observations.items()}
@@ -276,7 +286,7 @@ class Imitation:
                 cost = (1.0 - settings.discount**cost) / (1.0 - settings.discount)
             error = (value + cost).square().mean()
             self._optimizer.zero_grad()
-            (loss + settings.value_weight * error).backward()  # type: ignore[no-untyped-call]
+            (loss + settings.value_weight * error).backward()
             torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 1.0)
             self._optimizer.step()
             if progress is not None:
@@ -284,6 +294,8 @@ class Imitation:
 
 
 def _nothing(m: int) -> Samples:
-    bits = [np.zeros((0, -(-size // 8)), dtype=np.uint8) for size in (m, 2 * m)]
     whole = np.zeros(0, dtype=np.int64)
-    return Samples(whole, np.zeros((0, 2), np.int64), np.zeros((0, 3)), *bits, np.zeros(0, np.float32))
+    free, optimal = (np.zeros((0, -(-size // 8)), dtype=np.uint8) for size in (m, 2 * m))
+    return Samples(
+        whole, np.zeros((0, 2), np.int64), np.zeros((0, 3)), whole, free, optimal, np.zeros(0, np.float32)
+    )  # fmt: skip

@@ -35,12 +35,6 @@ def mlp(sizes: list[int]) -> nn.Sequential:
 AHEAD, NEAR = 0.8, 1.4
 """Distance of the second centre of the summary towards the goal, and width of both [m]."""
 
-STRIDE, AROUND = 0.5, 0.5
-"""How far beyond the base of an action its own surroundings are centred, towards the goal, and their width [m]."""
-
-GRID = (-1.5, -0.75, 0.0, 0.75, 1.5), (-0.6, 0.4)
-"""Nodes of the grid along and across the body [m]: x and y, and z."""
-
 
 class PointerNetwork(nn.Module):
     """Scores of all actions, and a summary of the state for the value."""
@@ -53,15 +47,12 @@ class PointerNetwork(nn.Module):
             summary: Width of the summary of the points.
         """
         super().__init__()
-        self.grid: Tensor
         self.latent_dim_vf = width
         self.encode = mlp([POINT + 1 + GOAL + 1, summary, summary])
-        self.of_limb = nn.Linear(GOAL + 2 * POINT + 4 * summary, width)
-        self.of_action = nn.Linear(POINT + LIMB + summary + 1, width)
+        self.of_limb = nn.Linear(GOAL + 2 * (POINT + 2) + 4 * summary, width)
+        self.of_action = nn.Linear(POINT + LIMB + 1, width)
         self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
-        self.assess = mlp([4 * summary + GOAL + POINT, width, width])
-        nodes = torch.cartesian_prod(torch.tensor(GRID[0]), torch.tensor(GRID[0]), torch.tensor(GRID[1]))
-        self.register_buffer("grid", nodes, persistent=False)
+        self.assess = mlp([4 * summary + GOAL + POINT + 2, width, width])
         # Untrained, the scores are all but equal: a new policy explores evenly.
         last = self.score[-1]
         assert isinstance(last, nn.Linear)
@@ -78,7 +69,7 @@ class PointerNetwork(nn.Module):
         return code * points[..., 6:7]
 
     def summarise(self, observation: dict[str, Tensor], codes: Tensor) -> tuple[Tensor, Tensor]:
-        """Summary of the points, shape (k, 4 summary), and the points each limb holds, shape (k, N, 8).
+        """Summary of the points, shape (k, 4 summary), and the points each limb holds, shape (k, N, 10).
 
         The points count by their distance from the base, and once more by their distance from a place `AHEAD` towards
         the goal.
@@ -92,54 +83,36 @@ class PointerNetwork(nn.Module):
             weighted = codes * near
             count = (near * points[..., 6:7]).sum(dim=1)
             parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
-        return torch.cat(parts, dim=-1), torch.einsum("knm,kmf->knf", observation["limbs"][..., 0], points)
+        limbs = observation["limbs"]
+        held = torch.einsum("knm,kmf->knf", limbs[..., 0], points)
+        reach = (limbs[..., 0] * limbs[..., 5]).sum(dim=-1, keepdim=True)
+        arrives = self._arrives(goal[:, None].expand(-1, held.shape[1], -1), reach)
+        return torch.cat(parts, dim=-1), torch.cat([held, reach, arrives], dim=-1)
+
+    @staticmethod
+    def _arrives(goal: Tensor, distance: Tensor) -> Tensor:
+        """Close to 1 where a distance to the goal is within the tolerance, close to 0 elsewhere, shape (..., 1)."""
+        return torch.sigmoid((goal[..., 4:5] - distance) / SHARPNESS)
 
     def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
         """Score of each action, shape (k, N m)."""
         codes = self.codes(observation)
-        return self._scores(observation, codes, *self.summarise(observation, codes))
+        return self._scores(observation, *self.summarise(observation, codes))
 
-    def _scores(self, observation: dict[str, Tensor], codes: Tensor, summary: Tensor, held: Tensor) -> Tensor:
+    def _scores(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
         points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
         count = limbs.shape[1]
         others = (held.sum(dim=1, keepdim=True) - held) / (count - 1)
         whole = torch.cat([goal, summary], dim=-1)[:, None].expand(-1, count, -1)
         context = self.of_limb(torch.cat([held, others, whole], dim=-1))
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
-        moved = limbs[state, limb, point, 2:]
-        toward = goal[state, :3] - moved
-        left = toward.norm(dim=-1, keepdim=True)
-        arrives = torch.sigmoid((goal[state, 4:5] - left) / SHARPNESS)
-        centre = moved + toward * (STRIDE / left.clamp_min(STRIDE))
-        local = self._around(points, codes, state, centre)
-        seen = self.of_action(torch.cat([points[state, point], moved, left, arrives, local], dim=-1))
+        moved, reach = limbs[state, limb, point, 2:5], limbs[state, limb, point, 5:]
+        left = (moved - goal[state, :3]).norm(dim=-1, keepdim=True)
+        near = [left, reach, self._arrives(goal[state], left), self._arrives(goal[state], reach)]
+        seen = self.of_action(torch.cat([points[state, point], moved, *near], dim=-1))
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
         scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
         return scores.flatten(1)
-
-    def _around(self, points: Tensor, codes: Tensor, state: Tensor, centre: Tensor) -> Tensor:
-        """Codes of the points round each action's centre, shape (a, summary + 1), and how many there are.
-
-        The points are summed up round the nodes of a grid fixed to the robot; an action takes what the nodes near its centre
-        have. That is linear in the number of points and of actions.
-
-        Args:
-            points: Shape (k, m, 8).
-            codes: Shape (k, m, summary).
-            state: State of each action, in ascending order, shape (a,).
-            centre: A place one stride on from where the base would be [m], shape (a, 3).
-        """
-        k = len(points)
-        nodes = self.grid.expand(k, -1, -1)
-        near = torch.exp(-torch.cdist(nodes, points[..., :3]).square() / (2.0 * AROUND**2))
-        gathered = torch.bmm(near, torch.cat([codes, points[..., 6:7]], dim=-1)) / 8.0
-        counts = torch.bincount(state, minlength=k)
-        slot = torch.arange(len(state), device=state.device) - (torch.cumsum(counts, 0) - counts)[state]
-        weights = centre.new_zeros(k, max(int(counts.max()), 1), len(self.grid))
-        away = torch.cdist(centre, self.grid).square()
-        weights[state, slot] = torch.softmax(-away / (2.0 * AROUND**2), dim=-1)
-        found: Tensor = torch.bmm(weights, gathered)[state, slot]
-        return found
 
     def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
         """What the value is read from, shape (k, width)."""
@@ -153,7 +126,7 @@ class PointerNetwork(nn.Module):
         """Scores and assessment."""
         codes = self.codes(observation)
         summary, held = self.summarise(observation, codes)
-        return self._scores(observation, codes, summary, held), self._assessment(observation, summary, held)
+        return self._scores(observation, summary, held), self._assessment(observation, summary, held)
 
 
 class _AsItIs(BaseFeaturesExtractor):
@@ -178,7 +151,8 @@ class PointerPolicy(MaskableActorCriticPolicy):
         return super()._get_constructor_parameters() | {"width": self.width, "summary": self.summary}
 
     def _build(self, lr_schedule: Any) -> None:
-        self.mlp_extractor = PointerNetwork(self.width, self.summary)
+        self.mlp_extractor: Any = PointerNetwork(self.width, self.summary)
         self.action_net = nn.Identity()
         self.value_net = nn.Linear(self.width, 1)
-        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
+        make: Any = self.optimizer_class
+        self.optimizer = make(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)

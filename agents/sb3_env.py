@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from mlivr_gym.agents.features import TableFeatures, point_space
+from mlivr_gym.agents.features import TableFeatures, point_space, reach_of_points
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.errors import choice
 from mlivr_gym.vector_env import MlivrVectorEnv
@@ -39,6 +39,8 @@ class TableVecEnv(VecEnv):
         self.features = TableFeatures(env)
         self._info: dict[str, Any] = {}
         self._return = np.zeros(num_envs)
+        self._goals = np.full((num_envs, 3), np.nan)
+        self._reach = np.zeros((num_envs, 2, len(env.graph.grasp_map)))
         space = env.observation_space if self.plain else point_space(env)
         super().__init__(num_envs, space, env.action_space)
 
@@ -48,7 +50,10 @@ class TableVecEnv(VecEnv):
         copies = self.copies
         free = np.ones(len(self.features.grasp_map), dtype=np.bool_)
         free[list(copies.env.graph.occupied)] = False
-        return {**self.features(copies.tables, copies.stances, copies.masks, copies.goals, free)}
+        graph = copies.env.graph
+        for k in np.flatnonzero((self._goals != copies.goals).any(axis=1)):
+            self._reach[k], self._goals[k] = reach_of_points(graph, copies.goals[k]), copies.goals[k]
+        return {**self.features(copies.tables, copies.stances, copies.masks, copies.goals, self._reach, free)}
 
     def reset(self) -> dict[str, NDArray[Any]]:
         """Start all copies anew."""

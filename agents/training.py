@@ -155,4 +155,4 @@ def _writer(logs: str | Path | None) -> Any:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
         raise SettingError("TensorBoard logs need the package 'tensorboard'") from None
-    return SummaryWriter(str(logs))  # type: ignore[no-untyped-call]
+    return SummaryWriter(str(logs))

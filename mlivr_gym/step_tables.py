@@ -151,7 +151,7 @@ def step_tables(graph: StanceGraph, progress: Callable[[int, int], None] | None 
 
 def without_points(tables: StepTables, occupied: NDArray[np.bool_]) -> StepTables:
     """The tables of the same map with some points not to be grasped, shape (m,); stances keep their indices."""
-    gone = occupied[tables.points].any(axis=1)
+    gone: NDArray[np.bool_] = np.any(occupied[tables.points], axis=1)
     steps = np.diff(tables.start)
     keep = ~np.repeat(np.repeat(gone, 2), steps) & ~gone[tables.after]
     start = np.concatenate([[0], np.cumsum(keep)])[tables.start]

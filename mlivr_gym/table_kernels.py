@@ -136,7 +136,7 @@ def draw_tasks(which, targets, cabin, tolerance, tables, streams, stances, masks
             for axis in range(3):
                 nearest += (position[s, axis] - target[axis]) ** 2
             for _ in range(WALK):
-                best = np.int64(-1)
+                best = -1
                 for moving in range(2):
                     mine = mask0 if moving == 1 else mask1
                     for e in range(start[2 * here + moving], start[2 * here + moving + 1]):
@@ -148,9 +148,9 @@ def draw_tasks(which, targets, cabin, tolerance, tables, streams, stances, masks
                                 nearest, best = square, e
                 if best < 0:
                     break
-                moved = 1 if best >= start[2 * here + 1] else 0
+                second = best >= start[2 * here + 1]
                 here = after[best]
-                if moved == 1:
+                if second:
                     mask0, mask1 = mask0 & left[best], np.int64(tables.masks[here, 1])
                 else:
                     mask0, mask1 = np.int64(tables.masks[here, 0]), mask1 & left[best]

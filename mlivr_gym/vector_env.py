@@ -78,6 +78,7 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._stance_at, self._looks = moves.stance_at, moves.observations
+        self._w_m, self._w_b = moves.graph.w_m, moves.graph.w_b
         self._streams = np.zeros(num_envs, dtype=np.uint64)
         self.goals: Array = np.zeros((num_envs, 3))
         self.stances: IntArray = np.zeros(num_envs, dtype=np.int64)
@@ -191,13 +192,12 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         }
 
     def _info(self, invalid: NDArray[np.bool_], failed: NDArray[np.bool_]) -> dict[str, Any]:
-        graph = self.env.graph
         info: dict[str, Any] = {
             "base_position": self.tables.position[self.stances],
             "base_translation": self.base_translation.copy(),
             "steps": self.steps.copy(),
-            "limb_manipulability": graph.w_m[self.stances],
-            "base_manipulability": graph.w_b[self.stances],
+            "limb_manipulability": self._w_m[self.stances],
+            "base_manipulability": self._w_b[self.stances],
             "action_mask": self.action_masks().view(np.int8),
             "is_success": self._success(),
             "invalid_action": invalid,

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 from mlivr_gym.agents import ExpertPolicy, Task, evaluate
 from mlivr_gym.agents.evaluation import bootstrap
-from mlivr_gym.agents.features import PointObservation, TableFeatures, env_features
+from mlivr_gym.agents.features import PointObservation, TableFeatures, env_features, reach_of_points
 from mlivr_gym.agents.imitation import Imitation, ImitationSettings, optimal_set_loss
 from mlivr_gym.agents.learned import CheckpointError, LearnedPolicy, load_policy, save_policy
 from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
@@ -72,7 +72,7 @@ def test_features_are_positions_seen_from_the_robot(env):
     np.testing.assert_array_equal(seen["limbs"][:, :, 1].ravel() > 0, env.action_masks())
     steps = env.successors()
     for limb, point, position in zip(steps.limb, steps.point, steps.position, strict=True):
-        np.testing.assert_allclose(rotation @ seen["limbs"][limb, point, 2:] + base, position, atol=1e-5)
+        np.testing.assert_allclose(rotation @ seen["limbs"][limb, point, 2:5] + base, position, atol=1e-5)
 
 
 def test_features_from_tables_are_those_of_the_environment(env):
@@ -80,9 +80,21 @@ def test_features_from_tables_are_those_of_the_environment(env):
     for seed in range(4):
         env.reset(seed=seed)
         s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
-        batch = features(moves.tables, s, np.array([env.state.masks]), env.goal[None])
+        batch = features(
+            moves.tables, s, np.array([env.state.masks]), env.goal[None], reach_of_points(env.graph, env.goal)[None]
+        )
         for name, rows in env_features(env).items():
             np.testing.assert_array_equal(batch[name], rows)
+
+
+def test_reach_is_the_nearest_base_of_all_stances_with_a_point(env):
+    graph, goal = env.graph, np.array([1.5, 0.0, 0.0])
+    reach = reach_of_points(graph, goal)
+    for limb in range(2):
+        for point in range(0, len(graph.grasp_map), 3):
+            bases = graph.position[(graph.points[:, limb] == point) & (graph.mask > 0).all(axis=1)]
+            nearest = min((np.linalg.norm(base - goal) for base in bases), default=10.0)
+            assert reach[limb, point] == pytest.approx(nearest, abs=1e-12)
 
 
 def test_the_pointer_policy_does_not_depend_on_order_or_number_of_points(env, policy):
@@ -93,7 +105,7 @@ def test_the_pointer_policy_does_not_depend_on_order_or_number_of_points(env, po
     turned = {"points": seen["points"][:, order], "limbs": seen["limbs"][:, :, order], "goal": seen["goal"]}
     more = {
         "points": np.concatenate([seen["points"], np.tile([[[9.0, 9, 9, 0, 0, 1, 0, 0]]], (1, 7, 1))], axis=1),
-        "limbs": np.concatenate([seen["limbs"], np.zeros((1, 2, 7, 5))], axis=2), "goal": seen["goal"],
+        "limbs": np.concatenate([seen["limbs"], np.zeros((1, 2, 7, 6))], axis=2), "goal": seen["goal"],
     }  # fmt: skip
     more = {name: rows.astype(np.float32) for name, rows in more.items()}
     with torch.no_grad():
