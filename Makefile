@@ -30,6 +30,9 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/blocked.py
 	$(BIN)/python experiments/interrupted_walk.py
 	$(BIN)/python experiments/benchmark_planning.py
+	$(BIN)/python experiments/benchmark_env.py
+	$(BIN)/python experiments/train_policies.py
+	$(BIN)/python experiments/planner_vs_rl.py
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed"; exit 1; }
