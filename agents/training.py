@@ -1,4 +1,4 @@
-"""Training of the policies by name: behaviour cloning, DAgger, masked PPO, and DAgger followed by PPO.
+"""Training of the policies by name: behaviour cloning, DAgger, masked PPO, and PPO from a checkpoint.
 
 Hyperparameters are data: `envs_assets/training.json`.
 """
@@ -18,7 +18,7 @@ import torch
 
 from mlivr_gym import __version__
 from mlivr_gym.agents.imitation import Imitation, ImitationSettings
-from mlivr_gym.agents.learned import LearnedPolicy, save_policy
+from mlivr_gym.agents.learned import LearnedPolicy, load_policy, save_policy
 from mlivr_gym.agents.networks import make_policy, policy_class
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.agents.test_set import held_out_goals
@@ -26,8 +26,8 @@ from mlivr_gym.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError, choice
 
-METHODS = ("bc", "dagger", "ppo", "dagger+ppo")
-"""Names of the training methods."""
+METHODS = ("bc", "dagger", "ppo", "finetune")
+"""Names of the training methods; `finetune` is PPO in small steps from a checkpoint."""
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
 
@@ -55,6 +55,7 @@ def train(
     env: MlivrEnv | None = None,
     env_arguments: dict[str, Any] | None = None,
     settings: dict[str, Any] | None = None,
+    init: str | Path | None = None,
     out: str | Path | None = None,
     command: str = "",
     progress: Progress | None = None,
@@ -70,6 +71,7 @@ def train(
         env_arguments: Arguments of `MlivrEnv`, which go into the configuration; the environment is made from them if
             none is given.
         settings: What `hyperparameters` returns; by default those of the package.
+        init: Checkpoint without suffix to start from; `"finetune"` needs one.
         out: Where to write the checkpoint, without suffix.
         command: The command to repeat it, for the configuration.
         progress: Called with the phase, steps done, steps in all and figures.
@@ -80,6 +82,8 @@ def train(
     """
     choice("method", method, METHODS)
     settings = hyperparameters(method) if settings is None else settings
+    if method == "finetune" and init is None:
+        raise SettingError("method 'finetune' needs a checkpoint to start from")
     arguments = dict(env_arguments or {})
     if env is None:
         made = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **(arguments | {"precompute": True})).unwrapped
@@ -99,6 +103,8 @@ def train(
     torch.manual_seed(seed)
     sizes = settings["networks"][network] if network in settings["networks"] else {}
     policy = make_policy(env, network, sizes)
+    if init is not None:
+        policy.load_state_dict(load_policy(init, env).policy.state_dict())
     if "imitation" in settings:
         imitation = Imitation(
             env, policy, network == "mlp", ImitationSettings(**settings["imitation"]), seed, held_out_goals()
@@ -110,6 +116,7 @@ def train(
         writer.close()
     config = {
         "network": network, "sizes": sizes, "method": method, "seed": seed, "env": arguments,
+        "init": None if init is None else Path(init).name,
         "settings": {name: value for name, value in settings.items() if name != "networks"},
         "map": env.graph.grasp_map.fingerprint, "robot": env.graph.robot.fingerprint, "version": __version__,
         "command": command, "seconds": round(time.perf_counter() - began, 1),

@@ -24,7 +24,7 @@ NAMES = {
     "greedy": "greedy best-first", "local": "local choice (Bretl, Uno)", "no-manipulability": "A* without manipulability (Takada)",
     "mcts": "Monte Carlo tree search (Xu)", "two-level": "two levels (Rodriguez)", "random": "random possible steps",
     "dagger-pointer": "DAgger, pointer", "bc-pointer": "cloning, pointer", "ppo-pointer": "PPO, pointer",
-    "dagger+ppo-pointer": "DAgger then PPO, pointer", "dagger-mlp": "DAgger, MLP", "ppo-mlp": "PPO, MLP", "bc-mlp": "cloning, MLP",
+    "finetune-pointer": "DAgger then PPO, pointer", "dagger-mlp": "DAgger, MLP", "ppo-mlp": "PPO, MLP", "bc-mlp": "cloning, MLP",
     "risky-pointer": "DAgger with failures, pointer", "table-sure": "replanning, every grasp counted as sure",
     "table-expected": "replanning, expected cost", "weighted": "A*, weighted cost, inflated",
 }  # fmt: skip

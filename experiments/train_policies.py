@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from mlivr_gym.agents.training import hyperparameters, train
 
-RUNS = ("dagger-pointer", "bc-pointer", "dagger-mlp", "ppo-pointer", "ppo-mlp", "dagger+ppo-pointer", "risky-pointer")
+RUNS = ("dagger-pointer", "bc-pointer", "dagger-mlp", "ppo-pointer", "ppo-mlp", "finetune-pointer", "risky-pointer")
 """What is trained, in this order."""
 
 GRASP_FAILURE = 0.2
@@ -44,6 +44,8 @@ def main() -> None:
             method = "dagger" if risky else name
             arguments = {"grasp_failure": GRASP_FAILURE} if risky else {}
             more = f" --grasp-failure {GRASP_FAILURE}" if risky else ""
+            if method == "finetune":
+                more = f" --init dagger-{network}-{seed}"
             command = f"mlivr-gym train --method {method} --network {network} --seed {seed}{more}"
             with tqdm(desc=path.name, mininterval=10.0) as bar:
 
@@ -52,9 +54,10 @@ def main() -> None:
                     bar.set_postfix(figures, refresh=False)
                     bar.update(0)
 
+                init = out / f"dagger-{network}-{seed}" if method == "finetune" else None
                 train(
                     method, network, seed, env_arguments=arguments, settings=hyperparameters(method, args.hyperparameters),
-                    out=path, command=command, progress=show,
+                    init=init, out=path, command=command, progress=show,
                 )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ def add_commands(commands: Any, world: argparse.ArgumentParser) -> None:
         "train", parents=[world], help="train a policy",
         description="Train a policy for two limbs. Every step of the map is checked first, once: one to two minutes for the JEM.",
     )  # fmt: skip
-    train.add_argument("--method", default="dagger", help="bc, dagger, ppo or dagger+ppo (default: %(default)s)")
+    train.add_argument("--method", default="dagger", help="bc, dagger, ppo or finetune (default: %(default)s)")
     train.add_argument("--network", default="pointer", help="pointer or mlp (default: %(default)s)")
     train.add_argument("--seed", type=int, default=0, help="seed (default: %(default)s)")
     train.add_argument("--reward", default="steps", help="steps or base (default: %(default)s)")
@@ -34,6 +34,7 @@ def add_commands(commands: Any, world: argparse.ArgumentParser) -> None:
     train.add_argument(
         "--out", default="policy", metavar="PATH", help="checkpoint without suffix (default: %(default)s)"
     )
+    train.add_argument("--init", metavar="PATH", help="checkpoint to start from, without suffix; finetune needs one")
     train.add_argument("--logs", metavar="FOLDER", help="write TensorBoard logs")
     train.set_defaults(run=_train)
 
@@ -114,7 +115,7 @@ def _train(args: argparse.Namespace) -> int:
     print("checking every step of the map, or reading what an earlier run kept ...", flush=True)
     command = shlex.join(["mlivr-gym", *sys.argv[1:]])
     policy = train(
-        args.method, args.network, args.seed, env_arguments=environment_arguments(args), settings=settings, out=args.out,
+        args.method, args.network, args.seed, env_arguments=environment_arguments(args), settings=settings, init=args.init, out=args.out,
         command=command, progress=progress, logs=args.logs,
     )  # fmt: skip
     print(f"{Path(args.out).with_suffix('.pt')} and .json: trained in {policy.config['seconds']:.0f} s")

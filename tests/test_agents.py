@@ -183,8 +183,14 @@ def test_each_algorithm_trains_and_its_checkpoint_acts_alike(env, tmp_path, meth
     if "ppo" in settings:
         settings |= {"copies": 4, "timesteps": 256, "ppo": settings["ppo"] | {"n_steps": 32, "batch_size": 64}}
     phases = {}
+    init = None
+    if method == "finetune":
+        init = tmp_path / "first"
+        save_policy(init, make_policy(env, network, sizes[network]), {"network": network, "sizes": sizes[network]})
+        with pytest.raises(SettingError, match="needs a checkpoint"):
+            train(method, network, env=env, settings=settings)
     trained = train(
-        method, network, 1, env=env, settings=settings, out=tmp_path / "policy", command="none",
+        method, network, 1, env=env, settings=settings, init=init, out=tmp_path / "policy", command="none",
         progress=lambda phase, done, total, figures: phases.update({phase: (done, total)}),
     )  # fmt: skip
     assert phases and all(done == total for done, total in phases.values())
