@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.pair_graph import PairGraph
-from mlivr_gym.stance_graph import StanceGraph
+from mlivr_gym.stance_graph import StanceGraph, State
 from mlivr_gym.step_tables import StepTables
 from mlivr_gym.table_kernels import legal_places
 
@@ -94,20 +95,24 @@ def reach_of_points(graph: StanceGraph, goal: Array, held: NDArray[np.bool_] | N
     return out
 
 
-def env_features(env: MlivrEnv) -> Features:
-    """Features of the present state of an environment, a batch of one."""
-    graph, state, steps = env.graph, env.state, env.successors()
-    posture = graph.posture(state.stance)
-    m, limbs = len(graph.grasp_map), graph.limbs
-    legal, after = np.zeros((1, limbs, m), dtype=np.bool_), np.zeros((1, limbs, m, 3))
-    legal[0, steps.limb, steps.point] = True
-    after[0, steps.limb, steps.point] = steps.position
+def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Features:
+    """Features of states of an environment, by default of the present one: a batch of one."""
+    graph = env.graph
+    states = [env.state] if states is None else states
+    k, limbs, m = len(states), graph.limbs, len(graph.grasp_map)
+    base, rotation = np.empty((k, 3)), np.empty((k, 3, 3))
+    legal, after = np.zeros((k, limbs, m), dtype=np.bool_), np.zeros((k, limbs, m, 3))
+    for row, state in enumerate(states):
+        steps, posture = env.moves.successors(state), graph.posture(state.stance)
+        base[row], rotation[row] = posture.position[0], posture.rotation[0]
+        legal[row, steps.limb, steps.point] = True
+        after[row, steps.limb, steps.point] = steps.position
     free = np.ones(m, dtype=np.bool_)
     free[list(graph.occupied)] = False
     return point_features(
-        graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability, posture.position,
-        posture.rotation, np.array([state.stance]), env.goal[None], env.goal_tolerance, legal,
-        after, reach_of_points(graph, env.goal)[None],
+        graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability, base, rotation,
+        np.array([state.stance for state in states]), np.tile(env.goal, (k, 1)), env.goal_tolerance, legal, after,
+        reach_of_points(graph, env.goal)[None],
     )  # fmt: skip
 
 

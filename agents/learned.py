@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from mlivr_gym.agents.features import env_features
 from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
+from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.files import write_whole
+from mlivr_gym.stance_graph import State
 
 PRETRAINED = "pointer"
 """Name of the checkpoint that ships with the package, in `envs_assets`."""
@@ -63,6 +65,58 @@ class LearnedPolicy:
             if np.isfinite(fresh).any():
                 scores = fresh
         return int(scores.argmax())
+
+
+def beam_walk(policy: LearnedPolicy, env: MlivrEnv, width: int, longest: int = 60) -> list[int] | None:
+    """Actions from the present state to the goal, by a beam search that a pointer policy guides; None if none is found.
+
+    Each of the `width` most probable walks goes on by its most probable actions, and the first that arrives is taken. Walks
+    never return to a stance that any of them has visited.
+
+    Args:
+        policy: A pointer policy.
+        env: The environment.
+        width: Walks kept.
+        longest: Most steps.
+    """
+    m, tolerance = len(env.graph.grasp_map), env.goal_tolerance
+    beam: list[tuple[float, State, list[int]]] = [(0.0, env.state, [])]
+    seen = {env.state.stance}
+    for _ in range(longest):
+        states = [state for _, state, _ in beam]
+        with torch.no_grad():
+            scores, _ = scores_and_value(policy.policy, as_tensors(policy.policy, env_features(env, states)))
+            chances = torch.log_softmax(scores, dim=1).numpy()
+        found: list[tuple[float, State, list[int]]] = []
+        arrived: list[tuple[float, list[int]]] = []
+        for (chance, state, actions), own in zip(beam, chances, strict=True):
+            steps = env.moves.successors(state)
+            numbers = steps.limb * m + steps.point
+            there = np.linalg.norm(steps.position - env.goal, axis=1) <= tolerance
+            arrived += [(chance + float(own[a]), [*actions, int(a)]) for a in numbers[there]]
+            for action in numbers[np.argsort(-own[numbers], kind="stable")[: 2 * width]].tolist():
+                found.append((chance + float(own[action]), env.moves.take(state, action), [*actions, action]))
+        if arrived:
+            return max(arrived, key=lambda pair: pair[0])[1]
+        beam = []
+        for entry in sorted(found, key=lambda entry: -entry[0]):
+            if entry[1].stance not in seen and len(beam) < width:
+                seen.add(entry[1].stance)
+                beam.append(entry)
+        if not beam:
+            return None
+    return None
+
+
+def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
+    """Follows the walks of `beam_walk`.
+
+    Raises:
+        SettingError: If the policy is no pointer policy.
+    """
+    if policy.network != "pointer":
+        raise SettingError(f"a beam needs a pointer policy; this one is {policy.network!r}")
+    return PlanPolicy(lambda env: beam_walk(policy, env, width))
 
 
 def save_policy(path: str | Path, policy: Any, config: dict[str, Any]) -> None:

@@ -23,9 +23,9 @@ NAMES = {
     "table": "exact cost-to-go table", "astar-steps": "A*, step cost", "astar-base": "A*, base cost", "dijkstra": "Dijkstra, step cost",
     "greedy": "greedy best-first", "local": "local choice (Bretl, Uno)", "no-manipulability": "A* without manipulability (Takada)",
     "mcts": "Monte Carlo tree search (Xu)", "two-level": "two levels (Rodriguez)", "random": "random possible steps",
-    "dagger-pointer": "DAgger, pointer", "bc-pointer": "cloning, pointer", "ppo-pointer": "PPO, pointer",
+    "dagger-pointer": "DAgger, pointer", "dagger-pointer-beam": "DAgger, pointer, beam of 8", "bc-pointer": "cloning, pointer", "ppo-pointer": "PPO, pointer",
     "finetune-pointer": "DAgger then PPO, pointer", "dagger-mlp": "DAgger, MLP", "ppo-mlp": "PPO, MLP", "bc-mlp": "cloning, MLP",
-    "risky-pointer": "DAgger with failures, pointer", "table-sure": "replanning, every grasp counted as sure",
+    "risky-pointer": "DAgger with failures, pointer", "risky-pointer-beam": "DAgger with failures, pointer, beam of 8", "table-sure": "replanning, every grasp counted as sure",
     "table-expected": "replanning, expected cost", "weighted": "A*, weighted cost, inflated",
 }  # fmt: skip
 """Methods in the order of the tables."""

@@ -28,7 +28,7 @@ from train_policies import GRASP_FAILURE
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.agents import ExpertPolicy, Policy, RandomPolicy, baseline_policy, evaluate, planner_policy
 from mlivr_gym.agents.evaluation import Evaluation
-from mlivr_gym.agents.learned import load_policy
+from mlivr_gym.agents.learned import beam_policy, load_policy
 from mlivr_gym.agents.policies import foreign_plan_policy
 from mlivr_gym.agents.test_set import World, freeze_test_set, load_test_set
 from mlivr_gym.env import MlivrEnv
@@ -70,12 +70,18 @@ def planners() -> dict[str, Make]:
     }
 
 
-def learned(folder: Path) -> dict[str, dict[int, Path]]:
-    """Checkpoints by name and seed."""
-    found: dict[str, dict[int, Path]] = {}
-    for path in sorted(folder.glob("*-*-*.pt")):
-        name, _, seed = path.stem.rpartition("-")
-        found.setdefault(name, {})[int(seed)] = path.with_suffix("")
+def learned(folder: Path, only: Sequence[str] = ()) -> dict[str, dict[int, Make]]:
+    """What is trained, by name and seed; pointer policies that imitate also guide a beam search, `NAME-beam`."""
+    found: dict[str, dict[int, Make]] = {}
+    for file in sorted(folder.glob("*-*-*.pt")):
+        name, _, seed = file.stem.rpartition("-")
+        path = file.with_suffix("")
+        if only and name not in only:
+            continue
+        found.setdefault(name, {})[int(seed)] = lambda env, path=path: load_policy(path, env)  # type: ignore[misc]
+        if name in ("dagger-pointer", "risky-pointer"):
+            by_seed = found.setdefault(f"{name}-beam", {})
+            by_seed[int(seed)] = lambda env, path=path: beam_policy(load_policy(path, env))  # type: ignore[misc]
     return found
 
 
@@ -102,8 +108,7 @@ def split_world(world: World, at: int, args: argparse.Namespace, keep: Callable[
     dense = world.split == "dense"
     env = MlivrEnv(map=world.map(), precompute=not dense)
     makes: dict[str, dict[int, Make]] = {name: {0: make} for name, make in planners().items()}
-    for name, seeds in learned(Path(args.policies)).items():
-        makes[name] = {seed: (lambda env, path=path: load_policy(path, env)) for seed, path in seeds.items()}  # type: ignore[misc]
+    makes |= learned(Path(args.policies))
     groups = [
         [k for k, t in enumerate(world.tasks) if t.occupied == o]
         for o in dict.fromkeys(t.occupied for t in world.tasks)
@@ -158,11 +163,11 @@ def cold(args: argparse.Namespace, keep: Callable[..., None]) -> None:
     env = MlivrEnv(map=world.map())
     assert isinstance(env.graph, PairGraph)
     pristine = tuple(array.copy() for array in env.graph._free)
-    paths = learned(Path(args.policies)).get("dagger-pointer", {})
     makes = {name: planners()[name] for name in ("astar-steps", "greedy", "local")}
-    if paths:
-        makes["dagger-pointer"] = lambda env: load_policy(paths[min(paths)], env)
+    makes |= {name: seeds[min(seeds)] for name, seeds in learned(Path(args.policies), ["dagger-pointer"]).items()}
     for name, make in makes.items():
+        if args.only and name not in args.only:
+            continue
         for k, task in enumerate(tqdm(world.tasks[:20], desc=f"cold {name}", mininterval=5.0)):
             forget(env.graph, pristine)
             policy = make(env)
@@ -181,9 +186,7 @@ def unreliable(args: argparse.Namespace, keep: Callable[..., None]) -> None:
         "mcts": {0: lambda env: baseline_policy("mcts")},
         "random": {0: lambda env: RandomPolicy(0)},
     }
-    for name, seeds in learned(Path(args.policies)).items():
-        if name in ("dagger-pointer", "risky-pointer"):
-            makes[name] = {seed: (lambda env, path=path: load_policy(path, env)) for seed, path in seeds.items()}  # type: ignore[misc]
+    makes |= learned(Path(args.policies), ["dagger-pointer", "risky-pointer"])
     for name, by_seed in makes.items():
         if args.only and name not in args.only:
             continue
@@ -203,9 +206,7 @@ def four_limbs(args: argparse.Namespace, keep: Callable[..., None]) -> None:
         "two-level": {0: lambda env: baseline_policy("two_level")},
         "random": {0: lambda env: RandomPolicy(0)},
     }
-    for name, seeds in learned(Path(args.policies)).items():
-        if name.endswith("dagger-pointer"):
-            makes[name] = {seed: (lambda env, path=path: load_policy(path, env)) for seed, path in seeds.items()}  # type: ignore[misc]
+    makes |= learned(Path(args.policies), ["dagger-pointer"])
     for name, by_seed in makes.items():
         if args.only and name not in args.only:
             continue

@@ -52,6 +52,9 @@ def add_commands(commands: Any, world: argparse.ArgumentParser) -> None:
     evaluate.add_argument(
         "--grasp-failure", type=float, default=0.0, metavar="P", help="mean probability that a grasp fails"
     )
+    evaluate.add_argument(
+        "--beam", type=int, metavar="W", help="let the pointer policy guide a beam search of this width"
+    )
     evaluate.add_argument("--split", help="a split of the frozen test set in place of seeded episodes")
     evaluate.set_defaults(run=_evaluate)
 
@@ -139,7 +142,7 @@ def _evaluate(args: argparse.Namespace) -> int:
         env = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **(arguments | own)).unwrapped
         assert isinstance(env, MlivrEnv)
         show, total = bar(args.policy), episodes if isinstance(episodes, int) else len(episodes)
-        policy = make_acting(args.policy, env, args.seed)
+        policy = make_acting(args.policy, env, args.seed, args.beam)
         results.append(
             evaluate(env, policy, episodes, args.seed, progress=lambda k, n=total, s=show: s(k, n, ""))  # type: ignore[misc]
         )
@@ -156,13 +159,14 @@ def _evaluate(args: argparse.Namespace) -> int:
     return 0
 
 
-def make_acting(name: str, env: Any, seed: int = 0) -> Any:
+def make_acting(name: str, env: Any, seed: int = 0, beam: int | None = None) -> Any:
     """What acts, by the name that `evaluate` takes.
 
     Args:
         name: One of `PLANNERS`, `"pretrained"`, or the path of a checkpoint without suffix.
         env: The environment it shall act in.
         seed: Seed of what is random.
+        beam: Width of the beam search that a learned policy guides, if it shall.
     """
     from mlivr_gym.agents import policies
 
@@ -179,9 +183,10 @@ def make_acting(name: str, env: Any, seed: int = 0) -> Any:
     if name != "pretrained" and not Path(name).with_suffix(".pt").exists():
         raise SettingError(f"policy is {name!r}; it must be pretrained, a checkpoint, or {', '.join(PLANNERS)}")
     need("torch", "stable_baselines3", "sb3_contrib", extra="agents")
-    from mlivr_gym.agents.learned import load_policy
+    from mlivr_gym.agents.learned import beam_policy, load_policy
 
-    return load_policy(name, env)
+    policy = load_policy(name, env)
+    return policy if beam is None else beam_policy(policy, beam)
 
 
 def _dataset(args: argparse.Namespace) -> int:
