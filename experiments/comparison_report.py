@@ -20,13 +20,15 @@ MARKS = "<!-- planner_vs_rl -->\n", "<!-- end of planner_vs_rl -->\n"
 SPLITS = {"same": "same map", "half": "half the points", "dense": "points every 0.1 m", "occupied": "a fifth occupied"}
 
 NAMES = {
-    "table": "exact cost-to-go table", "astar-steps": "A*, step cost", "astar-base": "A*, base cost", "dijkstra": "Dijkstra, step cost",
-    "greedy": "greedy best-first", "local": "local choice (Bretl, Uno)", "no-manipulability": "A* without manipulability (Takada)",
-    "mcts": "Monte Carlo tree search (Xu)", "two-level": "two levels (Rodriguez)", "random": "random possible steps",
-    "dagger-pointer": "DAgger, pointer", "dagger-pointer-beam": "DAgger, pointer, beam of 8", "bc-pointer": "cloning, pointer", "ppo-pointer": "PPO, pointer",
-    "finetune-pointer": "DAgger then PPO, pointer", "dagger-mlp": "DAgger, MLP", "ppo-mlp": "PPO, MLP", "bc-mlp": "cloning, MLP",
-    "risky-pointer": "DAgger with failures, pointer", "risky-pointer-beam": "DAgger with failures, pointer, beam of 8", "table-sure": "replanning, every grasp counted as sure",
-    "table-expected": "replanning, expected cost", "weighted": "A*, weighted cost, inflated",
+    "table": "exact cost-to-go table", "astar-steps": "A*, step cost", "astar-base": "A*, base cost",
+    "dijkstra": "Dijkstra, step cost", "greedy": "greedy best-first", "local": "local choice (Bretl, Uno)",
+    "no-manipulability": "A* without manipulability (Takada)", "mcts": "Monte Carlo tree search (Xu)",
+    "two-level": "two levels (Rodriguez)", "random": "random possible steps", "weighted": "A*, weighted cost, inflated",
+    "table-sure": "replanning, every grasp counted as sure", "table-expected": "replanning, expected cost",
+    "dagger-pointer-beam": "DAgger, pointer, beam of 8", "dagger-pointer": "DAgger, pointer", "bc-pointer": "cloning, pointer",
+    "finetune-pointer": "DAgger then PPO, pointer", "ppo-pointer": "PPO, pointer", "dagger-mlp": "DAgger, MLP",
+    "ppo-mlp": "PPO, MLP", "risky-pointer-beam": "DAgger with failures, pointer, beam of 8",
+    "risky-pointer": "DAgger with failures, pointer",
 }  # fmt: skip
 """Methods in the order of the tables."""
 

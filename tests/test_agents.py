@@ -13,7 +13,14 @@ from mlivr_gym.agents import ExpertPolicy, Task, evaluate
 from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.agents.features import PointObservation, TableFeatures, env_features, reach_of_points
 from mlivr_gym.agents.imitation import Imitation, ImitationSettings, optimal_set_loss
-from mlivr_gym.agents.learned import CheckpointError, LearnedPolicy, load_policy, save_policy
+from mlivr_gym.agents.learned import (
+    CheckpointError,
+    LearnedPolicy,
+    beam_policy,
+    beam_walk,
+    load_policy,
+    save_policy,
+)
 from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.agents.test_set import SPLITS, held_out_goals, load_test_set
@@ -285,6 +292,23 @@ def test_faulty_checkpoints_are_named(env, policy, tmp_path):
         train("magic", env=env)
     with pytest.raises(SettingError, match="network is 'cnn'"):
         train("bc", "cnn", env=env)
+
+
+def test_a_beam_finds_walks_that_the_policy_alone_does_not(env, policy):
+    """Even random weights lead a wide beam to the goal, and never in fewer steps than the planner needs."""
+    learned, planner = LearnedPolicy(policy, "pointer"), Planner(env.graph)
+    for seed in range(4):
+        env.reset(seed=seed)
+        actions = beam_walk(learned, env, 64)
+        assert actions is not None
+        fewest = len(planner.plan(env.state.stance, env.goal, "steps").unwrap().steps)
+        for k, action in enumerate(actions):
+            _, _, terminated, _, info = env.step(action)
+            assert not info["invalid_action"] and terminated == (k == len(actions) - 1)
+        assert len(actions) >= fewest
+    assert evaluate(env, beam_policy(learned, 64), 2).success.all()
+    with pytest.raises(SettingError, match="needs a pointer policy"):
+        beam_policy(LearnedPolicy(make_policy(env, "mlp", {}), "mlp"))
 
 
 def test_the_test_set_is_as_described(jem):
