@@ -4,8 +4,8 @@
     python experiments/planner_vs_rl.py --freeze     # draw the test set anew
     python experiments/planner_vs_rl.py --report     # table, plots and README from what was measured
 
-`--policies` is the folder that `train_policies.py` filled. What is measured goes into `planner_vs_rl.json` piece by piece, so that a
-part can be done again; the report writes `planner_vs_rl.md`, `planner_vs_rl.png` and the table between the marks of
+`--policies` is the folder that `train_policies.py` filled. What is measured goes into `planner_vs_rl.json` piece by piece, and a piece that
+is there is not measured again; the report writes `planner_vs_rl.md`, `planner_vs_rl.png` and the table between the marks of
 the README. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. With `--execute
 MODULE:FUNCTION`, a function from a `Plan` to a bool, ten walks of each method are carried out with it, for example in MuJoCo.
 """
@@ -103,7 +103,26 @@ def record(result: Evaluation, ids: Sequence[int]) -> dict[str, Any]:
     return data | {"tasks": list(ids)}
 
 
-def split_world(world: World, at: int, args: argparse.Namespace, keep: Callable[..., None]) -> None:
+class Results:
+    """What was measured so far, in a file: a part that is there is not measured again."""
+
+    def __init__(self, file: Path) -> None:
+        """Read the file, if there is one."""
+        self.file = file
+        self.data: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
+
+    def has(self, family: str, name: str, seed: int, part: int, first: int) -> bool:
+        """Whether a part is there; `first` is its first task."""
+        return f"{part}/{first}" in self.data.get(family, {}).get(name, {}).get(str(seed), {})
+
+    def keep(self, family: str, name: str, seed: int, part: int, result: dict[str, Any]) -> None:
+        """Add a part and write the file."""
+        place = self.data.setdefault(family, {}).setdefault(name, {}).setdefault(str(seed), {})
+        place[f"{part}/{result['tasks'][0]}"] = result
+        write_whole(self.file, json.dumps(self.data) + "\n")
+
+
+def split_world(world: World, at: int, args: argparse.Namespace, results: Results) -> None:
     """All methods on one world of the test set."""
     dense = world.split == "dense"
     env = MlivrEnv(map=world.map(), precompute=not dense)
@@ -126,13 +145,15 @@ def split_world(world: World, at: int, args: argparse.Namespace, keep: Callable[
             continue  # half an hour each: every step they look at must be checked first
         for seed, make in seeds.items():
             for group in tqdm(groups, desc=f"{world.split} {name} {seed}", mininterval=5.0):
+                if results.has(world.split, name, seed, at, group[0]):
+                    continue
                 tasks = [world.tasks[k] for k in group]
                 env.graph.occupy(tasks[0].occupied)
                 result = evaluate(
                     env, make(env), tasks, max_steps=MOST_STEPS, execute=carry_out(args.execute, len(tasks))
                 )
                 env.graph.vacate()
-                keep(world.split, name, seed, at, record(result, group))
+                results.keep(world.split, name, seed, at, record(result, group))
 
 
 def carry_out(name: str | None, most: int) -> Callable[[MlivrEnv, tuple[State, ...]], bool] | None:
@@ -157,7 +178,7 @@ def forget(graph: PairGraph, pristine: tuple[np.ndarray, ...]) -> None:
     graph._set_obstacles((), frozenset())
 
 
-def cold(args: argparse.Namespace, keep: Callable[..., None]) -> None:
+def cold(args: argparse.Namespace, results: Results) -> None:
     """Time to the first action on the dense map where no step is known yet."""
     world = next(w for w in load_test_set() if w.split == "dense")
     env = MlivrEnv(map=world.map())
@@ -169,12 +190,14 @@ def cold(args: argparse.Namespace, keep: Callable[..., None]) -> None:
         if args.only and name not in args.only:
             continue
         for k, task in enumerate(tqdm(world.tasks[:20], desc=f"cold {name}", mininterval=5.0)):
+            if results.has("cold", name, 0, k, k):
+                continue
             forget(env.graph, pristine)
             policy = make(env)
-            keep("cold", name, 0, k, record(evaluate(env, policy, [task], max_steps=MOST_STEPS), [k]))
+            results.keep("cold", name, 0, k, record(evaluate(env, policy, [task], max_steps=MOST_STEPS), [k]))
 
 
-def unreliable(args: argparse.Namespace, keep: Callable[..., None]) -> None:
+def unreliable(args: argparse.Namespace, results: Results) -> None:
     """Grasps that fail: the tasks of the same map, three episodes each."""
     world = next(w for w in load_test_set() if w.split == "same")
     env = MlivrEnv(map=world.map(), grasp_failure=GRASP_FAILURE, precompute=True)
@@ -192,11 +215,13 @@ def unreliable(args: argparse.Namespace, keep: Callable[..., None]) -> None:
             continue
         for seed, make in by_seed.items():
             for episode in range(3):
+                if results.has("unreliable", name, seed, episode, 0):
+                    continue
                 result = evaluate(env, make(env), world.tasks, seed=1000 * episode, max_steps=MOST_STEPS)
-                keep("unreliable", name, seed, episode, record(result, range(len(world.tasks))))
+                results.keep("unreliable", name, seed, episode, record(result, range(len(world.tasks))))
 
 
-def four_limbs(args: argparse.Namespace, keep: Callable[..., None]) -> None:
+def four_limbs(args: argparse.Namespace, results: Results) -> None:
     """Four limbs, without collisions, on seeded episodes; learned policies as trained with two."""
     env = MlivrEnv(robot="mlivr4", collisions=False)
     makes: dict[str, dict[int, Make]] = {
@@ -211,12 +236,14 @@ def four_limbs(args: argparse.Namespace, keep: Callable[..., None]) -> None:
         if args.only and name not in args.only:
             continue
         for seed, make in by_seed.items():
+            if results.has("mlivr4", name, seed, 0, 0):
+                continue
             bar = tqdm(total=FOUR_LIMBS, desc=f"mlivr4 {name} {seed}", mininterval=5.0)
             result = evaluate(
                 env, make(env), FOUR_LIMBS, max_steps=MOST_STEPS, progress=lambda _, bar=bar: bar.update()
             )  # type: ignore[misc]
             bar.close()
-            keep("mlivr4", name, seed, 0, record(result, range(FOUR_LIMBS)))
+            results.keep("mlivr4", name, seed, 0, record(result, range(FOUR_LIMBS)))
 
 
 def main() -> None:
@@ -235,23 +262,16 @@ def main() -> None:
     if args.freeze:
         freeze_test_set(Path(__file__).parent.parent / "envs_assets" / "test_set.json", SEED, SIZES)
         return
-    file = Path(args.out) / "planner_vs_rl.json"
-    data: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
-
-    def keep(family: str, name: str, seed: int, part: int, result: dict[str, Any]) -> None:
-        place = data.setdefault(family, {}).setdefault(name, {}).setdefault(str(seed), {})
-        place[f"{part}/{result['tasks'][0]}"] = result
-        write_whole(file, json.dumps(data) + "\n")
-
+    results = Results(Path(args.out) / "planner_vs_rl.json")
     if not args.report:
         if "splits" in args.families:
             for at, world in enumerate(load_test_set()):
                 if world.split in args.splits:
-                    split_world(world, at, args, keep)
+                    split_world(world, at, args, results)
         for name, run in (("cold", cold), ("unreliable", unreliable), ("mlivr4", four_limbs)):
             if name in args.families:
-                run(args, keep)
-    write_report(data, Path(args.out))
+                run(args, results)
+    write_report(results.data, Path(args.out))
 
 
 if __name__ == "__main__":
