@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -58,11 +59,13 @@ def write_dataset(
             done = terminated or truncated
         if progress is not None:
             progress(k + 1)
-    dataset = collector.create_dataset(
-        dataset_id=dataset_id,
-        algorithm_name="A* (exact cost-to-go)",
-        description="Optimal walks of a two-limb robot through the Japanese Experiment Module, with action masks.",
-        requirements=[f"mlivr-gym=={__version__}"],
-    )
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*is set to None")  # author and link are the user's to add
+        dataset = collector.create_dataset(
+            dataset_id=dataset_id,
+            algorithm_name="optimal expert (exact cost-to-go: the costs of A*)",
+            description="Optimal walks of a two-limb robot through the Japanese Experiment Module, with action masks.",
+            requirements=[f"mlivr-gym=={__version__}"],
+        )
     collector.close()
     return dataset

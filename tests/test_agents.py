@@ -360,6 +360,36 @@ def test_bootstrap_interval_of_a_mean():
     )
 
 
+def test_the_shipped_checkpoint_acts_on_a_map_it_never_saw(env):
+    policy = load_policy("pretrained", env)
+    assert policy.config["network"] == "pointer" and policy.config["command"].startswith("mlivr-gym train")
+    assert evaluate(env, policy, 10, max_steps=30).success_rate >= 0.9
+    assert evaluate(env, beam_policy(policy), 10).success.all()
+
+
+def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(tmp_path, monkeypatch, env):
+    minari = pytest.importorskip("minari", reason="needs the extra [data]")
+    pytest.importorskip("jax", reason="needs the extra [data]")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    from mlivr_gym.agents.dataset import write_dataset
+
+    write_dataset("mlivr/jem/test-v0", 2, seed=3, env_arguments={"collisions": False})
+    dataset = minari.load_dataset("mlivr/jem/test-v0")
+    rebuilt = dataset.recover_environment()
+    planner = Planner(rebuilt.unwrapped.graph)
+    for episode in dataset.iterate_episodes():
+        observation, info = rebuilt.reset(seed=3 + int(episode.id))
+        plan = planner.plan(info["stance"], rebuilt.unwrapped.goal, "steps").unwrap()
+        assert len(episode.actions) == len(plan.steps) == -episode.rewards.sum() and episode.terminations[-1]
+        for k, action in enumerate(episode.actions):
+            for name, rows in episode.observations.items():
+                np.testing.assert_array_equal(rows[k], observation[name])
+            assert episode.observations["action_mask"][k][action]
+            observation, *_ = rebuilt.step(action)
+    with pytest.raises(SettingError, match="already"):
+        write_dataset("mlivr/jem/test-v0", 1)
+
+
 def test_commands_train_and_evaluate(capsys, small_map, tmp_path):
     rails = [
         {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0], "normal": [0, 0, 1]}
