@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint types unit results clean
+.PHONY: demo test lint types unit results compare clean
 
 demo: $(VENV)/.core
 	$(BIN)/mlivr-gym table1 --out results
@@ -32,6 +32,12 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/interrupted_walk.py
 	$(BIN)/python experiments/benchmark_planning.py
 	$(BIN)/python experiments/dynamic_simulation.py
+	$(BIN)/python experiments/benchmark_env.py
+
+# Trains all policies and measures everything that acts: several hours.
+compare: $(VENV)/.dev
+	$(BIN)/python experiments/train_policies.py
+	$(BIN)/python experiments/planner_vs_rl.py
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed"; exit 1; }

@@ -1,11 +1,31 @@
-"""Policies that act in the environment, and one way to evaluate them all."""
+"""Policies that act in the environment, and one way to evaluate them all.
+
+What learns needs PyTorch and is imported from its own module: `mlivr_gym.agents.learned`, `mlivr_gym.agents.training`.
+"""
 
 from __future__ import annotations
 
 if __name__ == "agents":
     raise ImportError("import mlivr_gym.agents: the bare folder is not a package of its own")
 
-from mlivr_gym.agents.evaluation import Evaluation, evaluate
-from mlivr_gym.agents.policies import ExpertPolicy, Policy, RandomPolicy
+from mlivr_gym.agents.evaluation import Evaluation, Task, evaluate
+from mlivr_gym.agents.policies import (
+    ExpertPolicy,
+    PlanPolicy,
+    Policy,
+    RandomPolicy,
+    baseline_policy,
+    planner_policy,
+)
 
-__all__ = ["Evaluation", "ExpertPolicy", "Policy", "RandomPolicy", "evaluate"]
+__all__ = [
+    "Evaluation",
+    "ExpertPolicy",
+    "PlanPolicy",
+    "Policy",
+    "RandomPolicy",
+    "Task",
+    "baseline_policy",
+    "evaluate",
+    "planner_policy",
+]

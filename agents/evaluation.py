@@ -1,9 +1,11 @@
-"""One way to measure every policy: success, steps and base translation over seeded episodes."""
+"""One way to measure everything that acts: planners, baselines and learned policies alike."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,20 @@ from numpy.typing import NDArray
 from mlivr_gym.agents.policies import Policy
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.errors import SettingError
+from mlivr_gym.stance_graph import State
+
+Array = NDArray[np.float64]
+
+
+class Task(NamedTuple):
+    """Where an episode starts and where it shall lead."""
+
+    start: tuple[str, ...]
+    """Point id of each limb."""
+    goal: tuple[float, ...]
+    """Goal position of the base [m]."""
+    occupied: tuple[str, ...] = ()
+    """Points that may not be grasped."""
 
 
 @dataclass(frozen=True)
@@ -21,11 +37,19 @@ class Evaluation:
         success: Whether the goal was reached, shape (k,).
         steps: Steps taken, shape (k,).
         base_translation: Sum of base displacements [m], shape (k,).
+        first_decision: Time from the reset to the first action, world and policy together [s], shape (k,).
+        decision: Mean time of the policy alone for an action [s], shape (k,).
+        failed_grasps: Attempts that failed, shape (k,).
+        carried_out: Whether `execute` carried the walk out, shape (k,); None where nothing was executed.
     """
 
     success: NDArray[np.bool_]
     steps: NDArray[np.int64]
-    base_translation: NDArray[np.float64]
+    base_translation: Array
+    first_decision: Array
+    decision: Array
+    failed_grasps: NDArray[np.int64]
+    carried_out: NDArray[np.bool_] | None = None
 
     @property
     def success_rate(self) -> float:
@@ -36,35 +60,81 @@ class Evaluation:
 def evaluate(
     env: MlivrEnv,
     policy: Policy,
-    episodes: int,
+    episodes: int | Sequence[Task],
     seed: int = 0,
     max_steps: int = 100,
     progress: Callable[[int], None] | None = None,
+    execute: Callable[[MlivrEnv, tuple[State, ...]], bool] | None = None,
 ) -> Evaluation:
     """Run a policy; episode k starts from `reset(seed=seed + k)`.
 
     Args:
-        env: The environment, unwrapped.
+        env: The environment, unwrapped. Tasks may occupy points of its graph; they are vacated in the end.
         policy: The policy.
-        episodes: Number of episodes.
+        episodes: Number of episodes, or their tasks.
         seed: Seed of the first episode.
-        max_steps: Steps after which an episode counts as failed.
+        max_steps: Steps after which an episode counts as failed. One whose policy takes an action that is not possible counts as
+            failed at once: the policy would only repeat it.
         progress: Called with the number of episodes done.
+        execute: Carries a walk out, for example in MuJoCo; given the environment and the states of each successful episode.
 
     Raises:
-        SettingError: If `episodes` is below 1.
+        SettingError: If there is no episode.
     """
-    if episodes < 1:
+    tasks = [None] * episodes if isinstance(episodes, int) else list(episodes)
+    if not tasks:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
     rows = []
-    for k in range(episodes):
-        observation, info = env.reset(seed=seed + k)
-        done = bool(info["is_success"])
-        while not done and info["steps"] < max_steps:
-            action = policy.act(env, observation, env.action_masks())
-            observation, _, done, _, info = env.step(action)
-        rows.append((done, info["steps"], info["base_translation"]))
+    for k, task in enumerate(tasks):
+        if task is not None:
+            _occupy(env, task.occupied)
+        rows.append(_episode(env, policy, task, seed + k, max_steps, execute))
         if progress is not None:
             progress(k + 1)
-    success, steps, translation = zip(*rows, strict=True)
-    return Evaluation(np.array(success), np.array(steps), np.array(translation))
+    if any(task is not None and task.occupied for task in tasks):
+        _occupy(env, ())
+    success, steps, translation, first, decision, failed, carried = zip(*rows, strict=True)
+    return Evaluation(
+        np.array(success), np.array(steps), np.array(translation), np.array(first), np.array(decision),
+        np.array(failed), None if execute is None else np.array(carried),
+    )  # fmt: skip
+
+
+def _occupy(env: MlivrEnv, points: Sequence[str]) -> None:
+    if {env.graph.grasp_map.index(point) for point in points} != env.graph.occupied:
+        env.graph.vacate()
+        env.graph.occupy(points)
+
+
+def _episode(
+    env: MlivrEnv, policy: Policy, task: Task | None, seed: int, max_steps: int,
+    execute: Callable[[MlivrEnv, tuple[State, ...]], bool] | None,
+) -> tuple[bool, int, float, float, float, int, bool]:  # fmt: skip
+    began = time.perf_counter()
+    options = {} if task is None else {"start": task.start, "goal": task.goal}
+    observation, info = env.reset(seed=seed, options=options)
+    states, failed, spent, first = [env.state], 0, 0.0, 0.0
+    done = bool(info["is_success"])
+    while not done and info["steps"] < max_steps and not info["invalid_action"]:
+        asked = time.perf_counter()
+        action = policy.act(env, observation, env.action_masks())
+        now = time.perf_counter()
+        spent += now - asked
+        first = first or now - began
+        observation, _, done, _, info = env.step(action)
+        failed += info["grasp_failed"]
+        if not info["grasp_failed"] and not info["invalid_action"]:
+            states.append(env.state)
+    carried = bool(done and execute is not None and execute(env, tuple(states)))
+    steps = int(info["steps"])
+    return done, steps, float(info["base_translation"]), first, spent / max(steps, 1), failed, carried
+
+
+def bootstrap(values: Array, statistic: Callable[[Array], float] = np.mean, seed: int = 0) -> tuple[float, float]:
+    """95 % percentile bootstrap interval of a statistic of independent values, shape (k,); NaN without values."""
+    if not len(values):
+        return float("nan"), float("nan")
+    rng = np.random.default_rng(seed)
+    drawn = [statistic(values[rng.integers(len(values), size=len(values))]) for _ in range(1000)]
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    return float(low), float(high)

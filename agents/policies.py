@@ -1,7 +1,8 @@
-"""Policies that need no training: random legal actions, and the optimal expert."""
+"""Policies that need no training: random legal actions, the optimal expert, and planners whose plans are followed."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,8 +10,12 @@ from numpy.typing import NDArray
 
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.errors import SettingError
+from mlivr_gym.moves import TableMoves
 from mlivr_gym.pair_graph import PairGraph
-from mlivr_gym.planners import CostToGo, Planner
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.baselines import find_walk
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.table_values import TableValues
 
 
 class Policy(Protocol):
@@ -36,18 +41,111 @@ class RandomPolicy:
 class ExpertPolicy:
     """Takes the first step of an optimal plan, by the exact cost-to-go table of the goal. Two limbs only."""
 
-    def __init__(self) -> None:
-        """Start without tables; each is worked out when its goal first comes up."""
-        self._planner: Planner | None = None
+    def __init__(self, expect_failures: bool = True) -> None:
+        """Start without tables; each is worked out when its goal first comes up.
+
+        Args:
+            expect_failures: Whether costs are expected costs where grasps may fail; otherwise every grasp counts as sure.
+        """
+        self._expect = expect_failures
+        self._moves: TableMoves | None = None
+        self._goal: tuple[bytes, float] = b"", 0.0
 
     def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> int:
-        """An optimal action for the environment's reward."""
+        """An optimal action for the environment's reward; the first of equal ones."""
         graph = env.graph
         if not isinstance(graph, PairGraph):
             raise SettingError(f"the expert policy needs two limbs; robot {graph.robot.name!r} has more")
-        if self._planner is None or self._planner.graph is not graph:
-            self._planner = Planner(graph)
-        table: CostToGo = self._planner.cost_to_go(env.goal.tolist(), env.reward, goal_tolerance=env.goal_tolerance)
-        steps = graph.successors(env.state)
-        k = table.best(env.state, steps)
-        return int(steps.limb[k]) * len(graph.grasp_map) + int(steps.point[k])
+        moves = env.table_moves()
+        goal = (env.goal.tobytes(), env.goal_tolerance)
+        if self._moves is not moves or self._goal != goal:
+            risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
+            cost = Cost.named(env.reward)
+            self._moves, self._goal = moves, goal
+            self._values = TableValues(moves.tables, env.goal[None], env.goal_tolerance, cost, risk)
+        s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
+        costs = self._values.of_actions(s, np.array([env.state.masks]), np.zeros(1, dtype=np.int64), len(mask))[0]
+        # Where nothing leads to the goal any possible action will do.
+        return int(np.flatnonzero(mask & (costs <= costs.min() + 1e-9))[0])
+
+
+class PlanPolicy:
+    """Follows the plan of a method, and plans again wherever it is not where the plan would have it.
+
+    Attributes:
+        plans: Plans made so far.
+    """
+
+    def __init__(self, find: Callable[[MlivrEnv], list[int] | None]) -> None:
+        """Follow what `find` returns: the actions from the present state to the goal, or None."""
+        self._find = find
+        self._actions: list[int] = []
+        self._expected: tuple[int, ...] | None = None
+        self._goal: bytes = b""
+        self.plans = 0
+
+    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> int:
+        """The next action of the plan; one that is not possible where there is no plan."""
+        if env.state.stance != self._expected or env.goal.tobytes() != self._goal or env.steps == 0:
+            self._actions = (self._find(env) or [])[::-1]
+            self._goal, self.plans = env.goal.tobytes(), self.plans + 1
+        if not self._actions:
+            self._expected = None
+            return int(np.flatnonzero(~mask)[0])
+        action = self._actions.pop()
+        limb, point = divmod(action, len(env.graph.grasp_map))
+        stance = env.state.stance
+        self._expected = (*stance[:limb], point, *stance[limb + 1 :])
+        return action
+
+
+def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -> PlanPolicy:
+    """Follows plans of `Planner`, made on the environment's own stance graph.
+
+    Args:
+        cost: Cost of the plans.
+        method: Search method.
+        **options: Further arguments of `Planner.plan`.
+    """
+    planners: dict[int, Planner] = {}
+
+    def find(env: MlivrEnv) -> list[int] | None:
+        graph = env.graph
+        if id(graph) not in planners:
+            planners.clear()
+            planners[id(graph)] = Planner(graph)
+        tolerance = env.goal_tolerance
+        result = planners[id(graph)].plan(
+            env.state.stance, env.goal.tolist(), cost, method=method, goal_tolerance=tolerance, **options
+        )
+        if result.plan is None:
+            return None
+        return [limb * len(graph.grasp_map) + graph.grasp_map.index(point) for limb, point in result.plan.actions]
+
+    return PlanPolicy(find)
+
+
+def foreign_plan_policy(planner: Planner, cost: str = "steps") -> PlanPolicy:
+    """Follows plans made on another stance graph of the same map, possible or not: A* without manipulability."""
+
+    def find(env: MlivrEnv) -> list[int] | None:
+        result = planner.plan(env.state.stance, env.goal.tolist(), cost, goal_tolerance=env.goal_tolerance)
+        if result.plan is None:
+            return None
+        grasp_map = planner.graph.grasp_map
+        return [limb * len(grasp_map) + grasp_map.index(point) for limb, point in result.plan.actions]
+
+    return PlanPolicy(find)
+
+
+def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
+    """Follows walks of `planners.baselines`."""
+
+    def find(env: MlivrEnv) -> list[int] | None:
+        walk = find_walk(
+            method, env.moves, env.state, env.goal, env.goal_tolerance, budget=budget, seed=seed + env.steps
+        )
+        m = len(env.graph.grasp_map)
+        return [limb * m + point for limb, point in walk.actions]
+
+    return PlanPolicy(find)

@@ -26,4 +26,9 @@ __all__ = [
     "stance_graph",
 ]
 
-register(id="MLIVR-JEM-v0", entry_point="mlivr_gym.env:MlivrEnv", max_episode_steps=100)
+register(
+    id="MLIVR-JEM-v0",
+    entry_point="mlivr_gym.env:MlivrEnv",
+    vector_entry_point="mlivr_gym.vector_env:MlivrVectorEnv",
+    max_episode_steps=100,
+)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from mlivr_gym.cli_agents import add_commands
 from mlivr_gym.errors import MlivrError, RenderError, SettingError
 from mlivr_gym.simulate_command import add_arguments, simulate
 
@@ -21,6 +22,8 @@ EXAMPLES = """examples:
   mlivr-gym info --map my_map.json
   mlivr-gym render --start D2a:4 D2b:4 --out start.png
   mlivr-gym simulate --case 3 --out walk
+  mlivr-gym evaluate --policy pretrained
+  mlivr-gym train --method dagger --out my_policy
 """
 
 
@@ -40,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES, formatter_class=formatter,
     )  # fmt: skip
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="{plan,table1,info,render,simulate}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     world = _Parser(add_help=False)
     world.add_argument("--robot", default="mlivr2", help="mlivr2, mlivr3, mlivr4 or a JSON file (default: %(default)s)")
@@ -129,6 +132,7 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--size", nargs=2, type=int, default=(1280, 640), metavar=("W", "H"), help="pixels")
     render.add_argument("--mjcf", metavar="FILE", help="also export the scene as MJCF")
     render.set_defaults(run=_render)
+    add_commands(commands, world)
     return parser
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +13,14 @@ from numpy.typing import NDArray
 
 from mlivr_gym.errors import SettingError, StanceError, choice, nonnegative
 from mlivr_gym.grasp_map import GraspMap, jem_map
-from mlivr_gym.posture import Postures
+from mlivr_gym.moves import GraphMoves, Place, TableMoves, branch_bits
+from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.recording import Failure
+from mlivr_gym.reliability import failure_probabilities
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import CLEARANCE, Settings
 from mlivr_gym.stance_graph import State, Successors, stance_graph
+from mlivr_gym.step_tables import step_tables
 from mlivr_gym.tasks import sample_task
 from mlivr_gym.trajectory import Durations
 
@@ -81,7 +85,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
 
     ## Information
     `stance` (point ids), `base_position` [m], `base_translation` [m] and `steps` since reset,
-    `limb_manipulability` (N,), `base_manipulability`, `action_mask` (int8), `is_success`, `invalid_action`.
+    `limb_manipulability` (N,), `base_manipulability`, `action_mask` (int8), `is_success`, `invalid_action`,
+    `grasp_failed`.
     With `dynamics="mujoco"` also `failure` (None, or a dictionary as in `recording.Failure`) and of the last step
     `capture_distance` [m], `capture_angle` [rad], `peak_torque` [N m], `torque_rms` (largest over time) [N m],
     `peak_grasp_force` [N], `peak_grasp_torque` [N m], `base_error` [m], and `simulated_time` since reset [s].
@@ -90,6 +95,11 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
     `"kinematic"`: a step is the transition of the stance graph. `"mujoco"`: it is carried out by a PD controller in
     MuJoCo, where each limb is on one branch with one winding, chosen when it lands; `branches` then has one bit a limb and
     the mask leaves out steps in which a limb that holds would leave its joint limits.
+
+    ## Unreliable grasps
+    With `grasp_failure` above 0 an attempt to take hold of a point fails with that point's probability
+    (`failure_probability`). The base then goes back the way it came and the limb takes hold of the point it left: the attempt
+    costs a step and twice the base displacement, and `info["grasp_failed"]` is True.
 
     ## Arguments
     See `__init__`.
@@ -118,6 +128,9 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         dynamics: str = "kinematic",
         step_duration: float = 50.0,
         physics: Physics | None = None,
+        grasp_failure: float | NDArray[np.float64] = 0.0,
+        grasp_failure_seed: int = 0,
+        precompute: bool = False,
         render_mode: str | None = None,
         width: int = 640,
         height: int = 360,
@@ -141,6 +154,11 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             dynamics: `"kinematic"`: the step of the stance graph; `"mujoco"`: carried out in simulation.
             step_duration: Duration of a step that is carried out [s].
             physics: Controller, grasps and failures of steps that are carried out.
+            grasp_failure: Mean probability that an attempt to take hold of a point fails, or one for each point, see
+                `failure_probabilities`; with `dynamics="kinematic"` only.
+            grasp_failure_seed: Seed of the probabilities; whether an attempt fails is drawn from the environment's own.
+            precompute: Whether to check every step beforehand, which makes each one fast; takes minutes for the JEM, once,
+                and is kept on disk. Two limbs and `dynamics="kinematic"` only.
             render_mode: `"rgb_array"`, `"human"` or None.
             width: Width of rendered pictures [px].
             height: Height of rendered pictures [px].
@@ -182,13 +200,45 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         )
         self._walk: PhysicalWalk | None = None
         if dynamics == "mujoco":
+            if precompute or np.any(np.asarray(grasp_failure) > 0.0):
+                raise SettingError("precompute and grasp_failure need dynamics='kinematic'")
             from mlivr_gym.dynamics import Physics
             from mlivr_gym.physical_walk import PhysicalWalk
 
             self._walk = PhysicalWalk(self.graph, Durations.of_step(step_duration), physics or Physics())
+        self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
+        self.precompute = bool(precompute)
+        self._moves: GraphMoves | TableMoves | None = None
+        self._version = self.graph.version
+        if self.precompute:
+            self.table_moves()
         self._state: State | None = None
         self._measures: dict[str, Any] = {}
         self._viewer: Any = None
+
+    @property
+    def moves(self) -> GraphMoves | TableMoves:
+        """What answers for the world as it is now."""
+        if self._moves is None or self._version != self.graph.version:
+            self._version = self.graph.version
+            if self.precompute and isinstance(self.graph, PairGraph):
+                self._moves = TableMoves(self.graph, step_tables(self.graph))
+            else:
+                self._moves = GraphMoves(self.graph)
+        return self._moves
+
+    def table_moves(self) -> TableMoves:
+        """The same from exact tables, which are used from now on.
+
+        Raises:
+            SettingError: If the robot has more than two limbs.
+        """
+        tables = step_tables(self.graph)
+        if isinstance(self.graph, PairGraph) and not (self.precompute and isinstance(self._moves, TableMoves)):
+            self.precompute, self._moves = True, TableMoves(self.graph, tables)
+        moves = self.moves
+        assert isinstance(moves, TableMoves)
+        return moves
 
     @property
     def state(self) -> State:
@@ -223,8 +273,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         if self._walk is not None:
             start = self._walk.start(start, plan)
             self._measures = {"failure": None} | dict.fromkeys(MEASURES, 0.0)
-        self._enter(start)
-        if not len(self._successors.limb):
+        self._enter(start, self.moves.place(start.stance))
+        if not self._mask.any():
             raise StanceError(f"no step leaves the start stance {self.graph.ids(start.stance)}")
         self.steps, self.base_translation = 0, 0.0
         if self.render_mode == "human":
@@ -233,25 +283,31 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
 
     def step(self, action: np.int64 | int) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
         """Move limb `action // m` to point `action % m`."""
-        state = self.state
+        state, n = self.state, int(self.action_space.n)  # type: ignore[attr-defined]
         if self._measures.get("failure"):
             raise gymnasium.error.ResetNeeded("the last step failed: call reset()")
-        if not self.action_space.contains(np.int64(action)):
+        if not isinstance(action, (int, np.integer)) or not 0 <= action < n:
             raise SettingError(f"action {action!r} is not in {self.action_space}")
-        limb, point = divmod(int(action), len(self.graph.grasp_map))
-        taken = np.flatnonzero((self._successors.limb == limb) & (self._successors.point == point))
-        before, moved = self._potential(), self.graph.max_step
+        limb, point = divmod(int(action), n // self.graph.limbs)
+        before, moved, failed = self._potential(), self.graph.max_step, False
         self.steps += 1
-        if len(taken):
-            k = int(taken[0])
-            stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
-            moved = float(np.linalg.norm(self._successors.position[k] - self._posture.position[0]))
-            after = State(stance, tuple(self._successors.masks[k].tolist()))
+        allowed = bool(self._mask[action])
+        if allowed:
+            after = self.moves.take(state, int(action))
+            place = self.moves.place(after.stance)
+            moved = math.dist(place.position, self._place.position)
+            risk = self.failure_probability[point]
+            failed = bool(risk > 0.0 and self.np_random.random() < risk)
+            if failed:
+                moved *= 2.0
+                landed = self.graph.landed(state.stance, limb)
+                after = State(state.stance, (*after.masks[:limb], landed, *after.masks[limb + 1 :]))
+                place = self._place
             if self._walk is not None:
                 after = self._carry_out(limb, point, after)
-            if after.stance == stance:
+            if self._walk is None or after.stance != state.stance:
+                self._enter(after, place)
                 self.base_translation += moved
-                self._enter(after)
         reward = -1.0 if self.reward == "steps" else -moved
         success = self._success()
         if success:
@@ -261,7 +317,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         if self.render_mode == "human":
             self.render()
         ended = success or bool(self._measures.get("failure"))
-        return self._observation(), float(reward), ended, False, self._info(not len(taken))
+        return self._observation(), float(reward), ended, False, self._info(not allowed, failed)
 
     def _carry_out(self, limb: int, point: int, after: State) -> State:
         """Carry a step out in simulation; returns the state that follows, the present one if it failed."""
@@ -282,48 +338,47 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are possible, shape (N m,)."""
-        mask = np.zeros(self.graph.limbs * len(self.graph.grasp_map), dtype=np.bool_)
-        mask[self._successors.limb * len(self.graph.grasp_map) + self._successors.point] = True
-        return mask
+        return self._mask.copy()
 
-    def _enter(self, state: State) -> None:
-        self._state = state
-        self._successors: Successors = self.graph.successors(state)
+    def successors(self) -> Successors:
+        """The steps that leave the present state."""
+        steps = self.moves.successors(self.state)
+        return steps if self._walk is None else self._walk.possible(steps)
+
+    def _enter(self, state: State, place: Place) -> None:
+        self._state, self._mask, self._place = state, self.moves.mask(state), place
         if self._walk is not None:
-            self._successors = self._walk.possible(self._successors)
-        self._posture: Postures = self.graph.posture(state.stance)
-        self._quaternion = self.graph.configuration(state)[1]
+            steps = self.successors()
+            self._mask = np.zeros_like(self._mask)
+            self._mask[steps.limb * len(self.graph.grasp_map) + steps.point] = True
 
     def _success(self) -> bool:
-        return bool(np.linalg.norm(self._posture.position[0] - self.goal) <= self.goal_tolerance)
+        return math.dist(self._place.position, self.goal) <= self.goal_tolerance
 
     def _potential(self) -> float:
-        return 0.0 if self._success() else -float(np.linalg.norm(self._posture.position[0] - self.goal))
+        distance = math.dist(self._place.position, self.goal)
+        return 0.0 if distance <= self.goal_tolerance else -distance
 
     def _observation(self) -> dict[str, NDArray[Any]]:
-        stance, masks = self.state
-        bits = np.array(masks, dtype=np.int64)[:, None] >> np.arange(16) & 1
-        return {
-            "stance": np.array(stance, dtype=np.int64),
-            "grasps": self.graph.grasp_map.positions[list(stance)].ravel().astype(np.float32),
-            "base_position": self._posture.position[0].astype(np.float32),
-            "base_quaternion": self._quaternion.astype(np.float32),
-            "goal": self.goal.astype(np.float32),
-            "branches": bits.ravel().astype(np.int8),
-        }
+        observation = {name: array.copy() for name, array in self._place.observation.items()}
+        observation["goal"] = self.goal.astype(np.float32)
+        observation["branches"] = branch_bits(self.state.masks)
+        return observation
 
-    def _info(self, invalid: bool) -> dict[str, Any]:
+    def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
+        place = self._place
         return {
-            "stance": self.graph.ids(self.state.stance),
-            "base_position": self._posture.position[0].copy(),
+            "stance": place.ids,
+            "base_position": np.array(place.position),
             "base_translation": self.base_translation,
             "steps": self.steps,
-            "limb_manipulability": self._posture.w_m[0].copy(),
-            "base_manipulability": float(self._posture.w_b[0]),
-            "action_mask": self.action_masks().astype(np.int8),
+            "limb_manipulability": place.w_m.copy(),
+            "base_manipulability": place.w_b,
+            "action_mask": self._mask.astype(np.int8),
             "is_success": self._success(),
             "invalid_action": invalid,
             **self._measures,
+            "grasp_failed": failed,
         }
 
     def render(self) -> NDArray[np.uint8] | None:

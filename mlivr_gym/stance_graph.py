@@ -433,6 +433,8 @@ class StanceGraph(ABC):
         here = (np.ascontiguousarray(posture.position[0]), np.ascontiguousarray(posture.rotation[0]))
         mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
         answer, wanted, point = -1, int(posture.mask[0, limb]), stance[limb]
+        if not self.settings.collisions:
+            return wanted
         for bodies, inside in self.checks:
             placed, count = np.empty((8 * (limbs - 1), len(solver.shapes), 2, 3)), 0
             for other in range(limbs):
@@ -452,6 +454,13 @@ class StanceGraph(ABC):
             if not wanted:
                 return 0
         return answer
+
+    def landed(self, stance: tuple[int, ...], limb: int) -> int:
+        """Branches and flips on which a limb may be that has just taken hold."""
+        posture = self.posture(stance)
+        if not self.settings.transitions:
+            return int(posture.mask[0, limb])
+        return self.released(stance, posture, limb) & 0xFFFF
 
     def _carry(
         self,

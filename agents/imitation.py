@@ -1,0 +1,301 @@
+"""Imitation of the planner: behaviour cloning and DAgger (Ross et al., 2011) on sets of optimal actions.
+
+The expert is a table of the cost-to-go of every state to a goal, from one backward search. It knows the cost of all actions,
+not one of them, and optimal actions come in ties: the loss is minus the logarithm of the summed probability of the optimal set. Points are
+taken out at random, layout by layout, so that the policy learns maps that it will never see.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from mlivr_gym.agents.features import TableFeatures, reach_of_points
+from mlivr_gym.agents.networks import as_tensors, scores_and_value
+from mlivr_gym.env import MlivrEnv
+from mlivr_gym.moves import BITS
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.table_values import TableValues
+from mlivr_gym.step_tables import without_points
+from mlivr_gym.table_kernels import advance, draw_tasks
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ImitationSettings:
+    """How a policy imitates the planner.
+
+    Attributes:
+        rounds: Times that data are gathered and learnt from; in the first the expert walks, in the others the policy
+            (behaviour cloning: the expert in all).
+        dagger: Whether the policy walks after the first round.
+        layouts: Layouts of the points in a round.
+        goals: Goals on each layout.
+        walks: Walks to each goal.
+        longest: Most steps of a walk.
+        most_removed: Largest share of the points taken out of a layout; every third layout has all of them.
+        noise: Share of random possible actions on walks.
+        updates: Gradient steps in a round.
+        batch: States in a gradient step.
+        learning_rate: Largest rate of Adam; it falls to a tenth by a cosine.
+        value_weight: Weight of the error of the value in the loss.
+        discount: Discount of that value.
+    """
+
+    rounds: int = 8
+    dagger: bool = True
+    layouts: int = 9
+    goals: int = 12
+    walks: int = 10
+    longest: int = 14
+    most_removed: float = 0.6
+    noise: float = 0.05
+    updates: int = 300
+    batch: int = 256
+    learning_rate: float = 1e-3
+    value_weight: float = 0.02
+    discount: float = 0.99
+
+
+SAME_GOAL = 0.01
+"""Goals nearer than this to one that is held out are not learnt from [m]."""
+
+
+class Samples(NamedTuple):
+    """States that were visited, with what is best there."""
+
+    stances: NDArray[Any]
+    """Stance indices, shape (k,)."""
+    masks: NDArray[Any]
+    """Branches each limb may be on, shape (k, 2)."""
+    goals: NDArray[Any]
+    """Goal positions [m], shape (k, 3)."""
+    which: NDArray[Any]
+    """Index of the goal's reach among those that `Imitation` keeps, shape (k,)."""
+    free: NDArray[Any]
+    """Which points may be grasped, packed bits, shape (k, ceil(m / 8))."""
+    optimal: NDArray[Any]
+    """Which actions are optimal, packed bits, shape (k, ceil(2 m / 8))."""
+    cost: NDArray[Any]
+    """Least cost to the goal, shape (k,)."""
+
+
+def optimal_set_loss(scores: Tensor, legal: Tensor, optimal: Tensor) -> Tensor:
+    """Minus the mean logarithm of the summed probability of the optimal actions.
+
+    Args:
+        scores: Scores of the actions, shape (k, a).
+        legal: Which are possible, shape (k, a).
+        optimal: Which of these are optimal, at least one in each row, shape (k, a).
+    """
+    best = scores.masked_fill(~optimal, -torch.inf).logsumexp(dim=1)
+    every = scores.masked_fill(~legal, -torch.inf).logsumexp(dim=1)
+    return (every - best).mean()
+
+
+class Imitation:
+    """Teaches a policy what the planner would do.
+
+    Attributes:
+        policy: A policy of sb3-contrib.
+        settings: How.
+        success: Share of the last round's walks by the policy that reached their goal.
+    """
+
+    def __init__(
+        self,
+        env: MlivrEnv,
+        policy: Any,
+        plain: bool,
+        settings: ImitationSettings,
+        seed: int,
+        held_out: Array | None = None,
+    ) -> None:
+        """Work the environment's steps out, or read them from the cache.
+
+        Args:
+            env: The environment, two limbs.
+            policy: The policy, changed in place.
+            plain: Whether the policy sees the environment's own observations.
+            settings: How to imitate.
+            seed: Seed of layouts, goals, walks and batches.
+            held_out: Goals that must not be learnt from [m], shape (g, 3).
+        """
+        self.env, self.policy, self.plain, self.settings = env, policy, plain, settings
+        self.moves = env.table_moves()
+        self.features = TableFeatures(env)
+        self.rng = np.random.default_rng(seed)
+        self.m = len(env.graph.grasp_map)
+        self._held_out = np.zeros((0, 3)) if held_out is None else held_out
+        self.data: list[Samples] = []
+        self._reach: list[NDArray[np.float32]] = []
+        self.success = 0.0
+        self._optimizer = torch.optim.Adam(policy.parameters(), lr=settings.learning_rate)
+        self._streams = self.rng.integers(2**63, size=settings.goals).astype(np.uint64)
+
+    def run(self, progress: Callable[[int, int, dict[str, float]], None] | None = None) -> None:
+        """Gather and learn for all rounds; `progress` gets gradient steps done, in all, and figures."""
+        for k in range(self.settings.rounds):
+            began = time.perf_counter()
+            expert = k == 0 or not self.settings.dagger
+            success = []
+            for layout in range(self.settings.layouts):
+                samples, reached = self.gather(self._layout(layout), expert)
+                self.data.append(samples)
+                success.append(reached)
+            if not expert:
+                self.success = float(np.mean(success))
+            figures = {"gathered_in": time.perf_counter() - began, "walks_that_arrive": float(np.mean(success))}
+            figures["states"] = float(sum(len(d.stances) for d in self.data))
+            self._learn(k, figures, progress)
+
+    def _layout(self, number: int) -> NDArray[np.bool_]:
+        """Which points there are, shape (m,)."""
+        free = np.ones(self.m, dtype=np.bool_)
+        if number % 3:
+            share = self.rng.uniform(0.0, self.settings.most_removed)
+            free[self.rng.permutation(self.m)[: int(share * self.m)]] = False
+        return free
+
+    def gather(self, free: NDArray[np.bool_], expert: bool) -> tuple[Samples, float]:
+        """States of walks on one layout, and the share of walks that reach their goal."""
+        settings, env, rng = self.settings, self.env, self.rng
+        tables = without_points(self.moves.tables, ~free)
+        goals = np.zeros((settings.goals, 3))
+        drawn = (np.zeros(settings.goals, dtype=np.int64), np.zeros((settings.goals, 2), dtype=np.int64))
+        grasp_map, cost = env.graph.grasp_map, Cost.named(env.reward)
+        if not draw_tasks(
+            np.ones(settings.goals, dtype=np.bool_), grasp_map.positions, grasp_map.cabin, env.goal_tolerance, tables,
+            self._streams, *drawn, goals,
+        ):  # fmt: skip
+            return _nothing(self.m), 1.0
+        if len(self._held_out):
+            goals = goals[np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1) > SAME_GOAL]
+            if not len(goals):
+                return _nothing(self.m), 1.0
+        risk = env.failure_probability
+        values = TableValues(tables, goals, env.goal_tolerance, cost, risk)
+        which, stances = self._starts(values)
+        first, held = sum(map(len, self._reach)), (tables.masks != 0).all(axis=1)
+        self._reach.append(
+            np.array([reach_of_points(self.moves.graph, goal, held) for goal in goals], dtype=np.float32)
+        )
+        masks = tables.masks[stances].astype(np.int64)
+        streams = rng.integers(2**63, size=len(stances)).astype(np.uint64)
+        rows = [_nothing(self.m)]
+        count = len(stances)
+        for _ in range(settings.longest):
+            if not len(stances):
+                break
+            costs = values.of_actions(stances, masks, which, 2 * self.m)
+            least = costs.min(axis=1)
+            legal, optimal = np.isfinite(costs), costs <= least[:, None] + 1e-6
+            optimal &= legal
+            here = Samples(
+                stances.copy(), masks.copy(), goals[which], first + which, np.tile(np.packbits(free), (len(stances), 1)),
+                np.packbits(optimal, axis=1), least.astype(np.float32),
+            )  # fmt: skip
+            rows.append(here)
+            likely = optimal if expert else self._chosen(here)
+            likely = np.where((rng.random(len(stances)) < settings.noise)[:, None], legal, likely)
+            actions = (rng.random(likely.shape, dtype=np.float32) * likely).argmax(axis=1)
+            moved, outcome = np.zeros(len(stances)), np.zeros(len(stances), dtype=np.int64)
+            advance(
+                actions, np.zeros(len(stances), np.bool_), risk, 0.0, self.moves.stance_at, tables, streams, stances, masks,
+                moved, outcome,
+            )  # fmt: skip
+            going = ~values.goals[which, stances]
+            stances, masks, which, streams = stances[going], masks[going], which[going], streams[going]
+        samples = Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
+        known = np.isfinite(samples.cost)
+        return Samples(*(column[known] for column in samples)), 1.0 - len(stances) / max(count, 1)
+
+    def _starts(self, values: TableValues) -> tuple[IntArray, IntArray]:
+        """Goals and stances where walks begin, at most `longest` steps from the goal and not at it."""
+        which, stances = [], []
+        for g in range(len(values.goals)):
+            cost = values.of_stances(g)
+            far = np.flatnonzero(np.isfinite(cost) & ~values.goals[g])
+            if len(far):
+                chosen = self.rng.choice(far, self.settings.walks)
+                which.append(np.full(len(chosen), g))
+                stances.append(chosen)
+        nothing = [np.zeros(0, dtype=np.int64)]
+        return np.concatenate(which or nothing), np.concatenate(stances or nothing).astype(np.int64)
+
+    def _chosen(self, samples: Samples) -> NDArray[np.bool_]:
+        """The best action of each state in the policy's eyes, shape (k, 2 m)."""
+        chosen = np.zeros((len(samples.stances), 2 * self.m), dtype=np.bool_)
+        for at in range(0, len(chosen), 512):
+            part = Samples(*(column[at : at + 512] for column in samples))
+            observation, legal = self.observe(part)
+            with torch.no_grad():
+                scores, _ = scores_and_value(self.policy, observation)
+            best = scores.masked_fill(~legal, -torch.inf).argmax(dim=1).numpy()
+            chosen[at + np.arange(len(best)), best] = True
+        return chosen
+
+    def observe(self, samples: Samples) -> tuple[dict[str, Tensor], Tensor]:
+        """Observations as the policy sees them, and which actions are possible, shape (k, 2 m)."""
+        free = np.unpackbits(samples.free, axis=1, count=self.m).view(np.bool_)
+        if len(self._reach) > 1:
+            self._reach = [np.concatenate(self._reach)]
+        reach = self._reach[0][samples.which].astype(np.float64)
+        seen = self.features(self.moves.tables, samples.stances, samples.masks, samples.goals, reach, free)
+        legal = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
+        if self.plain:
+            looks = {name: rows[samples.stances] for name, rows in self.moves.observations.items()}
+            bits = np.concatenate([BITS[samples.masks[:, 0]], BITS[samples.masks[:, 1]]], axis=1)
+            return as_tensors(
+                self.policy, {**looks, "goal": samples.goals.astype(np.float32), "branches": bits}
+            ), legal  # fmt: skip
+        return as_tensors(self.policy, seen), legal
+
+    def _learn(
+        self,
+        number: int,
+        figures: dict[str, float],
+        progress: Callable[[int, int, dict[str, float]], None] | None,
+    ) -> None:
+        settings = self.settings
+        data = Samples(*(np.concatenate(column) for column in zip(*self.data, strict=True)))
+        self.data = [data]
+        total = settings.rounds * settings.updates
+        for k in range(settings.updates):
+            done = number * settings.updates + k
+            for group in self._optimizer.param_groups:
+                group["lr"] = settings.learning_rate * (0.55 + 0.45 * np.cos(np.pi * done / total))
+            chosen = self.rng.integers(len(data.stances), size=settings.batch)
+            batch = Samples(*(column[chosen] for column in data))
+            observation, legal = self.observe(batch)
+            optimal = torch.as_tensor(np.unpackbits(batch.optimal, axis=1, count=2 * self.m).astype(bool))
+            scores, value = scores_and_value(self.policy, observation)
+            loss = optimal_set_loss(scores, legal, optimal)
+            cost = torch.as_tensor(batch.cost)
+            if self.env.reward == "steps":
+                # The return of an agent that discounts.
+                cost = (1.0 - settings.discount**cost) / (1.0 - settings.discount)
+            error = (value + cost).square().mean()
+            self._optimizer.zero_grad()
+            (loss + settings.value_weight * error).backward()
+            torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 1.0)
+            self._optimizer.step()
+            if progress is not None:
+                progress(done + 1, total, figures | {"loss": loss.item(), "value_error": error.item()})
+
+
+def _nothing(m: int) -> Samples:
+    whole = np.zeros(0, dtype=np.int64)
+    free, optimal = (np.zeros((0, -(-size // 8)), dtype=np.uint8) for size in (m, 2 * m))
+    return Samples(
+        whole, np.zeros((0, 2), np.int64), np.zeros((0, 3)), whole, free, optimal, np.zeros(0, np.float32)
+    )  # fmt: skip

@@ -1,0 +1,50 @@
+"""The two policies of sb3-contrib that are trained here, by name, and what learning needs of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from sb3_contrib.common.maskable.policies import MaskableMultiInputActorCriticPolicy
+from torch import Tensor
+
+from mlivr_gym.agents.features import point_space
+from mlivr_gym.agents.pointer import PointerPolicy
+from mlivr_gym.env import MlivrEnv
+from mlivr_gym.errors import choice
+
+NETWORKS = ("pointer", "mlp")
+"""`PointerPolicy`, or the plain multilayer perceptron of stable-baselines3 on the environment's own observation."""
+
+
+def policy_class(network: str) -> type[Any]:
+    """The class of a policy by name."""
+    choice("network", network, NETWORKS)
+    return PointerPolicy if network == "pointer" else MaskableMultiInputActorCriticPolicy
+
+
+def make_policy(env: MlivrEnv, network: str, sizes: dict[str, Any], learning_rate: float = 3e-4) -> Any:
+    """A new policy for an environment.
+
+    Args:
+        env: The environment.
+        network: One of `NETWORKS`.
+        sizes: Further arguments of the policy's class.
+        learning_rate: Rate of its own optimiser.
+    """
+    space = point_space(env) if network == "pointer" else env.observation_space
+    return policy_class(network)(space, env.action_space, lambda _: learning_rate, **sizes)
+
+
+def as_tensors(policy: Any, observation: dict[str, NDArray[Any]]) -> dict[str, Tensor]:
+    """A batch of observations as tensors on the policy's device."""
+    return {name: torch.as_tensor(np.ascontiguousarray(array)).to(policy.device) for name, array in observation.items()}
+
+
+def scores_and_value(policy: Any, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
+    """Scores of all actions before masking, shape (k, a), and values, shape (k,)."""
+    features = policy.extract_features(observation)
+    actor, critic = policy.mlp_extractor(features)
+    return policy.action_net(actor), policy.value_net(critic)[:, 0]

@@ -1,0 +1,158 @@
+"""The point-wise policy: one network for every point and limb, whatever their number and order.
+
+A DeepSets encoder (Zaheer et al., 2017) sums up the points that may be grasped; a pointer head (Vinyals et al., 2015) then scores
+each possible action from the point it leads to, the displacement of the base, the goal, the points held and that
+summary. Nothing depends on the number or the order of the points.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from gymnasium import spaces
+from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from torch import Tensor, nn
+
+from mlivr_gym.agents.features import GOAL, LIMB, POINT
+
+IMPOSSIBLE = -1e8
+"""Score of actions that are not possible."""
+
+SHARPNESS = 0.005
+"""Width of the step from 0 to 1 at the goal tolerance in what tells that an action arrives [m]."""
+
+
+def mlp(sizes: list[int]) -> nn.Sequential:
+    """Linear layers with ReLU in between."""
+    layers: list[nn.Module] = []
+    for before, after in zip(sizes, sizes[1:], strict=False):
+        layers += [nn.Linear(before, after), nn.ReLU()]
+    return nn.Sequential(*layers[:-1])
+
+
+AHEAD, NEAR = 0.8, 1.4
+"""Distance of the second centre of the summary towards the goal, and width of both [m]."""
+
+
+class PointerNetwork(nn.Module):
+    """Scores of all actions, and a summary of the state for the value."""
+
+    def __init__(self, width: int = 96, summary: int = 32) -> None:
+        """Build the layers.
+
+        Args:
+            width: Width of the pointer head.
+            summary: Width of the summary of the points.
+        """
+        super().__init__()
+        self.latent_dim_vf = width
+        self.encode = mlp([POINT + 1 + GOAL + 1, summary, summary])
+        self.of_limb = nn.Linear(GOAL + 2 * (POINT + 2) + 4 * summary, width)
+        self.of_action = nn.Linear(POINT + LIMB + 1, width)
+        self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
+        self.assess = mlp([4 * summary + GOAL + POINT + 2, width, width])
+        # Untrained, the scores are all but equal: a new policy explores evenly.
+        last = self.score[-1]
+        assert isinstance(last, nn.Linear)
+        nn.init.normal_(last.weight, std=0.01)
+        nn.init.zeros_(last.bias)
+
+    def codes(self, observation: dict[str, Tensor]) -> Tensor:
+        """Codes of the points, nothing for those that may not be grasped, shape (k, m, summary)."""
+        points, goal = observation["points"], observation["goal"]
+        held = observation["limbs"][..., 0].sum(dim=1)[..., None]
+        to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
+        expanded = goal[:, None].expand(-1, points.shape[1], -1)
+        code: Tensor = torch.relu(self.encode(torch.cat([points, held, expanded, to_goal], dim=-1)))
+        return code * points[..., 6:7]
+
+    def summarise(self, observation: dict[str, Tensor], codes: Tensor) -> tuple[Tensor, Tensor]:
+        """Summary of the points, shape (k, 4 summary), and the points each limb holds, shape (k, N, 10).
+
+        The points count by their distance from the base, and once more by their distance from a place `AHEAD` towards
+        the goal.
+        """
+        points, goal = observation["points"], observation["goal"]
+        ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))
+        parts = []
+        for centre in (torch.zeros_like(ahead), ahead):
+            away = (points[..., :3] - centre[:, None]).square().sum(dim=-1, keepdim=True)
+            near = torch.exp(-away / (2.0 * NEAR**2))
+            weighted = codes * near
+            count = (near * points[..., 6:7]).sum(dim=1)
+            parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
+        limbs = observation["limbs"]
+        held = torch.einsum("knm,kmf->knf", limbs[..., 0], points)
+        reach = (limbs[..., 0] * limbs[..., 5]).sum(dim=-1, keepdim=True)
+        arrives = self._arrives(goal[:, None].expand(-1, held.shape[1], -1), reach)
+        return torch.cat(parts, dim=-1), torch.cat([held, reach, arrives], dim=-1)
+
+    @staticmethod
+    def _arrives(goal: Tensor, distance: Tensor) -> Tensor:
+        """Close to 1 where a distance to the goal is within the tolerance, close to 0 elsewhere, shape (..., 1)."""
+        return torch.sigmoid((goal[..., 4:5] - distance) / SHARPNESS)
+
+    def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
+        """Score of each action, shape (k, N m)."""
+        codes = self.codes(observation)
+        return self._scores(observation, *self.summarise(observation, codes))
+
+    def _scores(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
+        points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
+        count = limbs.shape[1]
+        others = (held.sum(dim=1, keepdim=True) - held) / (count - 1)
+        whole = torch.cat([goal, summary], dim=-1)[:, None].expand(-1, count, -1)
+        context = self.of_limb(torch.cat([held, others, whole], dim=-1))
+        state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
+        moved, reach = limbs[state, limb, point, 2:5], limbs[state, limb, point, 5:]
+        left = (moved - goal[state, :3]).norm(dim=-1, keepdim=True)
+        near = [left, reach, self._arrives(goal[state], left), self._arrives(goal[state], reach)]
+        seen = self.of_action(torch.cat([points[state, point], moved, *near], dim=-1))
+        scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
+        scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
+        return scores.flatten(1)
+
+    def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
+        """What the value is read from, shape (k, width)."""
+        return self._assessment(observation, *self.summarise(observation, self.codes(observation)))
+
+    def _assessment(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
+        code: Tensor = self.assess(torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1))
+        return torch.relu(code)
+
+    def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
+        """Scores and assessment."""
+        codes = self.codes(observation)
+        summary, held = self.summarise(observation, codes)
+        return self._scores(observation, summary, held), self._assessment(observation, summary, held)
+
+
+class _AsItIs(BaseFeaturesExtractor):
+    """Hands the observation on unchanged."""
+
+    def __init__(self, observation_space: spaces.Space[Any]) -> None:
+        super().__init__(observation_space, features_dim=1)
+
+    def forward(self, observation: dict[str, Tensor]) -> dict[str, Tensor]:
+        return observation
+
+
+class PointerPolicy(MaskableActorCriticPolicy):
+    """`PointerNetwork` as a policy of sb3-contrib's `MaskablePPO`, for observations of `PointObservation`."""
+
+    def __init__(self, *args: Any, width: int = 96, summary: int = 32, **kwargs: Any) -> None:
+        """Take the network's widths beside the arguments of `MaskableActorCriticPolicy`."""
+        self.width, self.summary = width, summary
+        super().__init__(*args, **(kwargs | {"features_extractor_class": _AsItIs, "ortho_init": False}))
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return super()._get_constructor_parameters() | {"width": self.width, "summary": self.summary}
+
+    def _build(self, lr_schedule: Any) -> None:
+        self.mlp_extractor: Any = PointerNetwork(self.width, self.summary)
+        self.action_net = nn.Identity()
+        self.value_net = nn.Linear(self.width, 1)
+        make: Any = self.optimizer_class
+        self.optimizer = make(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)

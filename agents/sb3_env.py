@@ -1,0 +1,124 @@
+"""The native vector environment as a stable-baselines3 `VecEnv`, with action masks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from mlivr_gym.agents.features import TableFeatures, point_space, reach_of_points
+from mlivr_gym.env import MlivrEnv
+from mlivr_gym.errors import choice
+from mlivr_gym.vector_env import MlivrVectorEnv
+
+OBSERVATIONS = ("points", "plain")
+"""`point_features`, or the environment's own observation."""
+
+
+class TableVecEnv(VecEnv):
+    """Copies of a two-limb environment for stable-baselines3.
+
+    With occupied points in the environment's graph its tables lack them.
+    """
+
+    def __init__(self, env: MlivrEnv, num_envs: int, observation: str = "points", max_episode_steps: int = 100) -> None:
+        """Copy an environment.
+
+        Args:
+            env: The environment.
+            num_envs: Number of copies.
+            observation: One of `OBSERVATIONS`.
+            max_episode_steps: Steps after which an episode is truncated.
+        """
+        self.plain = choice("observation", observation, OBSERVATIONS) == "plain"
+        self.copies = MlivrVectorEnv(num_envs, max_episode_steps, AutoresetMode.DISABLED, env)
+        self.features = TableFeatures(env)
+        self._info: dict[str, Any] = {}
+        self._return = np.zeros(num_envs)
+        self._goals = np.full((num_envs, 3), np.nan)
+        self._reach = np.zeros((num_envs, 2, len(env.graph.grasp_map)))
+        space = env.observation_space if self.plain else point_space(env)
+        super().__init__(num_envs, space, env.action_space)
+
+    def _see(self, own: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        if self.plain:
+            return own
+        copies = self.copies
+        free = np.ones(len(self.features.grasp_map), dtype=np.bool_)
+        free[list(copies.env.graph.occupied)] = False
+        graph = copies.env.graph
+        for k in np.flatnonzero((self._goals != copies.goals).any(axis=1)):
+            self._reach[k], self._goals[k] = reach_of_points(graph, copies.goals[k]), copies.goals[k]
+        return {**self.features(copies.tables, copies.stances, copies.masks, copies.goals, self._reach, free)}
+
+    def reset(self) -> dict[str, NDArray[Any]]:
+        """Start all copies anew."""
+        seed = self._seeds[0]
+        own, self._info = self.copies.reset(seed=None if seed is None else int(seed))
+        self._reset_seeds()
+        self._reset_options()
+        self._return[:] = 0.0
+        return self._see(own)
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[dict[str, NDArray[Any]], NDArray[Any], NDArray[Any], list[dict[str, Any]]]:
+        """Take the actions; copies whose episode has ended start anew at once."""
+        own, reward, terminated, truncated, self._info = self.copies.step(self._actions)
+        done = terminated | truncated
+        self._return += reward
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        seen = self._see(own)
+        if done.any():
+            for k in np.flatnonzero(done):
+                infos[k] = {
+                    "terminal_observation": {name: array[k] for name, array in seen.items()},
+                    "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
+                    "episode": {"r": float(self._return[k]), "l": int(self._info["steps"][k]), "t": 0.0},
+                    "is_success": bool(terminated[k]),
+                }
+            self._return[done] = 0.0
+            own, self._info = self.copies.reset(options={"reset_mask": done})
+            seen = self._see(own)
+        return seen, reward.astype(np.float32), done, infos
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Which actions are possible, shape (k, N m)."""
+        mask: NDArray[np.int8] = self._info["action_mask"]
+        return mask.view(np.bool_)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Only `action_masks` can be called on copies."""
+        choice("method", method_name, ["action_masks"])
+        masks = self.action_masks()
+        return [masks[k] for k in self._get_indices(indices)]
+
+    def has_attr(self, attr_name: str) -> bool:
+        """Whether copies have an attribute."""
+        return attr_name == "action_masks"
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute of the environment for each copy."""
+        value = self.action_masks if attr_name == "action_masks" else getattr(self.copies.env, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Not possible: the copies share one world."""
+        raise NotImplementedError("the copies share one world")
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """No copy is wrapped."""
+        return [False for _ in self._get_indices(indices)]
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """No pictures."""
+        return [None] * self.num_envs

@@ -1,0 +1,114 @@
+"""The frozen test set: start and goal pairs in four splits, never used in training."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.agents.evaluation import Task
+from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.errors import MlivrError
+from mlivr_gym.files import write_whole
+from mlivr_gym.grasp_map import GraspMap, jem_map
+from mlivr_gym.planners import Planner
+from mlivr_gym.tasks import random_state
+
+SPLITS = ("same", "half", "dense", "occupied")
+"""The map of the training; half of its points; points every 0.1 m; a fifth of the points newly occupied."""
+
+FAR = 2.0
+"""Least distance between the bases at start and goal [m]: an easy walk tells little."""
+
+OCCUPIED = 0.2
+"""Share of the points that are occupied in the last split."""
+
+
+class World(NamedTuple):
+    """Tasks on one map."""
+
+    split: str
+    spacing: float
+    """Spacing of the points [m]."""
+    sparse_seed: int | None
+    """Seed of `GraspMap.sparse`, if half of the points are left out."""
+    tasks: tuple[Task, ...]
+
+    def map(self) -> GraspMap:
+        """The map."""
+        whole = jem_map(self.spacing)
+        return whole if self.sparse_seed is None else whole.sparse(self.sparse_seed)
+
+
+def load_test_set(path: str | Path | None = None) -> list[World]:
+    """The worlds of the test set that ships with the package, or of another file.
+
+    Raises:
+        MlivrError: If the file cannot be read.
+    """
+    file = asset_path("test_set.json") if path is None else Path(path)
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+        return [
+            World(
+                w["split"], w["spacing"], w["sparse_seed"],
+                tuple(Task(tuple(t["start"]), tuple(t["goal"]), tuple(t["occupied"])) for t in w["tasks"]),
+            )
+            for w in data["worlds"]
+        ]  # fmt: skip
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise MlivrError(f"cannot read test set {str(file)!r}: {error}") from None
+
+
+def held_out_goals() -> NDArray[np.float64]:
+    """Goals of the shipped test set [m], shape (g, 3): training leaves them out."""
+    return np.array([task.goal for world in load_test_set() for task in world.tasks])
+
+
+def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[World]:
+    """Draw a test set and write it.
+
+    Args:
+        path: Where to write it.
+        seed: Seed of all draws.
+        sizes: Number of tasks in each split.
+    """
+    rng = np.random.default_rng(seed)
+    worlds = [_draw(World("same", 0.2, None, ()), sizes["same"], rng)]
+    for k in range(4):
+        worlds.append(_draw(World("half", 0.2, seed + k, ()), sizes["half"] // 4, rng))
+    worlds.append(_draw(World("dense", 0.1, None, ()), sizes["dense"], rng))
+    worlds.append(_draw(World("occupied", 0.2, None, ()), sizes["occupied"], rng, groups=10))
+    data: dict[str, Any] = {"seed": seed, "worlds": []}
+    for world in worlds:
+        data["worlds"].append(world._asdict() | {"tasks": [task._asdict() for task in world.tasks]})
+    write_whole(path, json.dumps(data) + "\n")
+    return worlds
+
+
+def _draw(world: World, count: int, rng: np.random.Generator, groups: int = 0) -> World:
+    """Fill a world with tasks; with `groups`, each group has points of its own occupied."""
+    env = MlivrEnv(map=world.map())
+    tasks: list[Task] = []
+    for group in range(max(groups, 1)):
+        occupied: tuple[str, ...] = ()
+        if groups:
+            chosen = rng.permutation(len(env.graph.grasp_map))[: int(OCCUPIED * len(env.graph.grasp_map))]
+            occupied = env.graph.ids(sorted(chosen.tolist()))
+            env.graph.vacate()
+            env.graph.occupy(occupied)
+        share = count * (group + 1) // max(groups, 1)
+        planner = Planner(env.graph)
+        while len(tasks) < share:
+            first, last = random_state(env.graph, rng), random_state(env.graph, rng)
+            origin, goal = (env.graph.posture(state.stance).position[0] for state in (first, last))
+            low, high = env.graph.grasp_map.cabin
+            if np.linalg.norm(goal - origin) < FAR or (goal < low).any() or (goal > high).any():
+                continue
+            if planner.plan(first.stance, goal.tolist(), "steps", goal_tolerance=env.goal_tolerance):
+                tasks.append(Task(env.graph.ids(first.stance), tuple(goal.tolist()), occupied))
+    return world._replace(tasks=tuple(tasks))

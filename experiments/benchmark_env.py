@@ -1,0 +1,145 @@
+"""Steps a second of the environment, beside two well-known ones in the same run.
+
+    python experiments/benchmark_env.py [--out results] [--seconds 5]
+
+writes `benchmark_env.json` and `benchmark_env.md`. Actions are drawn at random among those that are possible; drawing them is not
+timed, starting new episodes is. Every figure is the best of three repetitions on one core, since other work on the machine only
+slows a repetition down; wall time and processor time are both given.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+
+import mlivr_gym  # noqa: F401  registers the environment
+from mlivr_gym.env import MlivrEnv
+from mlivr_gym.files import write_whole
+
+REPETITIONS = 3
+
+
+class Clock:
+    """Adds up wall and processor time of what runs inside `with`."""
+
+    def __init__(self) -> None:
+        """Start at zero."""
+        self.wall = self.cpu = 0.0
+
+    def __enter__(self) -> None:
+        """Start."""
+        self._wall, self._cpu = time.perf_counter(), time.process_time()
+
+    def __exit__(self, *_: object) -> None:
+        """Stop."""
+        self.wall += time.perf_counter() - self._wall
+        self.cpu += time.process_time() - self._cpu
+
+
+class Measured(NamedTuple):
+    """Steps a second."""
+
+    what: str
+    wall: float
+    cpu: float
+
+
+def single(env: gymnasium.Env[Any, Any], seconds: float, masked: bool) -> tuple[int, Clock]:
+    """Steps of one environment and the time for them."""
+    rng = np.random.default_rng(0)
+    clock, steps = Clock(), 0
+    _, info = env.reset(seed=0)
+    env.action_space.seed(0)
+    while clock.wall < seconds:
+        if masked:
+            legal = np.flatnonzero(info["action_mask"])
+            action: Any = int(legal[int(rng.random() * len(legal))])
+        else:
+            action = env.action_space.sample()
+        with clock:
+            _, _, terminated, truncated, info = env.step(action)
+            if terminated or truncated:
+                _, info = env.reset()
+        steps += 1
+    return steps, clock
+
+
+def vector(env: Any, seconds: float) -> tuple[int, Clock]:
+    """Steps of all copies of a vector environment and the time for them."""
+    rng = np.random.default_rng(0)
+    clock, steps = Clock(), 0
+    _, info = env.reset(seed=0)
+    while clock.wall < seconds:
+        mask = info["action_mask"]
+        actions = (rng.random(mask.shape, dtype=np.float32) * mask).argmax(axis=1)
+        with clock:
+            _, _, _, _, info = env.step(actions)
+        steps += len(actions)
+    return steps, clock
+
+
+def best(what: str, run: Callable[[], tuple[int, Clock]]) -> Measured:
+    """The best of some repetitions."""
+    runs = [run() for _ in range(REPETITIONS)]
+    measured = Measured(what, max(n / c.wall for n, c in runs), max(n / max(c.cpu, 1e-9) for n, c in runs))
+    print(f"{what}: {measured.wall:.0f} steps/s ({measured.cpu:.0f} by processor time)", flush=True)
+    return measured
+
+
+def main() -> None:
+    """Measure and write."""
+    parser = argparse.ArgumentParser(description="Steps a second.")
+    parser.add_argument("--out", default="results", help="folder (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=5.0, help="for each repetition (default: %(default)s)")
+    args = parser.parse_args()
+    rows: list[Measured] = []
+    plain = {"disable_env_checker": True}
+    world = gymnasium.make("MLIVR-JEM-v0", precompute=True, **plain)
+    rows.append(best("MLIVR-JEM-v0, kinematic, exact tables", lambda: single(world, args.seconds, True)))
+    for num_envs in (64, 1024):
+        copies = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=num_envs)
+        rows.append(
+            best(f"MLIVR-JEM-v0, native vector, {num_envs} copies", lambda copies=copies: vector(copies, args.seconds))
+        )
+    sync = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=4, vectorization_mode="sync", precompute=True)
+    rows.append(best("MLIVR-JEM-v0, SyncVectorEnv, 4 copies", lambda: vector(sync, args.seconds)))
+    for what, arguments in {
+        "MLIVR-JEM-v0, kinematic, steps checked when met": {},
+        "MLIVR-JEM-v0, kinematic, steps checked when met, collisions not": {"collisions": False},
+        "MLIVR-JEM-v0, four limbs, collisions not checked": {"robot": "mlivr4", "collisions": False},
+    }.items():
+        env = gymnasium.make("MLIVR-JEM-v0", **plain, **arguments)
+        rows.append(best(what, lambda env=env: single(env, args.seconds, True)))
+    dynamics = MlivrEnv.__init__.__doc__ or ""
+    if '"mujoco"' in dynamics:
+        env = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco", **plain)
+        rows.append(best("MLIVR-JEM-v0, MuJoCo", lambda: single(env, args.seconds, True)))
+    for name in ("Taxi-v3", "FrozenLake-v1", "Ant-v5"):
+        env = gymnasium.make(name, **plain)
+        rows.append(best(name, lambda env=env: single(env, args.seconds, name == "Taxi-v3")))  # noqa: B023
+    machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
+    data = {"machine": machine, "rows": [row._asdict() for row in rows]}
+    out = Path(args.out)
+    write_whole(out / "benchmark_env.json", json.dumps(data, indent=1) + "\n")
+    lines = [
+        "# Steps a second", "",
+        f"Made by `experiments/benchmark_env.py` on {machine}; one core each, best of {REPETITIONS} repetitions of "
+        f"{args.seconds:g} s. Actions are random possible ones; Taxi's are masked too. Each environment as "
+        "`gymnasium.make` returns it, without its checker.", "",
+        "| environment | steps/s | by processor time |", "|---|---|---|",
+        *(f"| {row.what} | {row.wall:,.0f} | {row.cpu:,.0f} |" for row in rows), "",
+    ]  # fmt: skip
+    write_whole(out / "benchmark_env.md", "\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()

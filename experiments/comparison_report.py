@@ -1,0 +1,195 @@
+"""Tables and plots of `planner_vs_rl.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.agents.evaluation import bootstrap
+from mlivr_gym.figures import save_figure
+from mlivr_gym.files import write_whole
+
+Array = NDArray[np.float64]
+
+README = Path(__file__).parent.parent / "README.md"
+MARKS = "<!-- planner_vs_rl -->\n", "<!-- end of planner_vs_rl -->\n"
+
+SPLITS = {"same": "same map", "half": "half the points", "dense": "points every 0.1 m", "occupied": "a fifth occupied"}
+
+NAMES = {
+    "table": "exact cost-to-go table", "astar-steps": "A*, step cost", "astar-base": "A*, base cost",
+    "dijkstra": "Dijkstra, step cost", "greedy": "greedy best-first", "local": "local choice (Bretl, Uno)",
+    "no-manipulability": "A* without manipulability (Takada)", "mcts": "Monte Carlo tree search (Xu)",
+    "two-level": "two levels (Rodriguez)", "random": "random possible steps", "weighted": "A*, weighted cost, inflated",
+    "table-sure": "replanning, every grasp counted as sure", "table-expected": "replanning, expected cost",
+    "dagger-pointer-beam": "DAgger, pointer, beam of 8", "dagger-pointer": "DAgger, pointer", "bc-pointer": "cloning, pointer",
+    "finetune-pointer": "DAgger then PPO, pointer", "ppo-pointer": "PPO, pointer", "dagger-mlp": "DAgger, MLP",
+    "ppo-mlp": "PPO, MLP", "risky-pointer-beam": "DAgger with failures, pointer, beam of 8",
+    "risky-pointer": "DAgger with failures, pointer",
+}  # fmt: skip
+"""Methods in the order of the tables."""
+
+
+class Runs:
+    """All runs of one method in one family: seeds by episodes."""
+
+    def __init__(self, data: dict[str, Any]) -> None:
+        """Line the parts up."""
+        self.seeds = sorted(data)
+        self.keys = sorted({(part, t) for seed in data.values() for part, r in seed.items() for t in r["tasks"]})
+        index = {key: k for k, key in enumerate(self.keys)}
+        shape = (len(self.seeds), len(self.keys))
+        names = ("success", "steps", "base_translation", "first_decision", "decision", "carried_out")
+        self.values = {name: np.full(shape, np.nan) for name in names}
+        for row, seed in enumerate(self.seeds):
+            for part, result in data[seed].items():
+                for name in names:
+                    for task, value in zip(result["tasks"], result.get(name, []), strict=False):
+                        self.values[name][row, index[part, task]] = value
+
+    def successful(self, name: str) -> Array:
+        """A figure where the goal was reached, NaN elsewhere, shape (seeds, episodes)."""
+        return np.where(self.values["success"] == 1.0, self.values[name], np.nan)
+
+
+def ratio(runs: Runs, name: str, best: Runs) -> Array:
+    """A figure over that of the best method, the mean over seeds, by episode; episodes never solved are left out."""
+    row = {key: k for k, key in enumerate(best.keys)}
+    reference = np.array([best.successful(name)[0, row[key]] if key in row else np.nan for key in runs.keys])
+    share = runs.successful(name) / reference
+    known = np.isfinite(share).any(axis=0)
+    return np.nanmean(share[:, known], axis=0)
+
+
+def interval(values: Array, digits: int, percent: bool = False) -> str:
+    """A mean with its 95 % bootstrap interval."""
+    if not len(values):
+        return "–"
+    scale, unit = (100.0, " %") if percent else (1.0, "")
+    low, high = bootstrap(values)
+    return f"{scale * values.mean():.{digits}f}{unit} [{scale * low:.{digits}f}, {scale * high:.{digits}f}]"
+
+
+def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]:
+    """Rows of one family: method; success, steps ratio, base ratio, first action, action, seeds' range, carried out."""
+    runs = {name: Runs(found) for name, found in data[family].items()}
+    steps = runs.get("table-expected" if family == "unreliable" else "astar-steps")
+    base = runs.get("astar-base")
+    rows = []
+    for name in [n for n in NAMES if n in runs]:
+        one = runs[name]
+        rate = np.nanmean(one.values["success"], axis=0)
+        by_seed = np.nanmean(one.values["success"], axis=1)
+        spread = f"{100 * by_seed.min():.0f} to {100 * by_seed.max():.0f} %" if len(one.seeds) > 1 else "–"
+        carried = one.values["carried_out"][one.values["success"] == 1.0]
+        carried = carried[np.isfinite(carried)]
+        rows.append((name, [
+            interval(rate, 1, True), spread,
+            interval(ratio(one, "steps", steps), 3) if steps else f"{np.nanmean(one.successful('steps')):.2f} steps",
+            interval(ratio(one, "base_translation", base), 3) if base else f"{np.nanmean(one.successful('base_translation')):.2f} m",
+            f"{1e3 * np.nanmedian(one.values['first_decision']):.3g}", f"{1e3 * np.nanmedian(one.values['decision']):.3g}",
+            f"{100 * carried.mean():.0f} % of {len(carried)}" if len(carried) else "not executed",
+        ]))  # fmt: skip
+    return rows
+
+
+HEAD = (
+    "| method | success | by seed | steps over optimal | base translation over optimal | first action [ms] | action [ms] | carried out |\n"
+    "|---|---|---|---|---|---|---|---|\n"
+)
+
+
+def full_report(data: dict[str, Any]) -> str:
+    """The whole report."""
+    lines = [
+        "# Planners and learned policies", "",
+        "Made by `experiments/planner_vs_rl.py`. Means with 95 % bootstrap intervals over tasks; for learned policies the mean over "
+        "training seeds. Ratios are over the episodes that reach their goal; optimal is A* with that cost. *First action*: from the reset "
+        "to the first action, world included; *action*: the policy alone; medians. A policy stops an episode that asks for a step that is "
+        "not possible; all stop after 60 steps.", "",
+    ]  # fmt: skip
+    titles = SPLITS | {
+        "cold": "First action on the dense map with no step known", "unreliable": "Unreliable grasps, same map (optimal: expected cost)",
+        "mlivr4": "Four limbs, collisions not checked; policies as trained with two",
+    }  # fmt: skip
+    for family, title in titles.items():
+        if family in data:
+            lines += [f"## {title[0].upper()}{title[1:]}", "", HEAD + "\n".join(
+                f"| {NAMES[name]} | " + " | ".join(cells) + " |" for name, cells in table_rows(data, family)
+            ), ""]  # fmt: skip
+    return "\n".join(lines)
+
+
+def readme_table(data: dict[str, Any]) -> str:
+    """Success and steps over optimal by split, and the time of the first action."""
+    found = {split: dict(table_rows(data, split)) for split in SPLITS if split in data}
+    head = "| method | " + " | ".join(SPLITS[s] for s in found) + " | base, same map | action [ms] |\n"
+    lines = [head + "|---" * (len(found) + 3) + "|"]
+    for name in NAMES:
+        if not any(name in rows for rows in found.values()):
+            continue
+        cells = []
+        for rows in found.values():
+            if name in rows:
+                success, steps = rows[name][0].split(" [")[0], rows[name][2].split(" [")[0]
+                cells.append(f"{success}, {steps}" if steps != "–" else success)
+            else:
+                cells.append("–")
+        same = found.get("same", {}).get(name)
+        cells += [same[3].split(" [")[0], same[5]] if same else ["–", "–"]
+        lines.append(f"| {NAMES[name]} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def draw(data: dict[str, Any], path: Path) -> None:
+    """Success and steps over optimal of each method in each split."""
+    from matplotlib.figure import Figure
+
+    splits = [s for s in SPLITS if s in data]
+    names = [n for n in NAMES if any(n in data[s] for s in splits) and n not in ("dijkstra", "table")]
+    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    height = 0.8 / len(splits)
+    for k, split in enumerate(splits):
+        best = Runs(data[split]["astar-steps"]) if "astar-steps" in data[split] else None
+        for place, name in enumerate(names):
+            if name not in data[split]:
+                continue
+            one = Runs(data[split][name])
+            y = place + (k - 0.5 * (len(splits) - 1)) * height
+            label = SPLITS[split] if place == 0 else None
+            rate = 100.0 * np.nanmean(one.values["success"], axis=0)
+            _bar(axes[0], y, rate, height, f"C{k}", label)
+            if best is not None:
+                share = ratio(one, "steps", best)
+                if len(share):
+                    _bar(axes[1], y, share, height, f"C{k}", None)
+    axes[0].set_yticks(range(len(names)), [NAMES[n] for n in names])
+    axes[0].invert_yaxis()
+    axes[0].set_xlabel("success [%]")
+    axes[1].set_xlabel("steps over optimal, where the goal is reached")
+    axes[1].set_xlim(0.9, 2.2)
+    axes[1].axvline(1.0, color="0.5", linewidth=0.8)
+    axes[0].legend(loc="lower left", fontsize=8)
+    save_figure(figure, path)
+
+
+def _bar(axis: Any, y: float, values: Array, height: float, colour: str, label: str | None) -> None:
+    low, high = bootstrap(values)
+    mean = float(values.mean())
+    error = [[max(mean - low, 0.0)], [max(high - mean, 0.0)]]
+    axis.barh(y, mean, height, color=colour, label=label, xerr=error, error_kw={"linewidth": 0.7})
+
+
+def write_report(data: dict[str, Any], out: Path) -> None:
+    """Write the report, the plot, and the table between the README's marks."""
+    write_whole(out / "planner_vs_rl.md", full_report(data))
+    if any(split in data for split in SPLITS):
+        draw(data, out / "planner_vs_rl.png")
+        text = README.read_text(encoding="utf-8")
+        if all(mark in text for mark in MARKS):
+            before, rest = text.split(MARKS[0], 1)
+            write_whole(README, before + MARKS[0] + readme_table(data) + MARKS[1] + rest.split(MARKS[1], 1)[1])

@@ -1,0 +1,278 @@
+"""Planners and learned policies on the frozen test set and on two harder families.
+
+    python experiments/planner_vs_rl.py [--policies runs] [--out results] [--only NAME ...] [--families NAME ...]
+    python experiments/planner_vs_rl.py --freeze     # draw the test set anew
+    python experiments/planner_vs_rl.py --report     # table, plots and README from what was measured
+
+`--policies` is the folder that `train_policies.py` filled. What is measured goes into `planner_vs_rl.json` piece by piece, and a piece that
+is there is not measured again; the report writes `planner_vs_rl.md`, `planner_vs_rl.png` and the table between the marks of
+the README. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. With `--execute
+MODULE:FUNCTION`, a function from a `Plan` to a bool, ten walks of each method are carried out with it, for example in MuJoCo.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from comparison_report import write_report
+from tqdm import tqdm
+from train_policies import GRASP_FAILURE
+
+from mlivr_gym import Settings, stance_graph
+from mlivr_gym.agents import ExpertPolicy, Policy, RandomPolicy, baseline_policy, evaluate, planner_policy
+from mlivr_gym.agents.evaluation import Evaluation
+from mlivr_gym.agents.learned import beam_policy, load_policy
+from mlivr_gym.agents.policies import foreign_plan_policy
+from mlivr_gym.agents.test_set import World, freeze_test_set, load_test_set
+from mlivr_gym.env import MlivrEnv
+from mlivr_gym.files import write_whole
+from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.walks import plan_of
+from mlivr_gym.stance_graph import State
+
+SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
+"""Tasks in each split."""
+
+SEED = 20261121
+
+FAMILIES = ("splits", "cold", "unreliable", "mlivr4")
+"""The four splits; time to the first action on a map never seen; and the two harder families."""
+
+FOUR_LIMBS = 20
+"""Episodes with four limbs, collisions not checked: each step takes 0.01 to 0.2 s with them."""
+
+MOST_STEPS = 60
+
+Make = Callable[[MlivrEnv], Policy]
+
+
+def planners() -> dict[str, Make]:
+    """What needs no training, by name."""
+    return {
+        "astar-steps": lambda env: planner_policy("steps"),
+        "astar-base": lambda env: planner_policy("base"),
+        "dijkstra": lambda env: planner_policy("steps", "dijkstra"),
+        "table": lambda env: ExpertPolicy(),
+        "greedy": lambda env: planner_policy("steps", "greedy"),
+        "local": lambda env: baseline_policy("local"),
+        "mcts": lambda env: baseline_policy("mcts"),
+        "two-level": lambda env: baseline_policy("two_level"),
+        "no-manipulability": without_manipulability,
+        "random": lambda env: RandomPolicy(0),
+    }
+
+
+def learned(folder: Path, only: Sequence[str] = ()) -> dict[str, dict[int, Make]]:
+    """What is trained, by name and seed; pointer policies that imitate also guide a beam search, `NAME-beam`."""
+    found: dict[str, dict[int, Make]] = {}
+    for file in sorted(folder.glob("*-*-*.pt")):
+        name, _, seed = file.stem.rpartition("-")
+        path = file.with_suffix("")
+        if only and name not in only:
+            continue
+        found.setdefault(name, {})[int(seed)] = lambda env, path=path: load_policy(path, env)  # type: ignore[misc]
+        if name in ("dagger-pointer", "risky-pointer"):
+            by_seed = found.setdefault(f"{name}-beam", {})
+            by_seed[int(seed)] = lambda env, path=path: beam_policy(load_policy(path, env))  # type: ignore[misc]
+    return found
+
+
+def without_manipulability(env: MlivrEnv) -> Policy:
+    """A* on the graph that knows no thresholds."""
+    graph = stance_graph(env.graph.grasp_map, settings=Settings(manipulability=False))
+    graph.occupy(sorted(env.graph.occupied))
+    return foreign_plan_policy(Planner(graph))
+
+
+def record(result: Evaluation, ids: Sequence[int]) -> dict[str, Any]:
+    """An evaluation as plain data."""
+    data = {
+        name: np.round(getattr(result, name), 6).tolist() for name in ("base_translation", "first_decision", "decision")
+    }
+    data |= {name: getattr(result, name).tolist() for name in ("success", "steps", "failed_grasps")}
+    if result.carried_out is not None:
+        data["carried_out"] = result.carried_out.tolist()
+    return data | {"tasks": list(ids)}
+
+
+class Results:
+    """What was measured so far, in a file: a part that is there is not measured again."""
+
+    def __init__(self, file: Path) -> None:
+        """Read the file, if there is one."""
+        self.file = file
+        self.data: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
+
+    def has(self, family: str, name: str, seed: int, part: int, first: int) -> bool:
+        """Whether a part is there; `first` is its first task."""
+        return f"{part}/{first}" in self.data.get(family, {}).get(name, {}).get(str(seed), {})
+
+    def keep(self, family: str, name: str, seed: int, part: int, result: dict[str, Any]) -> None:
+        """Add a part and write the file."""
+        place = self.data.setdefault(family, {}).setdefault(name, {}).setdefault(str(seed), {})
+        place[f"{part}/{result['tasks'][0]}"] = result
+        write_whole(self.file, json.dumps(self.data) + "\n")
+
+
+def split_world(world: World, at: int, args: argparse.Namespace, results: Results) -> None:
+    """All methods on one world of the test set."""
+    dense = world.split == "dense"
+    env = MlivrEnv(map=world.map(), precompute=not dense)
+    makes: dict[str, dict[int, Make]] = {name: {0: make} for name, make in planners().items()}
+    makes |= learned(Path(args.policies))
+    groups = [
+        [k for k, t in enumerate(world.tasks) if t.occupied == o]
+        for o in dict.fromkeys(t.occupied for t in world.tasks)
+    ]
+    for name, seeds in makes.items():
+        if (
+            (args.only and name not in args.only)
+            or name.startswith("risky")
+            or (dense and name in ("table", "dijkstra"))
+        ):
+            continue
+        if name.endswith("mlp") and world.split in ("half", "dense"):
+            continue  # made for one number of points
+        if name in ("mcts", "no-manipulability") and dense:
+            continue  # half an hour each: every step they look at must be checked first
+        for seed, make in seeds.items():
+            for group in tqdm(groups, desc=f"{world.split} {name} {seed}", mininterval=5.0):
+                if results.has(world.split, name, seed, at, group[0]):
+                    continue
+                tasks = [world.tasks[k] for k in group]
+                env.graph.occupy(tasks[0].occupied)
+                result = evaluate(
+                    env, make(env), tasks, max_steps=MOST_STEPS, execute=carry_out(args.execute, len(tasks))
+                )
+                env.graph.vacate()
+                results.keep(world.split, name, seed, at, record(result, group))
+
+
+def carry_out(name: str | None, most: int) -> Callable[[MlivrEnv, tuple[State, ...]], bool] | None:
+    """What executes walks, from `MODULE:FUNCTION`."""
+    if name is None:
+        return None
+    module, _, function = name.partition(":")
+    execute = getattr(importlib.import_module(module), function)
+
+    def run(env: MlivrEnv, states: tuple[State, ...]) -> bool:
+        plan = plan_of(env.graph, states, env.goal, env.goal_tolerance, "walk")
+        return plan is not None and bool(execute(plan))
+
+    return run
+
+
+def forget(graph: PairGraph, pristine: tuple[np.ndarray, ...]) -> None:
+    """Put a graph back to where no step is known."""
+    for array, value in zip(graph._free, pristine, strict=True):
+        array[:] = value
+    graph.complete = False
+    graph._set_obstacles((), frozenset())
+
+
+def cold(args: argparse.Namespace, results: Results) -> None:
+    """Time to the first action on the dense map where no step is known yet."""
+    world = next(w for w in load_test_set() if w.split == "dense")
+    env = MlivrEnv(map=world.map())
+    assert isinstance(env.graph, PairGraph)
+    pristine = tuple(array.copy() for array in env.graph._free)
+    makes = {name: planners()[name] for name in ("astar-steps", "greedy", "local")}
+    makes |= {name: seeds[min(seeds)] for name, seeds in learned(Path(args.policies), ["dagger-pointer"]).items()}
+    for name, make in makes.items():
+        if args.only and name not in args.only:
+            continue
+        for k, task in enumerate(tqdm(world.tasks[:20], desc=f"cold {name}", mininterval=5.0)):
+            if results.has("cold", name, 0, k, k):
+                continue
+            forget(env.graph, pristine)
+            policy = make(env)
+            results.keep("cold", name, 0, k, record(evaluate(env, policy, [task], max_steps=MOST_STEPS), [k]))
+
+
+def unreliable(args: argparse.Namespace, results: Results) -> None:
+    """Grasps that fail: the tasks of the same map, three episodes each."""
+    world = next(w for w in load_test_set() if w.split == "same")
+    env = MlivrEnv(map=world.map(), grasp_failure=GRASP_FAILURE, precompute=True)
+    makes: dict[str, dict[int, Make]] = {
+        "astar-steps": {0: lambda env: planner_policy("steps")},
+        "table-sure": {0: lambda env: ExpertPolicy(expect_failures=False)},
+        "table-expected": {0: lambda env: ExpertPolicy()},
+        "local": {0: lambda env: baseline_policy("local")},
+        "mcts": {0: lambda env: baseline_policy("mcts")},
+        "random": {0: lambda env: RandomPolicy(0)},
+    }
+    makes |= learned(Path(args.policies), ["dagger-pointer", "risky-pointer"])
+    for name, by_seed in makes.items():
+        if args.only and name not in args.only:
+            continue
+        for seed, make in by_seed.items():
+            for episode in range(3):
+                if results.has("unreliable", name, seed, episode, 0):
+                    continue
+                result = evaluate(env, make(env), world.tasks, seed=1000 * episode, max_steps=MOST_STEPS)
+                results.keep("unreliable", name, seed, episode, record(result, range(len(world.tasks))))
+
+
+def four_limbs(args: argparse.Namespace, results: Results) -> None:
+    """Four limbs, without collisions, on seeded episodes; learned policies as trained with two."""
+    env = MlivrEnv(robot="mlivr4", collisions=False)
+    makes: dict[str, dict[int, Make]] = {
+        "greedy": {0: lambda env: planner_policy("steps", "greedy")},
+        "weighted": {0: lambda env: planner_policy("weighted", regrasp_price=0.1)},
+        "local": {0: lambda env: baseline_policy("local")},
+        "two-level": {0: lambda env: baseline_policy("two_level")},
+        "random": {0: lambda env: RandomPolicy(0)},
+    }
+    makes |= learned(Path(args.policies), ["dagger-pointer"])
+    for name, by_seed in makes.items():
+        if args.only and name not in args.only:
+            continue
+        for seed, make in by_seed.items():
+            if results.has("mlivr4", name, seed, 0, 0):
+                continue
+            bar = tqdm(total=FOUR_LIMBS, desc=f"mlivr4 {name} {seed}", mininterval=5.0)
+            result = evaluate(
+                env, make(env), FOUR_LIMBS, max_steps=MOST_STEPS, progress=lambda _, bar=bar: bar.update()
+            )  # type: ignore[misc]
+            bar.close()
+            results.keep("mlivr4", name, seed, 0, record(result, range(FOUR_LIMBS)))
+
+
+def main() -> None:
+    """Measure what is asked for, and report."""
+    parser = argparse.ArgumentParser(description="Compare planners and learned policies.")
+    parser.add_argument("--policies", default="runs", help="folder of checkpoints (default: %(default)s)")
+    parser.add_argument("--out", default="results", help="folder of results (default: %(default)s)")
+    parser.add_argument("--only", nargs="+", help="only these methods")
+    parser.add_argument("--families", nargs="+", choices=FAMILIES, default=FAMILIES, help="only these families")
+    parser.add_argument("--splits", nargs="+", default=tuple(SIZES), choices=tuple(SIZES), help="only these splits")
+    parser.add_argument("--execute", metavar="MODULE:FUNCTION", help="carries plans out; takes a Plan, returns a bool")
+    parser.add_argument("--freeze", action="store_true", help="draw the test set anew and do nothing else")
+    parser.add_argument("--report", action="store_true", help="only write the report")
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    if args.freeze:
+        freeze_test_set(Path(__file__).parent.parent / "envs_assets" / "test_set.json", SEED, SIZES)
+        return
+    results = Results(Path(args.out) / "planner_vs_rl.json")
+    if not args.report:
+        if "splits" in args.families:
+            for at, world in enumerate(load_test_set()):
+                if world.split in args.splits:
+                    split_world(world, at, args, results)
+        for name, run in (("cold", cold), ("unreliable", unreliable), ("mlivr4", four_limbs)):
+            if name in args.families:
+                run(args, results)
+    write_report(results.data, Path(args.out))
+
+
+if __name__ == "__main__":
+    main()

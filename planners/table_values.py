@@ -1,0 +1,181 @@
+"""Cost-to-go over `StepTables`, with costs that may depend on the point a limb takes hold of.
+
+The table is that of `cost_to_go`: `U[s, i, b]`, the least cost from stance s when limb i holds on branch b and the
+other limb moves next. Here it is found by relaxing until nothing changes, over arrays that any set of points can be taken out
+of in a millisecond: what training on many layouts needs, and expected costs where grasps may fail.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.compiled import kernel
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.step_tables import StepTables
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def relax(goal, step_cost, base_cost, tables, value, landed, queue, queued):
+    """Fill the table, label-correcting backward from the goal stances.
+
+    Args:
+        goal: Which stances are goals, shape (n,).
+        step_cost: Charge for a step to each point, shape (m,).
+        base_cost: Charge for each metre of base displacement on a step to each point, shape (m,).
+        tables: `StepTables`.
+        value: Infinities, shape (n, 2, 16), filled.
+        landed: Infinities, shape (n, 2), filled: least cost when the limb has just landed and the other moves next.
+        queue: Shape (n,).
+        queued: Zeros, shape (n,).
+    """
+    n = len(goal)
+    head = size = 0
+    for s in range(n):
+        if goal[s]:
+            landed[s, 0] = landed[s, 1] = 0.0
+            for limb in range(2):
+                for b in range(16):
+                    if tables.masks[s, limb] >> b & 1:
+                        value[s, limb, b] = 0.0
+            queue[size] = s
+            queued[s] = 1
+            size += 1
+    while size:
+        s2 = queue[head]
+        head = (head + 1) % n
+        size -= 1
+        queued[s2] = 0
+        for moving in range(2):
+            held, point = 1 - moving, tables.points[s2, moving]
+            for e in range(tables.start[2 * s2 + moving], tables.start[2 * s2 + moving + 1]):
+                s = tables.after[e]
+                if goal[s]:
+                    continue
+                square = 0.0
+                for axis in range(3):
+                    square += (tables.position[s, axis] - tables.position[s2, axis]) ** 2
+                cost = step_cost[point] + base_cost[point] * np.sqrt(square)
+                branches, changed = tables.left[e], False
+                for b in range(16):
+                    if branches >> b & 1:
+                        # The limb that holds may move next if it can let go on its branch.
+                        rest = landed[s2, moving] if tables.land[s2, held] >> b & 1 else np.inf
+                        through = cost + min(value[s2, held, b], rest)
+                        if through < value[s, held, b] - 1e-9:
+                            value[s, held, b] = through
+                            if tables.land[s, held] >> b & 1:
+                                landed[s, held] = min(landed[s, held], through)
+                            changed = True
+                if changed and not queued[s]:
+                    queue[(head + size) % n] = s
+                    queued[s] = 1
+                    size += 1
+
+
+@kernel
+def step_values(stances, masks, which, goals, step_cost, base_cost, tables, values, landed, out):
+    """Cost of taking each possible action and going on at the least cost.
+
+    Args:
+        stances: Stance indices, shape (k,).
+        masks: Branches, shape (k, 2).
+        which: Row of `values` that belongs to each state, shape (k,).
+        goals: Which stances are goals, shape (g, n).
+        step_cost: As in `relax`.
+        base_cost: As in `relax`.
+        tables: `StepTables`.
+        values: Shape (g, n, 2, 16).
+        landed: Shape (g, n, 2).
+        out: Infinities, shape (k, 2 m), written.
+    """
+    m = out.shape[1] // 2
+    for k in range(len(stances)):
+        s, g = stances[k], which[k]
+        for moving in range(2):
+            held = 1 - moving
+            if not masks[k, moving] & tables.land[s, moving]:
+                continue
+            for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
+                branches = tables.left[e] & masks[k, held]
+                if not branches:
+                    continue
+                s2 = tables.after[e]
+                point = tables.points[s2, moving]
+                square, rest = 0.0, np.inf
+                if branches & tables.land[s2, held]:
+                    rest = landed[g, s2, moving]
+                for axis in range(3):
+                    square += (tables.position[s, axis] - tables.position[s2, axis]) ** 2
+                for b in range(16):
+                    if branches >> b & 1:
+                        rest = min(rest, values[g, s2, held, b])
+                if goals[g, s2]:
+                    rest = 0.0
+                out[k, moving * m + point] = step_cost[point] + base_cost[point] * np.sqrt(square) + rest
+
+
+def expected_charges(cost: Cost, failure: Array) -> tuple[Array, Array]:
+    """Charges for a step and for a metre where an attempt at each point fails with a probability, each shape (m,).
+
+    A failed attempt costs a step and the way there and back; it is made again until it succeeds, `1 / (1 - p)` times on average.
+    """
+    return cost.step_weight / (1.0 - failure), cost.base_weight * (1.0 + failure) / (1.0 - failure)
+
+
+class TableValues:
+    """Least costs to g goals on one layout of the points.
+
+    Attributes:
+        tables: The steps of the layout.
+        goals: Which stances are goals, shape (g, n).
+        values: Costs by goal, stance, holding limb and branch, shape (g, n, 2, 16); inf where there is no way.
+        landed: Their least by goal, stance and holding limb, shape (g, n, 2).
+    """
+
+    def __init__(
+        self, tables: StepTables, goals: Array, tolerance: float, cost: Cost, failure: Array | None = None
+    ) -> None:
+        """Search backward from each goal position, shape (g, 3) [m].
+
+        Args:
+            tables: The steps.
+            goals: Goal positions [m], shape (g, 3).
+            tolerance: Radius of the goal region [m].
+            cost: Cost of a step.
+            failure: Probability that an attempt at each point fails, shape (m,); costs are then expected costs.
+        """
+        self.tables = tables
+        points = int(tables.points.max()) + 1 if failure is None else len(failure)
+        self.charges = expected_charges(cost, np.zeros(points) if failure is None else failure)
+        n, count = len(tables.points), len(goals)
+        held = (tables.masks != 0).all(axis=1)
+        self.goals: NDArray[np.bool_] = np.array(
+            [(np.linalg.norm(tables.position - goal, axis=1) <= tolerance) & held for goal in goals]
+        )
+        self.values: Array = np.full((count, n, 2, 16), np.inf)
+        self.landed: Array = np.full((count, n, 2), np.inf)
+        for g in range(count):
+            queue, queued = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int8)
+            relax(self.goals[g], *self.charges, tables, self.values[g], self.landed[g], queue, queued)
+
+    def of_stances(self, g: int) -> Array:
+        """Least cost from each stance to goal `g` when both limbs have all their branches, shape (n,)."""
+        return np.where(self.goals[g], 0.0, self.values[g].min(axis=(1, 2)))
+
+    def of_actions(
+        self, stances: NDArray[np.int64], masks: NDArray[np.int64], which: NDArray[np.int64], actions: int
+    ) -> Array:
+        """Cost of taking each action in k states and going on at the least cost, shape (k, actions); inf if not possible.
+
+        Args:
+            stances: Stance indices, shape (k,).
+            masks: Branches each limb may be on, shape (k, 2).
+            which: Goal of each state, shape (k,).
+            actions: Number of actions, 2 m.
+        """
+        out: Array = np.full((len(stances), actions), np.inf)
+        step_values(stances, masks, which, self.goals, *self.charges, self.tables, self.values, self.landed, out)
+        return out

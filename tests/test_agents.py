@@ -1,0 +1,412 @@
+"""Learned policies: features, the pointer network, imitation, training of each algorithm, checkpoints."""
+
+import json
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.utils.env_checker import check_env
+
+from mlivr_gym.agents import ExpertPolicy, Task, evaluate
+from mlivr_gym.agents.evaluation import bootstrap
+from mlivr_gym.agents.features import PointObservation, TableFeatures, env_features, reach_of_points
+from mlivr_gym.agents.imitation import Imitation, ImitationSettings, optimal_set_loss
+from mlivr_gym.agents.learned import (
+    CheckpointError,
+    LearnedPolicy,
+    beam_policy,
+    beam_walk,
+    load_policy,
+    save_policy,
+)
+from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
+from mlivr_gym.agents.sb3_env import TableVecEnv
+from mlivr_gym.agents.test_set import SPLITS, held_out_goals, load_test_set
+from mlivr_gym.agents.training import METHODS, hyperparameters, train
+from mlivr_gym.cli import main
+from mlivr_gym.env import MlivrEnv
+from mlivr_gym.errors import SettingError
+from mlivr_gym.grasp_map import GraspMap
+from mlivr_gym.planners import Planner
+
+SHORT = {"rounds": 2, "layouts": 2, "goals": 4, "walks": 3, "updates": 10, "batch": 32}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def env(small_map):
+    return MlivrEnv(map=small_map, collisions=False, precompute=True)
+
+
+@pytest.fixture
+def policy(env):
+    torch.manual_seed(0)
+    policy = make_policy(env, "pointer", {"width": 32, "summary": 16})
+    for parameter in policy.parameters():
+        torch.nn.init.normal_(parameter, std=0.3)
+    return policy
+
+
+def test_point_observation_is_an_environment(env):
+    wrapped = PointObservation(gymnasium.make("MLIVR-JEM-v0", map=env.graph.grasp_map, collisions=False))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*is different from the unwrapped version")
+        check_env(wrapped, skip_render_check=True)
+
+
+def test_features_are_positions_seen_from_the_robot(env):
+    """Back in the world they are the points, the goal and the places the base moves to."""
+    env.reset(seed=0)
+    seen = {name: rows[0].astype(float) for name, rows in env_features(env).items()}
+    posture, grasp_map = env.graph.posture(env.state.stance), env.graph.grasp_map
+    base, rotation = posture.position[0], posture.rotation[0]
+    np.testing.assert_allclose(seen["points"][:, :3] @ rotation.T + base, grasp_map.positions, atol=1e-5)
+    np.testing.assert_allclose(seen["points"][:, 3:6] @ rotation.T, grasp_map.normals, atol=1e-5)
+    np.testing.assert_allclose(rotation @ seen["goal"][:3] + base, env.goal, atol=1e-5)
+    assert seen["goal"][3] == pytest.approx(np.linalg.norm(env.goal - base), abs=1e-5) and seen["goal"][
+        4
+    ] == pytest.approx(0.2)
+    assert [int(row.argmax()) for row in seen["limbs"][:, :, 0]] == list(env.state.stance)
+    np.testing.assert_array_equal(seen["limbs"][:, :, 1].ravel() > 0, env.action_masks())
+    steps = env.successors()
+    for limb, point, position in zip(steps.limb, steps.point, steps.position, strict=True):
+        np.testing.assert_allclose(rotation @ seen["limbs"][limb, point, 2:5] + base, position, atol=1e-5)
+
+
+def test_features_from_tables_are_those_of_the_environment(env):
+    features, moves = TableFeatures(env), env.table_moves()
+    for seed in range(4):
+        env.reset(seed=seed)
+        s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
+        batch = features(
+            moves.tables, s, np.array([env.state.masks]), env.goal[None], reach_of_points(env.graph, env.goal)[None]
+        )
+        for name, rows in env_features(env).items():
+            np.testing.assert_array_equal(batch[name], rows)
+
+
+def test_reach_is_the_nearest_base_of_all_stances_with_a_point(env):
+    graph, goal = env.graph, np.array([1.5, 0.0, 0.0])
+    reach = reach_of_points(graph, goal)
+    for limb in range(2):
+        for point in range(0, len(graph.grasp_map), 3):
+            bases = graph.position[(graph.points[:, limb] == point) & (graph.mask > 0).all(axis=1)]
+            nearest = min((np.linalg.norm(base - goal) for base in bases), default=10.0)
+            assert reach[limb, point] == pytest.approx(nearest, abs=1e-12)
+
+
+def test_the_pointer_policy_does_not_depend_on_order_or_number_of_points(env, policy):
+    """Scores of permuted points are permuted; points that may not be grasped and are not held change nothing."""
+    env.reset(seed=1)
+    seen = env_features(env)
+    order = np.random.default_rng(0).permutation(len(env.graph.grasp_map))
+    turned = {"points": seen["points"][:, order], "limbs": seen["limbs"][:, :, order], "goal": seen["goal"]}
+    more = {
+        "points": np.concatenate([seen["points"], np.tile([[[9.0, 9, 9, 0, 0, 1, 0, 0]]], (1, 7, 1))], axis=1),
+        "limbs": np.concatenate([seen["limbs"], np.zeros((1, 2, 7, 6))], axis=2), "goal": seen["goal"],
+    }  # fmt: skip
+    more = {name: rows.astype(np.float32) for name, rows in more.items()}
+    with torch.no_grad():
+        scores, value = scores_and_value(policy, as_tensors(policy, seen))
+        scores = scores.reshape(2, -1)
+        other, other_value = scores_and_value(policy, as_tensors(policy, turned))
+        longer, longer_value = scores_and_value(policy, as_tensors(policy, more))
+    assert np.ptp(scores.numpy()[seen["limbs"][0, :, :, 1] > 0]) > 0.1
+    np.testing.assert_allclose(other.reshape(2, -1), scores[:, order], atol=1e-4)
+    np.testing.assert_allclose(longer.reshape(2, -1)[:, :-7], scores, atol=1e-4)
+    np.testing.assert_allclose([other_value, longer_value], [value, value], atol=1e-4)
+
+
+def test_the_pointer_policy_does_not_depend_on_the_order_of_limbs(env, policy):
+    env.reset(seed=1)
+    seen = env_features(env)
+    with torch.no_grad():
+        scores, value = scores_and_value(policy, as_tensors(policy, seen))
+        swapped = {**seen, "limbs": seen["limbs"][:, ::-1]}
+        other, other_value = scores_and_value(policy, as_tensors(policy, swapped))
+    np.testing.assert_allclose(other.reshape(2, -1).flip(0), scores.reshape(2, -1), atol=1e-5)
+    np.testing.assert_allclose(other_value, value, atol=1e-5)
+
+
+def test_loss_on_sets_against_brute_force():
+    rng = np.random.default_rng(0)
+    scores = rng.normal(size=(5, 7))
+    legal = rng.random((5, 7)) < 0.7
+    legal[:, 0] = True
+    optimal = legal & (rng.random((5, 7)) < 0.4)
+    optimal[:, 0] = True
+    expected = 0.0
+    for k in range(5):
+        weights = [np.exp(scores[k, a]) if legal[k, a] else 0.0 for a in range(7)]
+        expected -= np.log(sum(weights[a] for a in range(7) if optimal[k, a]) / sum(weights)) / 5
+    loss = optimal_set_loss(*map(torch.as_tensor, (scores, legal, optimal)))
+    assert loss.item() == pytest.approx(expected, abs=1e-12)
+
+
+def test_labels_are_the_steps_of_optimal_plans(env):
+    """The cost of each gathered state is that of the planner's plan, and each action called optimal lowers it by one."""
+    imitation = Imitation(env, make_policy(env, "mlp", {}), True, ImitationSettings(**SHORT), 0)
+    samples, _ = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), expert=True)
+    planner, tables = Planner(env.graph), env.table_moves().tables
+    m = len(env.graph.grasp_map)
+    fresh = [k for k in range(len(samples.cost)) if (samples.masks[k] == tables.masks[samples.stances[k]]).all()]
+    assert len(fresh) >= 10
+    for k in fresh[:10]:
+        stance, goal = tables.points[samples.stances[k]].tolist(), samples.goals[k]
+        plan = planner.plan(stance, goal.tolist(), "steps").unwrap()
+        assert samples.cost[k] == len(plan.steps)
+        optimal = np.unpackbits(samples.optimal[k], count=2 * m)
+        limb, point = plan.actions[0]
+        assert optimal[limb * m + env.graph.grasp_map.index(point)] or env.graph.settings.transitions
+
+
+def test_held_out_goals_are_not_learnt_from(env):
+    settings = ImitationSettings(**SHORT)
+    free = np.ones(len(env.graph.grasp_map), dtype=bool)
+    first, _ = Imitation(env, make_policy(env, "mlp", {}), True, settings, 3).gather(free, True)
+    goal = first.goals[:1]
+    second, _ = Imitation(env, make_policy(env, "mlp", {}), True, settings, 3, goal).gather(free, True)
+    assert (np.linalg.norm(first.goals - goal, axis=1) < 0.01).any() and len(second.goals)
+    assert not (np.linalg.norm(second.goals - goal, axis=1) < 0.01).any()
+
+
+@pytest.mark.parametrize("network", ["pointer", "mlp"])
+@pytest.mark.parametrize("method", METHODS)
+def test_each_algorithm_trains_and_its_checkpoint_acts_alike(env, tmp_path, method, network):
+    settings = hyperparameters(method)
+    sizes = {"pointer": {"width": 16, "summary": 8}, "mlp": {"net_arch": [16]}}
+    settings["networks"] = sizes
+    if "imitation" in settings:
+        settings["imitation"] = settings["imitation"] | SHORT
+    if "ppo" in settings:
+        settings |= {"copies": 4, "timesteps": 256, "ppo": settings["ppo"] | {"n_steps": 32, "batch_size": 64}}
+    phases = {}
+    init = None
+    if method == "finetune":
+        init = tmp_path / "first"
+        save_policy(init, make_policy(env, network, sizes[network]), {"network": network, "sizes": sizes[network]})
+        with pytest.raises(SettingError, match="needs a checkpoint"):
+            train(method, network, env=env, settings=settings)
+    trained = train(
+        method, network, 1, env=env, settings=settings, init=init, out=tmp_path / "policy", command="none",
+        progress=lambda phase, done, total, figures: phases.update({phase: (done, total)}),
+    )  # fmt: skip
+    assert phases and all(done == total for done, total in phases.values())
+    config = json.loads((tmp_path / "policy.json").read_text())
+    assert config["method"] == method and config["seed"] == 1 and config["sizes"] == sizes[network]
+    loaded = load_policy(tmp_path / "policy", env)
+    observation, _ = env.reset(seed=0)
+    assert loaded.act(env, observation, env.action_masks()) == trained.act(env, observation, env.action_masks())
+    assert evaluate(env, loaded, 2, max_steps=5).steps.max() <= 5
+
+
+def test_imitation_lowers_its_loss_and_arrives(env):
+    torch.manual_seed(0)
+    policy = make_policy(env, "pointer", {"width": 32, "summary": 16})
+    settings = ImitationSettings(rounds=2, layouts=3, goals=8, walks=6, updates=80, batch=64, learning_rate=3e-3)
+    losses = []
+    Imitation(env, policy, False, settings, 0).run(lambda done, total, figures: losses.append(figures["loss"]))
+    assert len(losses) == 160 and np.mean(losses[-20:]) < 0.75 * np.mean(losses[:20])
+    assert evaluate(env, LearnedPolicy(policy, "pointer"), 20, seed=100, max_steps=30).success_rate >= 0.8
+
+
+def test_equal_seeds_train_equal_policies(env):
+    settings = {"imitation": SHORT, "networks": {"pointer": {"width": 16, "summary": 8}}}
+    a, b, c = (train("bc", "pointer", seed, env=env, settings=settings).policy.state_dict() for seed in (5, 5, 6))
+    assert all(torch.equal(a[name], b[name]) for name in a) and any(not torch.equal(a[name], c[name]) for name in a)
+
+
+@pytest.mark.parametrize("network", ["pointer", "mlp"])
+def test_policies_run_in_maskable_ppo_and_subprocesses(small_map, network, tmp_path):
+    """The plain way of stable-baselines3: single environments in processes, model saved and loaded by it."""
+    from sb3_contrib import MaskablePPO
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    from mlivr_gym.agents.networks import policy_class
+
+    vector = make_vec_env(
+        "mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0, vec_env_cls=SubprocVecEnv,
+        env_kwargs={"map": small_map, "collisions": False}, wrapper_class=PointObservation if network == "pointer" else None,
+    )  # fmt: skip
+    try:
+        model = MaskablePPO(policy_class(network), vector, n_steps=16, batch_size=16, seed=0)
+        model.learn(32)
+        model.save(tmp_path / "model")
+        loaded = MaskablePPO.load(tmp_path / "model")
+        observation, masks = vector.reset(), np.stack(vector.env_method("action_masks"))
+        chosen = [one.predict(observation, action_masks=masks, deterministic=True)[0] for one in (model, loaded)]
+        np.testing.assert_array_equal(*chosen)
+        assert masks[np.arange(2), chosen[0]].all()
+    finally:
+        vector.close()
+
+
+def test_copies_for_stable_baselines3_go_like_single_environments(env, small_map):
+    copies = TableVecEnv(env, 3, "points", max_episode_steps=6)
+    copies.seed(0)
+    observations = copies.reset()
+    single = MlivrEnv(map=small_map, collisions=False)
+    rng = np.random.default_rng(0)
+    ended = 0
+    for _ in range(30):
+        masks = np.stack(copies.env_method("action_masks"))
+        np.testing.assert_array_equal(masks, observations["limbs"][..., 1].reshape(3, -1) > 0)
+        actions = (rng.random(masks.shape) * masks).argmax(axis=1)
+        starts, goals = copies.copies.tables.points[copies.copies.stances], copies.copies.goals.copy()
+        state = copies.copies.masks.copy()
+        observations, rewards, dones, infos = copies.step(actions)
+        assert (rewards == -1.0).all()
+        for k in np.flatnonzero(dones):
+            ended += 1
+            assert infos[k]["episode"]["l"] == -infos[k]["episode"]["r"] <= 6
+            single.reset(options={"start": starts[k].tolist(), "goal": goals[k]})
+            if (state[k] == single.state.masks).all():
+                _, _, success, _, _ = single.step(int(actions[k]))
+                assert success == infos[k]["is_success"]
+                np.testing.assert_array_equal(env_features(single)["goal"][0], infos[k]["terminal_observation"]["goal"])
+    assert ended >= 15
+
+
+def test_faulty_checkpoints_are_named(env, policy, tmp_path):
+    with pytest.raises(CheckpointError, match="cannot use checkpoint.*nowhere"):
+        load_policy(tmp_path / "nowhere", env)
+    save_policy(tmp_path / "one", policy, {"network": "pointer", "sizes": {"width": 64}})
+    with pytest.raises(CheckpointError, match="cannot use checkpoint"):
+        load_policy(tmp_path / "one", env)
+    mlp = LearnedPolicy(make_policy(env, "mlp", {}), "mlp")
+    other = MlivrEnv(map=env.graph.grasp_map.subset(np.arange(len(env.graph.grasp_map)) % 4 > 0), collisions=False)
+    with pytest.raises(CheckpointError, match="cannot use checkpoint|actions|one map only"):
+        save_policy(tmp_path / "mlp", mlp.policy, {"network": "mlp", "sizes": {}})
+        load_policy(tmp_path / "mlp", other)
+    with pytest.raises(SettingError, match="method is 'magic'"):
+        train("magic", env=env)
+    with pytest.raises(SettingError, match="network is 'cnn'"):
+        train("bc", "cnn", env=env)
+
+
+def test_a_beam_finds_walks_that_the_policy_alone_does_not(env, policy):
+    """Even random weights lead a wide beam to the goal, and never in fewer steps than the planner needs."""
+    learned, planner = LearnedPolicy(policy, "pointer"), Planner(env.graph)
+    for seed in range(4):
+        env.reset(seed=seed)
+        actions = beam_walk(learned, env, 64)
+        assert actions is not None
+        fewest = len(planner.plan(env.state.stance, env.goal, "steps").unwrap().steps)
+        for k, action in enumerate(actions):
+            _, _, terminated, _, info = env.step(action)
+            assert not info["invalid_action"] and terminated == (k == len(actions) - 1)
+        assert len(actions) >= fewest
+    assert evaluate(env, beam_policy(learned, 64), 2).success.all()
+    with pytest.raises(SettingError, match="needs a pointer policy"):
+        beam_policy(LearnedPolicy(make_policy(env, "mlp", {}), "mlp"))
+
+
+def test_the_test_set_is_as_described(jem):
+    worlds = load_test_set()
+    sizes = {split: sum(len(w.tasks) for w in worlds if w.split == split) for split in SPLITS}
+    assert min(sizes.values()) >= 50 and sum(sizes.values()) >= 200
+    assert len(held_out_goals()) == sum(sizes.values())
+    for world in worlds:
+        grasp_map = world.map()
+        for task in world.tasks:
+            for point in (*task.start, *task.occupied):
+                grasp_map.index(point)
+            assert not set(task.start) & set(task.occupied)
+            grasp_map.check_goal(task.goal)
+        assert (world.split == "half") == (len(grasp_map) == len(jem) // 2)
+        assert (world.split == "occupied") == all(len(task.occupied) > 60 for task in world.tasks)
+
+
+def test_tasks_are_evaluated_with_their_points_occupied(env):
+    planner = Planner(env.graph)
+    for seed in range(20):
+        env.reset(seed=seed)
+        start, goal = env.graph.ids(env.state.stance), env.goal
+        plan = planner.plan(start, goal, "steps").unwrap()
+        taken = plan.actions[0][1]
+        env.graph.occupy([taken])
+        other = planner.plan(start, goal, "steps").plan
+        env.graph.vacate()
+        if other is not None:
+            break
+    assert other is not None
+    tasks = [Task(start, tuple(goal)), Task(start, tuple(goal), (taken,))]
+    seen = []
+    result = evaluate(
+        env, ExpertPolicy(), tasks, execute=lambda world, states: bool(seen.append(states) or len(seen) == 1)
+    )
+    assert result.success.all() and result.carried_out.tolist() == [True, False]
+    assert env.graph.occupied == frozenset() and result.steps.tolist() == [len(plan.steps), len(other.steps)]
+    point = env.graph.grasp_map.index(taken)
+    assert all(point not in state.stance for state in seen[1])
+
+
+def test_bootstrap_interval_of_a_mean():
+    """Against the normal approximation."""
+    values = np.random.default_rng(0).normal(5.0, 2.0, 400)
+    low, high = bootstrap(values)
+    assert low == pytest.approx(values.mean() - 1.96 * 0.1, abs=0.05) and high == pytest.approx(
+        values.mean() + 0.196, abs=0.05
+    )
+
+
+def test_the_shipped_checkpoint_acts_on_a_map_it_never_saw(env):
+    policy = load_policy("pretrained", env)
+    assert policy.config["network"] == "pointer" and policy.config["command"].startswith("mlivr-gym train")
+    assert evaluate(env, policy, 10, max_steps=30).success_rate >= 0.9
+    assert evaluate(env, beam_policy(policy), 10).success.all()
+
+
+def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(tmp_path, monkeypatch, env):
+    minari = pytest.importorskip("minari", reason="needs the extra [data]")
+    pytest.importorskip("jax", reason="needs the extra [data]")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    from mlivr_gym.agents.dataset import write_dataset
+
+    write_dataset("mlivr/jem/test-v0", 2, seed=3, env_arguments={"collisions": False})
+    dataset = minari.load_dataset("mlivr/jem/test-v0")
+    rebuilt = dataset.recover_environment()
+    planner = Planner(rebuilt.unwrapped.graph)
+    for episode in dataset.iterate_episodes():
+        observation, info = rebuilt.reset(seed=3 + int(episode.id))
+        plan = planner.plan(info["stance"], rebuilt.unwrapped.goal, "steps").unwrap()
+        assert len(episode.actions) == len(plan.steps) == -episode.rewards.sum() and episode.terminations[-1]
+        for k, action in enumerate(episode.actions):
+            for name, rows in episode.observations.items():
+                np.testing.assert_array_equal(rows[k], observation[name])
+            assert episode.observations["action_mask"][k][action]
+            observation, *_ = rebuilt.step(action)
+    with pytest.raises(SettingError, match="already"):
+        write_dataset("mlivr/jem/test-v0", 1)
+
+
+def test_commands_train_and_evaluate(capsys, small_map, tmp_path):
+    rails = [
+        {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0], "normal": [0, 0, 1]}
+        for k, x in enumerate((0.0, 0.9, 1.8))
+    ]
+    world = {"segments": rails, "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]}}
+    (tmp_path / "map.json").write_text(json.dumps(world))
+    assert GraspMap.load(tmp_path / "map.json")
+    hyper = {"bc": {"imitation": SHORT}, "networks": {"pointer": {"width": 16, "summary": 8}}}
+    (tmp_path / "hyper.json").write_text(json.dumps(hyper))
+    common = ["--map", str(tmp_path / "map.json"), "--no-collisions"]
+    out = tmp_path / "policy"
+    arguments = ["--method", "bc", "--hyperparameters", str(tmp_path / "hyper.json"), "--out", str(out)]
+    assert main(["train", *common, *arguments]) == 0
+    assert out.with_suffix(".pt").exists() and out.with_suffix(".json").exists()
+    for policy in (str(out), "expert", "mcts", "astar"):
+        assert main(["evaluate", *common, "--policy", policy, "--episodes", "2"]) == 0
+    assert "2 of 2 episodes" in capsys.readouterr().out
+    assert main(["evaluate", *common, "--policy", "magic"]) == 2
+    assert "policy is 'magic'" in capsys.readouterr().err
