@@ -11,8 +11,8 @@ pytest.importorskip("dm_control")
 from absl.testing import absltest
 from dm_env import test_utils
 
-from mlivr_gym.agents import ExpertPolicy
 from mlivr_gym.dm_environment import MlivrDmEnvironment
+from mlivr_gym.planners import Planner
 
 
 @cache
@@ -35,11 +35,12 @@ class TestInterface(test_utils.EnvironmentTestMixin, absltest.TestCase):
 
 def test_the_mask_is_observed_and_the_discount_tells_goal_from_step_limit():
     environment = MlivrDmEnvironment(env(), seed=3)
-    timestep, policy = environment.reset(), ExpertPolicy()
-    while not timestep.last():
-        mask = environment.env.action_masks()
-        assert np.array_equal(timestep.observation["action_mask"], mask)
-        timestep = environment.step(policy.act(environment.env, timestep.observation, mask))
+    timestep, graph = environment.reset(), env().graph
+    plan = Planner(graph).plan(environment.info["stance"], environment.env.goal.tolist(), "steps").unwrap()
+    for limb, point in plan.actions:
+        assert np.array_equal(timestep.observation["action_mask"], environment.env.action_masks())
+        timestep = environment.step(limb * len(graph.grasp_map) + graph.grasp_map.index(point))
+    assert timestep.last()
     assert environment.info["is_success"] and timestep.discount == 0.0
     short = MlivrDmEnvironment(env(), seed=3, max_episode_steps=1)
     timestep = short.reset()
