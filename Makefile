@@ -33,6 +33,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/benchmark_planning.py
 	$(BIN)/python experiments/dynamic_simulation.py
 	$(BIN)/python experiments/benchmark_env.py
+	$(BIN)/python experiments/readme.py
 
 # Trains all policies and measures everything that acts: several hours.
 compare: $(VENV)/.dev
