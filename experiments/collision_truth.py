@@ -23,12 +23,13 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 from mlivr_gym import Settings, State, jem_map, stance_graph
-from mlivr_gym.collision_kernels import CLEAR
 from mlivr_gym.contacts import Configuration, capsule_ends, contacts
+from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.files import write_whole
 from mlivr_gym.grasp_kernels import flange_at, lifted_branches, line_end, place_branches
 from mlivr_gym.limb_shapes import LimbShapes
-from mlivr_gym.pair_graph import PairGraph, edge_entry
+from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.pair_kernels import edge_entry
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.assemble import assemble
 from mlivr_gym.planners.motion import step_motion

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.collision_kernels import CABIN, HANDRAIL, OBSTACLE
+from mlivr_gym.distance_kernels import CABIN, HANDRAIL, OBSTACLE
 from mlivr_gym.shapes import Box
 
 Array = NDArray[np.float64]

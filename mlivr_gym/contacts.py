@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.collision_kernels import FLUSH, axis_of, frames_of_angles, place, segment_box_apart, segments_apart
+from mlivr_gym.collision_kernels import FLUSH, axis_of, frames_of_angles, place
+from mlivr_gym.distance_kernels import segment_box_apart, segments_apart
 from mlivr_gym.limb_shapes import LimbShapes
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.shapes import Box

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.collision_kernels import CLEAR
 from mlivr_gym.compiled import kernel
+from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.grasp_kernels import flange_at, lifted_branches, line_end
 from mlivr_gym.swept_kernels import swing_free
 

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.pair_graph import PairGraph
-from mlivr_gym.stance_graph import LazyGraph, State, Successors
+from mlivr_gym.stance_graph import State, Successors
 from mlivr_gym.step_tables import StepTables
 from mlivr_gym.transitions import quaternion
 

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from mlivr_gym.base_path import LIMIT_TOLERANCE
 from mlivr_gym.dynamics import Physics
 from mlivr_gym.errors import PlanError
+from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.posture import Postures
 from mlivr_gym.recording import Failure
 from mlivr_gym.regrasp import Regrasp, RegraspPath, planned_regrasp
 from mlivr_gym.simulation import Carried, Simulation
-from mlivr_gym.stance_graph import LazyGraph, State, Successors, join
+from mlivr_gym.stance_graph import State, Successors, join
 from mlivr_gym.swing import Hold, SwingFinder, direct_line
 from mlivr_gym.trajectory import Durations, trajectory
 

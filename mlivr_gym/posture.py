@@ -23,10 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.bodies import Bodies
+from mlivr_gym.clear_kernels import clear_of_world, hands_clear
 from mlivr_gym.compiled import in_parallel
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.limb_shapes import LimbShapes
-from mlivr_gym.posture_kernels import TIE, clear_of_world, hands_clear, solve_geometries
+from mlivr_gym.posture_kernels import TIE, solve_geometries
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
 

@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.base_path import STRAIGHT
-from mlivr_gym.collision_kernels import CLEAR
 from mlivr_gym.compiled import kernel
+from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.grasp_kernels import flange_at, fold_near, lifted_branches, line_end, raised
 from mlivr_gym.swept_kernels import departure_free, hold_free, holds_apart, swing_free
 

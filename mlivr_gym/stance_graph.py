@@ -18,14 +18,15 @@ from scipy.spatial import cKDTree
 
 from mlivr_gym.base_path import ARC, STRAIGHT, follow
 from mlivr_gym.bodies import Bodies
-from mlivr_gym.collision_kernels import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
+from mlivr_gym.clear_kernels import clear_of_world, hands_clear
 from mlivr_gym.compiled import in_parallel, is_cached, second_process
 from mlivr_gym.direct_kernels import TRIES, lifted_at, line_free, pairs_by_travel
+from mlivr_gym.distance_kernels import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
 from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
 from mlivr_gym.grasp_kernels import place_branches
 from mlivr_gym.grasp_map import GraspMap, jem_map
-from mlivr_gym.posture import FIELDS, OPPOSED_HEIGHTS, Postures, PostureSolver
-from mlivr_gym.posture_kernels import clear_of_world, hands_clear, solve_geometries
+from mlivr_gym.posture import FIELDS, Postures, PostureSolver
+from mlivr_gym.posture_kernels import solve_geometries
 from mlivr_gym.release_kernels import TOGETHER, carried, holding, release, together_apart
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
@@ -33,6 +34,7 @@ from mlivr_gym.shapes import Box
 from mlivr_gym.transitions import hold_mask, quaternion
 
 if TYPE_CHECKING:
+    from mlivr_gym.lazy_graph import LazyGraph
     from mlivr_gym.pair_graph import PairGraph
 
 Array = NDArray[np.float64]
@@ -598,89 +600,6 @@ class StanceGraph(ABC):
         )
 
 
-class LazyGraph(StanceGraph):
-    """Stance graph of any number of limbs, whose neighbours are worked out when asked for."""
-
-    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
-        """Start with nothing known."""
-        super().__init__(grasp_map, robot, settings)
-        self._released: dict[tuple[tuple[int, ...], int], int] = {}
-
-    def postures(self, stances: IntArray) -> Postures:
-        """Postures of stances, shape (k, N), feasible or not; those that touch an obstacle or an occupied point cannot be held."""
-        stances = np.asarray(stances, dtype=np.int64).reshape(-1, self.limbs)
-        found = super().postures(stances)
-        if self.obstacles:
-            self.clear_of_obstacles(
-                np.arange(len(stances)), stances, found.position, found.rotation, found.branch, found.mask
-            )
-        if self.occupied:
-            found.mask[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
-        return found
-
-    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can let go, worked out once."""
-        if (stance, limb) not in self._released:
-            self._released[stance, limb] = super().released(stance, posture, limb)
-        return self._released[stance, limb]
-
-    def _obstacles_changed(self) -> None:
-        self._released = {}
-
-    def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
-        """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
-        limbs: list[IntArray] = []
-        points: list[IntArray] = []
-        for i in range(self.limbs):
-            near = [self.partners(p) for k, p in enumerate(stance) if k != i]
-            common = near[0]
-            for other in near[1:]:
-                common = np.intersect1d(common, other, assume_unique=True)
-            common = common[common != stance[i]]
-            limbs.append(np.full(len(common), i, dtype=np.int64))
-            points.append(common)
-        limb, point = np.concatenate(limbs), np.concatenate(points)
-        if not len(limb):
-            return limb, point, self.postures(np.zeros((0, self.limbs), dtype=np.int64))
-        stances = np.tile(np.array(stance, dtype=np.int64), (len(limb), 1))
-        stances[np.arange(len(limb)), limb] = point
-        postures = self.postures(stances)
-        node = self.is_node(postures)
-        return limb[node], point[node], postures.take(node)
-
-    def successors(self, state: State) -> Successors:
-        """All steps that leave a state."""
-        limb, point, postures = self.candidates(state.stance)
-        here = self.posture(state.stance)
-        keep, masks = [], []
-        for k in range(len(limb)):
-            after = list(state.stance)
-            after[limb[k]] = int(point[k])
-            step = self.transition(state, after, join(here, postures.take(np.array([k]))))
-            if step is not None:
-                keep.append(k)
-                masks.append(step.masks)
-        chosen = np.array(keep, dtype=np.int64)
-        return Successors(
-            limb[chosen],
-            point[chosen],
-            postures.position[chosen],
-            np.array(masks, dtype=np.int64).reshape(-1, self.limbs),
-        )
-
-    @property
-    def max_step(self) -> float:
-        """An upper bound of the base displacement of one step [m].
-
-        The held grasps stay where they are and each lies within reach of the base before and after. Also the grasps'
-        centroid moves at most `2 span / N`, and the base lies at most the largest height from it.
-        """
-        robot = self.robot
-        height = max(max(map(abs, robot.heights)), max(OPPOSED_HEIGHTS))
-        by_reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
-        return min(by_reach, 2.0 * robot.span / self.limbs + 2.0 * height)
-
-
 def _path(kind: int, pivot: Array, posture: Postures) -> tuple[Any, ...]:
     """A base path between two postures as the kernels take it."""
     return (posture.position[0], posture.rotation[0], posture.position[1], posture.rotation[1], kind, pivot)
@@ -709,6 +628,7 @@ def stance_graph(
         >>> len(graph.grasp_map)
         331
     """
+    from mlivr_gym.lazy_graph import LazyGraph
     from mlivr_gym.pair_graph import PairGraph
 
     grasp_map, robot, settings = grasp_map or jem_map(), robot_spec(robot), settings or Settings()

@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.collision_kernels import CLEAR
 from mlivr_gym.direct_kernels import lifted_at
+from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.grasp_kernels import fold_near, line_end
 from mlivr_gym.posture import Postures
 from mlivr_gym.stance_graph import StanceGraph

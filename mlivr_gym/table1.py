@@ -15,10 +15,11 @@ from typing import Any
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.files import write_whole
 from mlivr_gym.grasp_map import GraspMap, jem_map
+from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.settings import Settings
-from mlivr_gym.stance_graph import LazyGraph, stance_graph
+from mlivr_gym.stance_graph import stance_graph
 
 SETUP = asset_path("table1_setup.json")
 """Start, goal and seed of the sparse map, written by `experiments/calibrate_start_goal.py`."""

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.errors import StanceError
+from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.pair_graph import PairGraph
-from mlivr_gym.stance_graph import LazyGraph, StanceGraph, State
+from mlivr_gym.stance_graph import StanceGraph, State
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.compiled import kernel
-from mlivr_gym.pair_graph import KNOWN, PairGraph, edge_entry
+from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.pair_kernels import KNOWN, edge_entry
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import _grown, _sift_down, _sift_up
 from mlivr_gym.stance_graph import State, Successors

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
 from mlivr_gym.posture import Postures
-from mlivr_gym.stance_graph import LazyGraph, State, join
+from mlivr_gym.stance_graph import State, join
 
 
 @dataclass

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.compiled import kernel
-from mlivr_gym.pair_graph import KNOWN, edge_entry
+from mlivr_gym.pair_kernels import KNOWN, edge_entry
 
 FOUND, EXHAUSTED, LIMIT = 0, 1, 2
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.errors import PlanError, SettingError, StanceError, choice, nonnegative
+from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners.assemble import assemble
 from mlivr_gym.planners.cost_to_go import CostToGo, backward
@@ -20,7 +21,7 @@ from mlivr_gym.planners.lazy_search import lazy_search
 from mlivr_gym.planners.pair_search import FOUND, LIMIT, distance_to_goal, search, steps_to_goal
 from mlivr_gym.planners.plan import Plan
 from mlivr_gym.posture import Postures
-from mlivr_gym.stance_graph import LazyGraph, State, join
+from mlivr_gym.stance_graph import State, join
 from mlivr_gym.transitions import quaternion
 
 Array = NDArray[np.float64]

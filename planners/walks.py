@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.errors import StanceError
+from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.planners.assemble import assemble
 from mlivr_gym.planners.plan import Plan
-from mlivr_gym.stance_graph import LazyGraph, StanceGraph, State, join
+from mlivr_gym.stance_graph import StanceGraph, State, join
 from mlivr_gym.transitions import quaternion
 
 Array = NDArray[np.float64]

@@ -14,17 +14,18 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Box, Capsule, GraspMap, RobotSpec, Settings, robot_spec, stance_graph
 from mlivr_gym.base_path import STRAIGHT
 from mlivr_gym.bodies import Bodies
-from mlivr_gym.collision_kernels import CLEAR, segment_box_apart, segments_apart
 from mlivr_gym.contacts import capsule_ends, contacts
+from mlivr_gym.distance_kernels import CLEAR, segment_box_apart, segments_apart
 from mlivr_gym.errors import SettingError, ShapeError, StanceError
+from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.limb_shapes import NEVER_NEARER, LimbShapes
-from mlivr_gym.pair_graph import edge_entry, turned
+from mlivr_gym.pair_kernels import edge_entry, turned
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.motion import step_motion
 from mlivr_gym.sampling import sampled_way
 from mlivr_gym.scene import scene_spec, set_configuration
 from mlivr_gym.shapes import load_obstacles
-from mlivr_gym.stance_graph import LazyGraph, State
+from mlivr_gym.stance_graph import State
 from mlivr_gym.swept_kernels import swing_free
 from mlivr_gym.swing import SwingFinder
 from mlivr_gym.tasks import sample_task

@@ -11,8 +11,8 @@ from paper import NO_COLLISIONS
 
 from mlivr_gym import GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import GoalError, MlivrError, PlanError, SettingError, StanceError
+from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.stance_graph import LazyGraph
 from mlivr_gym.tasks import sample_task
 from mlivr_gym.transitions import base_path
 from mlivr_gym.ur_kinematics import forward_kinematics

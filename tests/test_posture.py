@@ -7,9 +7,9 @@ from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, robot_spec, stance_graph
+from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.posture import PostureSolver, base_frames
-from mlivr_gym.stance_graph import LazyGraph
 
 
 def truth(graph, postures, k, stance, branch):

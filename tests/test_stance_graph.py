@@ -7,7 +7,8 @@ from paper import NO_COLLISIONS
 from mlivr_gym import Limb, Settings, State, robot_spec, stance_graph
 from mlivr_gym.base_path import ARC, STRAIGHT
 from mlivr_gym.errors import RobotError, SettingError, StanceError
-from mlivr_gym.stance_graph import LazyGraph, join
+from mlivr_gym.lazy_graph import LazyGraph
+from mlivr_gym.stance_graph import join
 from mlivr_gym.transitions import base_path
 from mlivr_gym.ur_kinematics import inverse_kinematics, jacobian
 
