@@ -48,7 +48,7 @@ class Runs:
             for part, result in data[seed].items():
                 for name in names:
                     for task, value in zip(result["tasks"], result.get(name, []), strict=False):
-                        self.values[name][row, index[part, task]] = value
+                        self.values[name][row, index[part, task]] = np.nan if value is None else value
 
     def successful(self, name: str) -> Array:
         """A figure where the goal was reached, NaN elsewhere, shape (seeds, episodes)."""
