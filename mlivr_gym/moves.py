@@ -93,6 +93,7 @@ class TableMoves:
         moving = np.repeat(np.tile([0, 1], len(tables.points)), np.diff(tables.start))
         self._action = moving * m + tables.points[tables.after, moving]
         self._start = tables.start.tolist()
+        self._places: dict[tuple[int, ...], Place] = {}
         self.observations: dict[str, NDArray[Any]] = {
             "stance": tables.points.astype(np.int64),
             "grasps": graph.grasp_map.positions[tables.points].reshape(-1, 6).astype(np.float32),
@@ -130,12 +131,15 @@ class TableMoves:
         return State((a, b), (state.masks[0] & left, landed[1]))
 
     def place(self, stance: tuple[int, ...]) -> Place:
-        """What a stance looks like."""
-        s, graph = int(self.stance_at[stance]), self.graph
-        observation = {name: rows[s] for name, rows in self.observations.items()}
-        position = tuple(self.tables.position[s].tolist())
-        ids = graph.grasp_map.ids
-        return Place((ids[stance[0]], ids[stance[1]]), position, graph.w_m[s], float(graph.w_b[s]), observation)
+        """What a stance looks like, put together once."""
+        found = self._places.get(stance)
+        if found is None:
+            s, graph = int(self.stance_at[stance]), self.graph
+            observation = {name: rows[s] for name, rows in self.observations.items()}
+            position = tuple(self.tables.position[s].tolist())
+            found = Place(graph.ids(stance), position, graph.w_m[s], float(graph.w_b[s]), observation)
+            self._places[stance] = found
+        return found
 
 
 def branch_bits(masks: tuple[int, ...]) -> NDArray[np.int8]:
