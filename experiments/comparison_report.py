@@ -14,9 +14,6 @@ from mlivr_gym.files import write_whole
 
 Array = NDArray[np.float64]
 
-README = Path(__file__).parent.parent / "README.md"
-MARKS = "<!-- planner_vs_rl -->\n", "<!-- end of planner_vs_rl -->\n"
-
 SPLITS = {"same": "same map", "half": "half the points", "dense": "points every 0.1 m", "occupied": "a fifth occupied"}
 
 NAMES = {
@@ -185,11 +182,7 @@ def _bar(axis: Any, y: float, values: Array, height: float, colour: str, label: 
 
 
 def write_report(data: dict[str, Any], out: Path) -> None:
-    """Write the report, the plot, and the table between the README's marks."""
+    """Write the report and the plot."""
     write_whole(out / "planner_vs_rl.md", full_report(data))
     if any(split in data for split in SPLITS):
         draw(data, out / "planner_vs_rl.png")
-        text = README.read_text(encoding="utf-8")
-        if all(mark in text for mark in MARKS):
-            before, rest = text.split(MARKS[0], 1)
-            write_whole(README, before + MARKS[0] + readme_table(data) + MARKS[1] + rest.split(MARKS[1], 1)[1])

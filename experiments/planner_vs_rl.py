@@ -2,11 +2,11 @@
 
     python experiments/planner_vs_rl.py [--policies runs] [--out results] [--only NAME ...] [--families NAME ...]
     python experiments/planner_vs_rl.py --freeze     # draw the test set anew
-    python experiments/planner_vs_rl.py --report     # table, plots and README from what was measured
+    python experiments/planner_vs_rl.py --report     # report and plot from what was measured
 
 `--policies` is the folder that `train_policies.py` filled. What is measured goes into `planner_vs_rl.json` piece by piece, and a piece that
-is there is not measured again; the report writes `planner_vs_rl.md`, `planner_vs_rl.png` and the table between the marks of
-the README. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. With `--execute
+is there is not measured again; the report writes `planner_vs_rl.md` and `planner_vs_rl.png`, of which `readme.py` copies one
+table. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. With `--execute
 N` the first N walks of each method on the same map are carried out in MuJoCo.
 """
 
