@@ -73,7 +73,7 @@ def interval(values: Array, digits: int, percent: bool = False) -> str:
 def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]:
     """Rows of one family: method; success, steps ratio, base ratio, first action, action, seeds' range, carried out."""
     runs = {name: Runs(found) for name, found in data[family].items()}
-    steps = runs.get("table-expected" if family == "unreliable" else "astar-steps")
+    steps = runs.get("table-expected" if family == "unreliable" else "table" if "table" in runs else "astar-steps")
     base = runs.get("astar-base")
     rows = []
     for name in [n for n in NAMES if n in runs]:
@@ -104,7 +104,8 @@ def full_report(data: dict[str, Any]) -> str:
     lines = [
         "# Planners and learned policies", "",
         "Made by `experiments/planner_vs_rl.py`. Means with 95 % bootstrap intervals over tasks; for learned policies the mean over "
-        "training seeds. Ratios are over the episodes that reach their goal; optimal is A* with that cost. *First action*: from the reset "
+        "training seeds. Ratios are over the episodes that reach their goal; optimal is the exact table for the steps, or A* where there "
+        "is none, and A* for the translation. *First action*: from the reset "
         "to the first action, world included; *action*: the policy alone; medians. A policy stops an episode that asks for a step that is "
         "not possible; all stop after 60 steps.", "",
     ]  # fmt: skip
@@ -151,7 +152,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
     axes = figure.subplots(1, 2, sharey=True)
     height = 0.8 / len(splits)
     for k, split in enumerate(splits):
-        best = Runs(data[split]["astar-steps"]) if "astar-steps" in data[split] else None
+        best = next((Runs(data[split][name]) for name in ("table", "astar-steps") if name in data[split]), None)
         for place, name in enumerate(names):
             if name not in data[split]:
                 continue

@@ -63,6 +63,15 @@ class GraphMoves:
         k = int(np.flatnonzero((steps.limb == limb) & (steps.point == point))[0])
         return State((*state.stance[:limb], point, *state.stance[limb + 1 :]), tuple(steps.masks[k].tolist()))
 
+    def onward(self, state: State, steps: Successors) -> NDArray[np.bool_]:
+        """Whether a limb that holds could let go after each step, shape (k,); taken for granted with more than two limbs."""
+        out = np.ones(len(steps.limb), dtype=np.bool_)
+        if isinstance(self.graph, PairGraph):
+            for k, (limb, point) in enumerate(zip(steps.limb.tolist(), steps.point.tolist(), strict=True)):
+                stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
+                out[k] = self.graph.landed(stance, 1 - limb) & steps.masks[k, 1 - limb] != 0
+        return out
+
     def place(self, stance: tuple[int, ...]) -> Place:
         """What a stance looks like."""
         if stance not in self._places:
@@ -129,6 +138,15 @@ class TableMoves:
         if action < len(self.stance_at):
             return State((a, b), (landed[0], state.masks[1] & left))
         return State((a, b), (state.masks[0] & left, landed[1]))
+
+    def onward(self, state: State, steps: Successors) -> NDArray[np.bool_]:
+        """Whether the limb that holds could let go after each step, shape (k,)."""
+        a, b = np.array(state.stance, dtype=np.int64)[:, None].repeat(len(steps.limb), axis=1)
+        first = steps.limb == 0
+        after = self.stance_at[np.where(first, steps.point, a), np.where(first, b, steps.point)]
+        held, k = 1 - steps.limb, np.arange(len(after))
+        free: NDArray[np.bool_] = (self.tables.land[after, held] & steps.masks[k, held]) != 0
+        return free
 
     def place(self, stance: tuple[int, ...]) -> Place:
         """What a stance looks like, put together once."""
