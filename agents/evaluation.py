@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -40,7 +41,7 @@ class Evaluation:
         first_decision: Time from the reset to the first action, world and policy together [s], shape (k,).
         decision: Mean time of the policy alone for an action [s], shape (k,).
         failed_grasps: Attempts that failed, shape (k,).
-        carried_out: Whether `execute` carried the walk out, shape (k,); None where nothing was executed.
+        carried_out: 1 where `execute` carried the walk out, 0 where it did not, NaN where it was not executed, shape (k,).
     """
 
     success: NDArray[np.bool_]
@@ -49,7 +50,7 @@ class Evaluation:
     first_decision: Array
     decision: Array
     failed_grasps: NDArray[np.int64]
-    carried_out: NDArray[np.bool_] | None = None
+    carried_out: Array
 
     @property
     def success_rate(self) -> float:
@@ -64,7 +65,7 @@ def evaluate(
     seed: int = 0,
     max_steps: int = 100,
     progress: Callable[[int], None] | None = None,
-    execute: Callable[[MlivrEnv, tuple[State, ...]], bool] | None = None,
+    execute: Callable[[MlivrEnv, tuple[State, ...]], bool | None] | None = None,
 ) -> Evaluation:
     """Run a policy; episode k starts from `reset(seed=seed + k)`.
 
@@ -76,7 +77,8 @@ def evaluate(
         max_steps: Steps after which an episode counts as failed. One whose policy takes an action that is not possible counts as
             failed at once: the policy would only repeat it.
         progress: Called with the number of episodes done.
-        execute: Carries a walk out, for example in MuJoCo; given the environment and the states of each successful episode.
+        execute: Carries a walk out, for example in MuJoCo; given the environment and the states of each successful episode, tells
+            whether it could be, None if it was not tried.
 
     Raises:
         SettingError: If there is no episode.
@@ -96,7 +98,7 @@ def evaluate(
     success, steps, translation, first, decision, failed, carried = zip(*rows, strict=True)
     return Evaluation(
         np.array(success), np.array(steps), np.array(translation), np.array(first), np.array(decision),
-        np.array(failed), None if execute is None else np.array(carried),
+        np.array(failed), np.array(carried, dtype=np.float64),
     )  # fmt: skip
 
 
@@ -108,8 +110,8 @@ def _occupy(env: MlivrEnv, points: Sequence[str]) -> None:
 
 def _episode(
     env: MlivrEnv, policy: Policy, task: Task | None, seed: int, max_steps: int,
-    execute: Callable[[MlivrEnv, tuple[State, ...]], bool] | None,
-) -> tuple[bool, int, float, float, float, int, bool]:  # fmt: skip
+    execute: Callable[[MlivrEnv, tuple[State, ...]], bool | None] | None,
+) -> tuple[bool, int, float, float, float, int, float]:  # fmt: skip
     began = time.perf_counter()
     options = {} if task is None else {"start": task.start, "goal": task.goal}
     observation, info = env.reset(seed=seed, options=options)
@@ -125,7 +127,8 @@ def _episode(
         failed += info["grasp_failed"]
         if not info["grasp_failed"] and not info["invalid_action"]:
             states.append(env.state)
-    carried = bool(done and execute is not None and execute(env, tuple(states)))
+    answer = execute(env, tuple(states)) if done and execute is not None else None
+    carried = math.nan if answer is None else float(answer)
     steps = int(info["steps"])
     return done, steps, float(info["base_translation"]), first, spent / max(steps, 1), failed, carried
 

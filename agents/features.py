@@ -19,7 +19,7 @@ from mlivr_gym.table_kernels import legal_places
 Array = NDArray[np.float64]
 Features = dict[str, NDArray[np.float32]]
 
-POINT, LIMB, GOAL = 8, 6, 5
+POINT, LIMB, GOAL = 8, 7, 5
 """Numbers that describe a point, a point as seen by one limb, and the goal."""
 
 FAR = 10.0
@@ -28,7 +28,7 @@ FAR = 10.0
 
 def point_features(
     positions: Array, normals: Array, free: NDArray[np.bool_], risk: Array, base: Array, rotation: Array, stance: NDArray[np.int64],
-    goal: Array, tolerance: float, legal: NDArray[np.bool_], after: Array, reach: Array,
+    goal: Array, tolerance: float, legal: NDArray[np.bool_], after: Array, reach: Array, onward: NDArray[np.bool_],
 ) -> Features:  # fmt: skip
     """Features of k states with N limbs on m points, all in the robot's frame.
 
@@ -45,10 +45,12 @@ def point_features(
         legal: Which actions are possible, shape (k, N, m).
         after: Base position after each possible action [m], shape (k, N, m, 3); anything for the others.
         reach: What `reach_of_points` returns [m], shape (k, N, m).
+        onward: Whether a limb that holds could let go after each possible action, shape (k, N, m); anything for the others.
 
     Returns:
-        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6): whether the limb holds the point,
-        whether it may move there, the base's displacement if it does, and the reach. `goal` (k, 5): where the goal
+        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 7): whether the limb holds the point,
+        whether it may move there, the base's displacement if it does, the reach, and
+        whether a limb that holds could let go then. `goal` (k, 5): where the goal
         lies, its distance, and the tolerance.
     """
     k, limbs = stance.shape
@@ -62,7 +64,7 @@ def point_features(
     seen[..., 1] = legal
     state, limb, point = np.nonzero(legal)
     moved = after[state, limb, point] - base[state]
-    seen[..., 5] = reach
+    seen[..., 5], seen[..., 6] = reach, legal & onward
     seen[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
     toward = np.einsum("ij,ijk->ik", goal - base, rotation)
     distance = np.linalg.norm(toward, axis=1, keepdims=True)
@@ -102,17 +104,19 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     k, limbs, m = len(states), graph.limbs, len(graph.grasp_map)
     base, rotation = np.empty((k, 3)), np.empty((k, 3, 3))
     legal, after = np.zeros((k, limbs, m), dtype=np.bool_), np.zeros((k, limbs, m, 3))
+    onward = np.ones((k, limbs, m), dtype=np.bool_)
     for row, state in enumerate(states):
         steps, posture = env.moves.successors(state), graph.posture(state.stance)
         base[row], rotation[row] = posture.position[0], posture.rotation[0]
         legal[row, steps.limb, steps.point] = True
         after[row, steps.limb, steps.point] = steps.position
+        onward[row, steps.limb, steps.point] = env.moves.onward(state, steps)
     free = np.ones(m, dtype=np.bool_)
     free[list(graph.occupied)] = False
     return point_features(
         graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability, base, rotation,
         np.array([state.stance for state in states]), np.tile(env.goal, (k, 1)), env.goal_tolerance, legal, after,
-        reach_of_points(graph, env.goal)[None],
+        reach_of_points(graph, env.goal)[None], onward,
     )  # fmt: skip
 
 
@@ -145,13 +149,14 @@ class TableFeatures:
         """
         k, m = len(stances), len(self.grasp_map)
         legal, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
-        legal_places(stances, masks, tables, legal, after)
+        onward = np.zeros((k, 2, m), dtype=np.int8)
+        legal_places(stances, masks, tables, legal, after, onward)
         free = np.ones(m, dtype=np.bool_) if free is None else free
         legal &= free[..., None, :]
         return point_features(
             self.grasp_map.positions, self.grasp_map.normals, free, self.risk, tables.position[stances],
             self.rotation[stances], tables.points[stances].astype(np.int64), goals, self.tolerance, legal.view(np.bool_),
-            after, reach,
+            after, reach, onward.view(np.bool_),
         )  # fmt: skip
 
 

@@ -106,10 +106,11 @@ class PointerNetwork(nn.Module):
         whole = torch.cat([goal, summary], dim=-1)[:, None].expand(-1, count, -1)
         context = self.of_limb(torch.cat([held, others, whole], dim=-1))
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
-        moved, reach = limbs[state, limb, point, 2:5], limbs[state, limb, point, 5:]
+        moved, reach = limbs[state, limb, point, 2:5], limbs[state, limb, point, 5:6]
         left = (moved - goal[state, :3]).norm(dim=-1, keepdim=True)
         near = [left, reach, self._arrives(goal[state], left), self._arrives(goal[state], reach)]
-        seen = self.of_action(torch.cat([points[state, point], moved, *near], dim=-1))
+        onward = limbs[state, limb, point, 6:]
+        seen = self.of_action(torch.cat([points[state, point], moved, *near, onward], dim=-1))
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
         scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
         return scores.flatten(1)

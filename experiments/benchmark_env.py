@@ -1,9 +1,9 @@
 """Steps a second of the environment, beside two well-known ones in the same run.
 
-    python experiments/benchmark_env.py [--out results] [--seconds 5]
+    python experiments/benchmark_env.py [--out results] [--seconds 1]
 
 writes `benchmark_env.json` and `benchmark_env.md`. Actions are drawn at random among those that are possible; drawing them is not
-timed, starting new episodes is. Every figure is the best of three repetitions on one core, since other work on the machine only
+timed, starting new episodes is. Every figure is the best of ten short repetitions on one core, since other work on the machine only
 slows a repetition down; wall time and processor time are both given.
 """
 
@@ -25,7 +25,7 @@ import mlivr_gym  # noqa: F401  registers the environment
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.files import write_whole
 
-REPETITIONS = 3
+REPETITIONS = 10
 
 
 class Clock:
@@ -99,7 +99,7 @@ def main() -> None:
     """Measure and write."""
     parser = argparse.ArgumentParser(description="Steps a second.")
     parser.add_argument("--out", default="results", help="folder (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=5.0, help="for each repetition (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=1.0, help="for each repetition (default: %(default)s)")
     args = parser.parse_args()
     rows: list[Measured] = []
     plain = {"disable_env_checker": True}

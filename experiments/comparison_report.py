@@ -14,9 +14,6 @@ from mlivr_gym.files import write_whole
 
 Array = NDArray[np.float64]
 
-README = Path(__file__).parent.parent / "README.md"
-MARKS = "<!-- planner_vs_rl -->\n", "<!-- end of planner_vs_rl -->\n"
-
 SPLITS = {"same": "same map", "half": "half the points", "dense": "points every 0.1 m", "occupied": "a fifth occupied"}
 
 NAMES = {
@@ -48,7 +45,7 @@ class Runs:
             for part, result in data[seed].items():
                 for name in names:
                     for task, value in zip(result["tasks"], result.get(name, []), strict=False):
-                        self.values[name][row, index[part, task]] = value
+                        self.values[name][row, index[part, task]] = np.nan if value is None else value
 
     def successful(self, name: str) -> Array:
         """A figure where the goal was reached, NaN elsewhere, shape (seeds, episodes)."""
@@ -76,7 +73,7 @@ def interval(values: Array, digits: int, percent: bool = False) -> str:
 def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]:
     """Rows of one family: method; success, steps ratio, base ratio, first action, action, seeds' range, carried out."""
     runs = {name: Runs(found) for name, found in data[family].items()}
-    steps = runs.get("table-expected" if family == "unreliable" else "astar-steps")
+    steps = runs.get("table-expected" if family == "unreliable" else "table" if "table" in runs else "astar-steps")
     base = runs.get("astar-base")
     rows = []
     for name in [n for n in NAMES if n in runs]:
@@ -107,7 +104,8 @@ def full_report(data: dict[str, Any]) -> str:
     lines = [
         "# Planners and learned policies", "",
         "Made by `experiments/planner_vs_rl.py`. Means with 95 % bootstrap intervals over tasks; for learned policies the mean over "
-        "training seeds. Ratios are over the episodes that reach their goal; optimal is A* with that cost. *First action*: from the reset "
+        "training seeds. Ratios are over the episodes that reach their goal; optimal is the exact table for the steps, or A* where there "
+        "is none, and A* for the translation. *First action*: from the reset "
         "to the first action, world included; *action*: the policy alone; medians. A policy stops an episode that asks for a step that is "
         "not possible; all stop after 60 steps.", "",
     ]  # fmt: skip
@@ -154,7 +152,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
     axes = figure.subplots(1, 2, sharey=True)
     height = 0.8 / len(splits)
     for k, split in enumerate(splits):
-        best = Runs(data[split]["astar-steps"]) if "astar-steps" in data[split] else None
+        best = next((Runs(data[split][name]) for name in ("table", "astar-steps") if name in data[split]), None)
         for place, name in enumerate(names):
             if name not in data[split]:
                 continue
@@ -185,11 +183,7 @@ def _bar(axis: Any, y: float, values: Array, height: float, colour: str, label: 
 
 
 def write_report(data: dict[str, Any], out: Path) -> None:
-    """Write the report, the plot, and the table between the README's marks."""
+    """Write the report and the plot."""
     write_whole(out / "planner_vs_rl.md", full_report(data))
     if any(split in data for split in SPLITS):
         draw(data, out / "planner_vs_rl.png")
-        text = README.read_text(encoding="utf-8")
-        if all(mark in text for mark in MARKS):
-            before, rest = text.split(MARKS[0], 1)
-            write_whole(README, before + MARKS[0] + readme_table(data) + MARKS[1] + rest.split(MARKS[1], 1)[1])

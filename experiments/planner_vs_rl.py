@@ -2,18 +2,17 @@
 
     python experiments/planner_vs_rl.py [--policies runs] [--out results] [--only NAME ...] [--families NAME ...]
     python experiments/planner_vs_rl.py --freeze     # draw the test set anew
-    python experiments/planner_vs_rl.py --report     # table, plots and README from what was measured
+    python experiments/planner_vs_rl.py --report     # report and plot from what was measured
 
 `--policies` is the folder that `train_policies.py` filled. What is measured goes into `planner_vs_rl.json` piece by piece, and a piece that
-is there is not measured again; the report writes `planner_vs_rl.md`, `planner_vs_rl.png` and the table between the marks of
-the README. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. With `--execute
-MODULE:FUNCTION`, a function from a `Plan` to a bool, ten walks of each method are carried out with it, for example in MuJoCo.
+is there is not measured again; the report writes `planner_vs_rl.md` and `planner_vs_rl.png`, of which `readme.py` copies one
+table. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. With `--execute
+N` the first N walks of each method on the same map are carried out in MuJoCo.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -35,6 +34,7 @@ from mlivr_gym.env import MlivrEnv
 from mlivr_gym.files import write_whole
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Planner
+from mlivr_gym.planners.execution import execute
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.stance_graph import State
 
@@ -98,8 +98,7 @@ def record(result: Evaluation, ids: Sequence[int]) -> dict[str, Any]:
         name: np.round(getattr(result, name), 6).tolist() for name in ("base_translation", "first_decision", "decision")
     }
     data |= {name: getattr(result, name).tolist() for name in ("success", "steps", "failed_grasps")}
-    if result.carried_out is not None:
-        data["carried_out"] = result.carried_out.tolist()
+    data["carried_out"] = [None if np.isnan(value) else bool(value) for value in result.carried_out]
     return data | {"tasks": list(ids)}
 
 
@@ -150,22 +149,27 @@ def split_world(world: World, at: int, args: argparse.Namespace, results: Result
                 tasks = [world.tasks[k] for k in group]
                 env.graph.occupy(tasks[0].occupied)
                 result = evaluate(
-                    env, make(env), tasks, max_steps=MOST_STEPS, execute=carry_out(args.execute, len(tasks))
+                    env,
+                    make(env),
+                    tasks,
+                    max_steps=MOST_STEPS,
+                    execute=carry_out(args.execute if world.split == "same" else 0),
                 )
                 env.graph.vacate()
                 results.keep(world.split, name, seed, at, record(result, group))
 
 
-def carry_out(name: str | None, most: int) -> Callable[[MlivrEnv, tuple[State, ...]], bool] | None:
-    """What executes walks, from `MODULE:FUNCTION`."""
-    if name is None:
-        return None
-    module, _, function = name.partition(":")
-    execute = getattr(importlib.import_module(module), function)
+def carry_out(most: int) -> Callable[[MlivrEnv, tuple[State, ...]], bool | None]:
+    """Carries the first walks of a method out in MuJoCo."""
+    tried = 0
 
-    def run(env: MlivrEnv, states: tuple[State, ...]) -> bool:
+    def run(env: MlivrEnv, states: tuple[State, ...]) -> bool | None:
+        nonlocal tried
+        if tried >= most or len(states) < 2:
+            return None
+        tried += 1
         plan = plan_of(env.graph, states, env.goal, env.goal_tolerance, "walk")
-        return plan is not None and bool(execute(plan))
+        return plan is not None and execute(env.graph, plan).failure is None
 
     return run
 
@@ -254,7 +258,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", help="only these methods")
     parser.add_argument("--families", nargs="+", choices=FAMILIES, default=FAMILIES, help="only these families")
     parser.add_argument("--splits", nargs="+", default=tuple(SIZES), choices=tuple(SIZES), help="only these splits")
-    parser.add_argument("--execute", metavar="MODULE:FUNCTION", help="carries plans out; takes a Plan, returns a bool")
+    parser.add_argument("--execute", type=int, default=10, help="walks carried out in MuJoCo (default: %(default)s)")
     parser.add_argument("--freeze", action="store_true", help="draw the test set anew and do nothing else")
     parser.add_argument("--report", action="store_true", help="only write the report")
     args = parser.parse_args()

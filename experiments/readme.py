@@ -3,7 +3,7 @@
     python experiments/readme.py
 
 Each experiment writes its own files; this script alone copies what the README shows of them: Table I, the collision checks'
-truth, and the benchmark's targets.
+truth, the benchmark's targets, and the comparison of planners and policies.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import Any
+
+from comparison_report import readme_table
 
 from mlivr_gym.files import write_whole
 
@@ -74,6 +76,7 @@ def main() -> None:
         "table1": table1(json.loads((results / "table1.json").read_text(encoding="utf-8"))),
         "collision_truth": truth(json.loads((results / "collision_truth.json").read_text(encoding="utf-8"))),
         "benchmark_planning": targets((results / "benchmark_planning.md").read_text(encoding="utf-8")),
+        "planner_vs_rl": readme_table(json.loads((results / "planner_vs_rl.json").read_text(encoding="utf-8"))),
     }
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     for name, part in parts.items():

@@ -289,7 +289,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         if not isinstance(action, (int, np.integer)) or not 0 <= action < n:
             raise SettingError(f"action {action!r} is not in {self.action_space}")
         limb, point = divmod(int(action), n // self.graph.limbs)
-        before, moved, failed = self._potential(), self.graph.max_step, False
+        before, moved, failed = self._potential() if self.shaping else 0.0, self.graph.max_step, False
         self.steps += 1
         allowed = bool(self._mask[action])
         if allowed:

@@ -64,6 +64,15 @@ class GraphMoves:
         k = int(np.flatnonzero((steps.limb == limb) & (steps.point == point))[0])
         return State((*state.stance[:limb], point, *state.stance[limb + 1 :]), tuple(steps.masks[k].tolist()))
 
+    def onward(self, state: State, steps: Successors) -> NDArray[np.bool_]:
+        """Whether a limb that holds could let go after each step, shape (k,); taken for granted with more than two limbs."""
+        out = np.ones(len(steps.limb), dtype=np.bool_)
+        if isinstance(self.graph, PairGraph):
+            for k, (limb, point) in enumerate(zip(steps.limb.tolist(), steps.point.tolist(), strict=True)):
+                stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
+                out[k] = self.graph.landed(stance, 1 - limb) & steps.masks[k, 1 - limb] != 0
+        return out
+
     def place(self, stance: tuple[int, ...]) -> Place:
         """What a stance looks like."""
         if stance not in self._places:
@@ -94,6 +103,7 @@ class TableMoves:
         moving = np.repeat(np.tile([0, 1], len(tables.points)), np.diff(tables.start))
         self._action = moving * m + tables.points[tables.after, moving]
         self._start = tables.start.tolist()
+        self._places: dict[tuple[int, ...], Place] = {}
         self.observations: dict[str, NDArray[Any]] = {
             "stance": tables.points.astype(np.int64),
             "grasps": graph.grasp_map.positions[tables.points].reshape(-1, 6).astype(np.float32),
@@ -130,13 +140,25 @@ class TableMoves:
             return State((a, b), (landed[0], state.masks[1] & left))
         return State((a, b), (state.masks[0] & left, landed[1]))
 
+    def onward(self, state: State, steps: Successors) -> NDArray[np.bool_]:
+        """Whether the limb that holds could let go after each step, shape (k,)."""
+        a, b = np.array(state.stance, dtype=np.int64)[:, None].repeat(len(steps.limb), axis=1)
+        first = steps.limb == 0
+        after = self.stance_at[np.where(first, steps.point, a), np.where(first, b, steps.point)]
+        held, k = 1 - steps.limb, np.arange(len(after))
+        free: NDArray[np.bool_] = (self.tables.land[after, held] & steps.masks[k, held]) != 0
+        return free
+
     def place(self, stance: tuple[int, ...]) -> Place:
-        """What a stance looks like."""
-        s, graph = int(self.stance_at[stance]), self.graph
-        observation = {name: rows[s] for name, rows in self.observations.items()}
-        position = tuple(self.tables.position[s].tolist())
-        ids = graph.grasp_map.ids
-        return Place((ids[stance[0]], ids[stance[1]]), position, graph.w_m[s], float(graph.w_b[s]), observation)
+        """What a stance looks like, put together once."""
+        found = self._places.get(stance)
+        if found is None:
+            s, graph = int(self.stance_at[stance]), self.graph
+            observation = {name: rows[s] for name, rows in self.observations.items()}
+            position = tuple(self.tables.position[s].tolist())
+            found = Place(graph.ids(stance), position, graph.w_m[s], float(graph.w_b[s]), observation)
+            self._places[stance] = found
+        return found
 
 
 def branch_bits(masks: tuple[int, ...]) -> NDArray[np.int8]:

@@ -172,7 +172,7 @@ def draw_tasks(which, targets, cabin, tolerance, tables, streams, stances, masks
 
 
 @kernel
-def legal_places(stances, masks, tables, out, position):
+def legal_places(stances, masks, tables, out, position, onward):
     """Mark the possible actions of each state and write where the base is after each.
 
     Args:
@@ -181,6 +181,7 @@ def legal_places(stances, masks, tables, out, position):
         tables: `StepTables`.
         out: Zeros, shape (k, 2, m); ones are written.
         position: Shape (k, 2, m, 3); base positions [m] are written for the possible actions.
+        onward: Zeros, shape (k, 2, m); ones are written where the limb that holds could let go after the action.
     """
     for k in range(len(stances)):
         s = stances[k]
@@ -193,5 +194,7 @@ def legal_places(stances, masks, tables, out, position):
                     s2 = tables.after[e]
                     point = tables.points[s2, moving]
                     out[k, moving, point] = 1
+                    if tables.left[e] & mine & tables.land[s2, 1 - moving]:
+                        onward[k, moving, point] = 1
                     for axis in range(3):
                         position[k, moving, point, axis] = tables.position[s2, axis]

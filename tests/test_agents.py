@@ -112,7 +112,7 @@ def test_the_pointer_policy_does_not_depend_on_order_or_number_of_points(env, po
     turned = {"points": seen["points"][:, order], "limbs": seen["limbs"][:, :, order], "goal": seen["goal"]}
     more = {
         "points": np.concatenate([seen["points"], np.tile([[[9.0, 9, 9, 0, 0, 1, 0, 0]]], (1, 7, 1))], axis=1),
-        "limbs": np.concatenate([seen["limbs"], np.zeros((1, 2, 7, 6))], axis=2), "goal": seen["goal"],
+        "limbs": np.concatenate([seen["limbs"], np.zeros((1, 2, 7, 7))], axis=2), "goal": seen["goal"],
     }  # fmt: skip
     more = {name: rows.astype(np.float32) for name, rows in more.items()}
     with torch.no_grad():
@@ -345,7 +345,7 @@ def test_tasks_are_evaluated_with_their_points_occupied(env):
     result = evaluate(
         env, ExpertPolicy(), tasks, execute=lambda world, states: bool(seen.append(states) or len(seen) == 1)
     )
-    assert result.success.all() and result.carried_out.tolist() == [True, False]
+    assert result.success.all() and result.carried_out.tolist() == [1.0, 0.0]
     assert env.graph.occupied == frozenset() and result.steps.tolist() == [len(plan.steps), len(other.steps)]
     point = env.graph.grasp_map.index(taken)
     assert all(point not in state.stance for state in seen[1])
