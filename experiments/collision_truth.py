@@ -1,6 +1,6 @@
 """The planner's collision checks against MuJoCo's collision pipeline and coal.
 
-    python experiments/collision_truth.py [--stances 2000] [--steps 300] [--plans 200] [--out results]
+    python experiments/collision_truth.py [--stances 2000] [--steps 300] [--blocked 150] [--plans 200] [--out results]
 
 Stances, steps and plans that the planner calls free are put into the exported MuJoCo scene, motions as dense samples, and
 every pair of shapes that MuJoCo finds in contact is counted; coal measures the least distance of all compared pairs. What the
@@ -40,7 +40,7 @@ from mlivr_gym.swept_kernels import departure_free
 from mlivr_gym.swing import Hold, SwingFinder
 from mlivr_gym.tasks import sample_task
 
-SAMPLED_PAIRS = 3
+SAMPLED_PAIRS = 2
 """Pairs of postures between which the sampling planner looks for a swing of a blocked step."""
 
 TOUCH = 1e-6
@@ -210,7 +210,7 @@ def random_step(graph: PairGraph, free: PairGraph, rng: np.random.Generator) -> 
 
 
 def study_steps(
-    graph: PairGraph, free: PairGraph, judge: Judge, count: int, rng: np.random.Generator
+    graph: PairGraph, free: PairGraph, judge: Judge, count: int, hindered: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Random free steps, and random blocked ones, for which a way is looked for by other means."""
     looked = bad = done = 0
@@ -218,7 +218,7 @@ def study_steps(
     blocked: list[tuple[int, int, int]] = []
     drawn = possible = 0
     bar = tqdm(total=count, desc="free steps", mininterval=2.0)
-    while done < count or len(blocked) < count:
+    while done < count or len(blocked) < hindered:
         held, s0, s1 = random_step(graph, free, rng)
         drawn += 1
         if not int(edge_entry(held, s0, s1, graph.edges)) & 0xFFFF:
@@ -236,10 +236,12 @@ def study_steps(
         kinds[plan.steps[0].swing] += 1
         bar.update()
     bar.close()
-    causes = Counter(why_blocked(graph, *step) for step in tqdm(blocked[:count], desc="blocked steps", mininterval=2.0))
+    causes = Counter(
+        why_blocked(graph, *step) for step in tqdm(blocked[:hindered], desc="blocked steps", mininterval=2.0)
+    )
     return {
         "free": done, "configurations": looked, "penetrating": bad, "swings": dict(kinds), "share_blocked": 1 - possible / drawn,
-        "blocked": count, "blocked_because": dict(causes),
+        "blocked": hindered, "blocked_because": dict(causes),
     }  # fmt: skip
 
 
@@ -405,7 +407,8 @@ def main() -> None:
     """Run the studies and write the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--stances", type=int, default=2000, help="random free stances")
-    parser.add_argument("--steps", type=int, default=300, help="random free steps, and as many blocked ones")
+    parser.add_argument("--steps", type=int, default=300, help="random free steps")
+    parser.add_argument("--blocked", type=int, default=150, help="random blocked steps")
     parser.add_argument("--plans", type=int, default=200, help="random plans")
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
     args = parser.parse_args()
@@ -415,7 +418,7 @@ def main() -> None:
     data = {
         "clearance": graph.settings.clearance,
         "stances": study_stances(graph, free, judge, args.stances, rng),
-        "steps": study_steps(graph, free, judge, args.steps, rng),
+        "steps": study_steps(graph, free, judge, args.steps, args.blocked, rng),
         "plans": study_plans(graph, judge, args.plans, rng),
     }
     args.out.mkdir(parents=True, exist_ok=True)
