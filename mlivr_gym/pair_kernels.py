@@ -87,6 +87,10 @@ def edge_entry(held, s0, s1, edges):
     there = offset[held, point] + local[held, s1] * degree[held, point] + local[held, s0]
     if table[here] & KNOWN:
         return table[here]
+    back = s0 > s1
+    if back:
+        # Always from the same end, so that an entry does not depend on which was asked for first.
+        s0, s1, here, there = s1, s0, there, here
     for limb in range(2):
         settle(s0, limb, edges)
         settle(s1, limb, edges)
@@ -123,7 +127,7 @@ def edge_entry(held, s0, s1, edges):
                 together & 1 << (entry >> (FOLD_BITS + 2) & 3), edges, obstacles, not own,
             )  # fmt: skip
         table[here], table[there] = entry, turned(entry)
-    return table[here]
+    return table[there] if back else table[here]
 
 
 @kernel

@@ -48,12 +48,14 @@ class PlainGraph(PairGraph):
 
 
 def main() -> None:
-    """Plan from one stance to another."""
+    """Plan from one stance to another, and search backward as plans do that explore much."""
     full = jem_map()
     graph = PlainGraph(full.subset(np.isin(full.ids, POINTS)), robot_spec("mlivr2"), Settings())
     goal = graph.posture(graph.indices(("F3a:4", "F3b:2"))).position[0].tolist()
     for cost in ("base", "steps"):
-        Planner(graph).plan(("F3a:4", "F3b:4"), goal, cost, goal_tolerance=0.01)
+        planner = Planner(graph)
+        planner.plan(("F3a:4", "F3b:4"), goal, cost, goal_tolerance=0.01)
+        planner.cost_to_go(goal, cost, goal_tolerance=0.01)
 
 
 if __name__ == "__main__":

@@ -32,7 +32,8 @@ CACHE_VARIABLE = "MLIVR_GYM_CACHE"
 
 NOT_IN_KEY = {
     "_headless.py", "cli.py", "cli_agents.py", "dm_environment.py", "dynamics.py", "env.py", "failures.py", "feedforward.py",
-    "figures.py", "film.py", "moves.py", "path_kernels.py", "physical_walk.py", "recording.py", "regrasp.py", "reliability.py",
+    "figures.py", "film.py", "moves.py", "path_kernels.py", "physical_walk.py", "planner_kernels.py", "recording.py", "regrasp.py",
+    "reliability.py",
     "rendering.py", "sampling.py", "scene.py", "simulate_command.py", "simulation.py", "simulation_figure.py", "swing.py",
     "table1.py", "table_kernels.py", "tasks.py", "trajectory.py", "vector_env.py",
 }  # fmt: skip

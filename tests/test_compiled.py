@@ -5,17 +5,19 @@ import numpy as np
 import pytest
 
 from mlivr_gym import compiled, planner_kernels
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, planner
+from mlivr_gym.planners.cost_to_go import backward
 from mlivr_gym.planners.pair_search import distance_to_goal, search, steps_to_goal
 from mlivr_gym.swept_kernels import hold_free, swing_free
 
-KERNELS = (search, distance_to_goal, steps_to_goal, swing_free, hold_free)
+KERNELS = (search, backward, distance_to_goal, steps_to_goal, swing_free, hold_free)
 
 
-def test_the_second_process_compiles_what_a_plan_calls(checked_graph):
+def test_the_second_process_compiles_what_a_plan_calls(checked_graph, monkeypatch):
     """A plan after it needs no further version of the search kernels: the types are the same."""
     planner_kernels.main()
     before = [len(k.signatures) for k in KERNELS]
+    monkeypatch.setattr(planner, "PATIENCE", 1)
     for cost in ("base", "steps"):
         Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost).unwrap()
     assert [len(k.signatures) for k in KERNELS] == before
