@@ -87,9 +87,9 @@ def edge_entry(held, s0, s1, edges):
     there = offset[held, point] + local[held, s1] * degree[held, point] + local[held, s0]
     if table[here] & KNOWN:
         return table[here]
-    back = s0 > s1
+    back = collide and s0 > s1
     if back:
-        # Always from the same end, so that an entry does not depend on which was asked for first.
+        # Always from the same end, since which swing is found first may depend on it.
         s0, s1, here, there = s1, s0, there, here
     for limb in range(2):
         settle(s0, limb, edges)
