@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, GraspMap, Settings, State, stance_graph
-from mlivr_gym.collision_kernels import against_body, against_boxes, against_limb, frames_of_angles, place, to_world
+from mlivr_gym.collision_kernels import (
+    EVERY,
+    against_body,
+    against_boxes,
+    against_limb,
+    frames_of_angles,
+    place,
+    to_world,
+)
 from mlivr_gym.contacts import capsule_ends
 from mlivr_gym.limb_shapes import LimbShapes
 from mlivr_gym.pair_graph import PairGraph
@@ -40,21 +48,20 @@ def check_all(
     count = len(shapes[0])
     ends, moved, still = np.empty((2, count, 2, 3)), np.empty((count, 2, 3)), np.zeros((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.zeros((5, 4)), np.zeros((5, 7))
-    first = np.int64(0)
     for k in range(len(positions)):
         found = 0
         for i in range(2):
             frames_of_angles(joints[k, i], lengths, frames)
             place(frames, shapes, mounts[i], places[i], ends[i])
-            found = max(found, against_body(i, ends[i], still, shift, spin, 0.0, shapes, fixed, clearance))
+            found = max(found, against_body(i, ends[i], still, EVERY, shift, spin, 0.0, shapes, fixed, clearance)[0])
             to_world(ends[i], positions[k], rotations[k], moved)
             found = max(
                 found,
                 against_boxes(
-                    moved, still, first, count, shapes[2], world, count, positions[k], positions[k], clearance
-                ),
+                    moved, still, EVERY, count, shapes[2], world, count, positions[k], positions[k], clearance
+                )[0],
             )
-        out[k] = max(found, against_limb(ends[0], still, ends[1], still, shapes, clearance))
+        out[k] = max(found, against_limb(ends[0], still, EVERY, ends[1], still, shapes, clearance)[0])
 
 
 def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:

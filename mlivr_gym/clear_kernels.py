@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.base_path import flange_in_limb
-from mlivr_gym.collision_kernels import against_boxes, body_against_boxes, frames_of_branch, place, to_world
+from mlivr_gym.collision_kernels import EVERY, against_boxes, bit, body_against_boxes, frames_of_branch, place, to_world
 from mlivr_gym.compiled import kernel
 from mlivr_gym.distance_kernels import CLEAR
 
@@ -32,8 +32,8 @@ def hands_clear(points, normals, tool_length, lengths, bodies, answers):
                 for k in range(3):
                     ends[c, e, k] = points[m, k] + (tool_length - along) * normals[m, k]
         answers[m] = against_boxes(
-            ends, still, hand, len(link), shapes[2], world, gripper, points[m], normals[m], clearance
-        )
+            ends, still, -bit(hand), len(link), shapes[2], world, gripper, points[m], normals[m], clearance
+        )[0]
 
 
 @kernel
@@ -93,8 +93,9 @@ def clear_of_world(
                 if frames_of_branch(p, z, lengths, b, frames):
                     place(frames, shapes, mount_rotations[i], mount_positions[i], ends)
                     to_world(ends, position[k], rotation[k], world_ends)
-                    found = against_boxes(world_ends, still, hand & 0, hand, shapes[2], world, gripper, positions[point], normal, clearance
-                    )  # fmt: skip
+                    found, _ = against_boxes(
+                        world_ends, still, EVERY, hand, shapes[2], world, gripper, positions[point], normal, clearance
+                    )
                 if found != CLEAR:
                     if check:
                         mask[k, i] &= ~(0x0101 << b)

@@ -4,6 +4,9 @@ A limb is a set of capsules fixed to its links. What stands round it is the robo
 other limbs, and boxes. Every query compares the distance of two axes or of an axis and a box with two lengths: `inner`,
 radii plus clearance, and `outer`, inner plus what the shapes may move over an interval. Below `inner` the answer is the
 cause, from `outer` on `CLEAR`, between them `UNDECIDED`.
+
+What is clear over an interval need not be looked at again on its parts: queries take the items to look at as bits, see `bit`,
+and return those that stay undecided beside the answer.
 """
 
 from __future__ import annotations
@@ -11,11 +14,20 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.compiled import kernel
-from mlivr_gym.distance_kernels import CLEAR, SELF, box_answer, segments_answer
+from mlivr_gym.distance_kernels import CLEAR, SELF, UNDECIDED, box_answer, segments_answer
 from mlivr_gym.ur_kinematics import limb_axes
 
 FLUSH = 2e-3
 """A box counts as behind a grasp if it stands out beyond the surface no more than this [m]."""
+
+EVERY = np.int64(-1)
+"""Bits of all items."""
+
+
+@kernel
+def bit(k):
+    """The bit of item `k`; items from 62 on share one."""
+    return np.int64(1) << min(k, 62)
 
 
 @kernel
@@ -138,14 +150,14 @@ def to_world(ends, position, rotation, out):
 
 
 @kernel
-def against_boxes(ends, motion, first, stop, radius, world, gripper, point, normal, clearance):
-    """Capsules `first` to `stop` against the boxes of a world.
+def against_boxes(ends, motion, todo, stop, radius, world, gripper, point, normal, clearance):
+    """Capsules up to `stop` against the boxes of a world.
 
     Args:
         ends: Capsule ends in the world [m], shape (c, 2, 3).
         motion: How far the ends may move in the world [m], shape (c, 2).
-        first: First capsule.
-        stop: One past the last.
+        todo: Bits of the capsules to look at.
+        stop: One past the last capsule.
         radius: Radii [m], shape (c,).
         world: `BoxWorld.arrays`.
         gripper: Capsules from this one on are at a grasp, and boxes behind that do not count.
@@ -154,14 +166,17 @@ def against_boxes(ends, motion, first, stop, radius, world, gripper, point, norm
         clearance: Least distance [m].
 
     Returns:
-        An answer.
+        An answer, and the bits of the capsules that are undecided.
     """
     boxes, head, start, items, filled = world
     cell, ni, nj, nk = head[15], int(head[16]), int(head[17]), int(head[18])
-    answer = CLEAR
-    for c in range(first, stop):
+    left = np.int64(0)
+    for c in range(stop):
+        if not todo & bit(c):
+            continue
         inner = radius[c] + clearance
-        outer = inner + max(motion[c, 0], motion[c, 1])
+        at_a, at_b = motion[c, 0], motion[c, 1]
+        outer = inner + max(at_a, at_b)
         ax, ay, az = ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2]
         bx, by, bz = ends[c, 1, 0], ends[c, 1, 1], ends[c, 1, 2]
         x0, x1 = min(ax, bx) - outer, max(ax, bx) + outer
@@ -198,13 +213,18 @@ def against_boxes(ends, motion, first, stop, radius, world, gripper, point, norm
                             px, py, pz = _turned(boxes, b, px, py, pz)
                             dx, dy, dz = _turned(boxes, b, dx, dy, dz)
                         found = box_answer(
-                            (px, py, pz), (dx, dy, dz), (boxes[b, 9], boxes[b, 10], boxes[b, 11]), inner, motion[c, 0],
-                            motion[c, 1],
-                        )  # fmt: skip
+                            (px, py, pz), (dx, dy, dz), (boxes[b, 9], boxes[b, 10], boxes[b, 11]), inner, at_a, at_b
+                        )
                         if found == SELF:
-                            return int(boxes[b, 22])
-                        answer = max(answer, found)
-    return answer
+                            return int(boxes[b, 22]), left
+                        if found == UNDECIDED:
+                            # The other boxes matter only if they are touched here.
+                            left |= bit(c)
+                            at_a = at_b = 0.0
+                            x0, x1 = min(ax, bx) - inner, max(ax, bx) + inner
+                            y0, y1 = min(ay, by) - inner, max(ay, by) + inner
+                            z0, z1 = min(az, bz) - inner, max(az, bz) + inner
+    return UNDECIDED if left else CLEAR, left
 
 
 @kernel
@@ -231,13 +251,12 @@ def _behind(boxes, b, point, normal):
 def body_against_boxes(position, travel, radius, world, clearance):
     """The sphere round the body at `position` against the boxes, which may travel so far [m]; an answer."""
     middle, motion, ball = np.empty((1, 2, 3)), np.empty((1, 2)), np.empty(1)
-    first = np.int64(0)
     ball[0] = radius
     for e in range(2):
         motion[0, e] = travel
         for k in range(3):
             middle[0, e, k] = position[k]
-    return against_boxes(middle, motion, first, first + 1, ball, world, first + 1, position, position, clearance)
+    return against_boxes(middle, motion, EVERY, len(ball), ball, world, len(ball), position, position, clearance)[0]
 
 
 @kernel
@@ -254,13 +273,14 @@ def axis_of(ends, c):
 
 
 @kernel
-def against_body(limb, ends, motion, shift, spin, share, shapes, fixed, clearance):
+def against_body(limb, ends, motion, todo, shift, spin, share, shapes, fixed, clearance):
     """A limb against its own links, the body's box and the fixed capsules on it, in the body frame.
 
     Args:
         limb: Index of the limb.
         ends: Shape (c, 2, 3) [m].
         motion: How far each end may move in the body frame [m], shape (c, 2).
+        todo: Bits of the pairs of own links to look at and, after these, of the capsules to compare with the body.
         shift: How far anchors move, seen from each link, see `motion_bounds.joint_motion`.
         spin: How far links turn, seen from each link.
         share: Share of that motion that counts.
@@ -269,11 +289,13 @@ def against_body(limb, ends, motion, shift, spin, share, shapes, fixed, clearanc
         clearance: Least distance [m].
 
     Returns:
-        An answer.
+        An answer, and the bits of what is undecided.
     """
     link, radius, pairs = shapes[0], shapes[2], shapes[3]
-    answer = CLEAR
+    left = np.int64(0)
     for k in range(pairs.shape[0]):
+        if not todo & bit(k):
+            continue
         i, j = pairs[k, 0], pairs[k, 1]
         q, v = axis_of(ends, i)
         p, u = axis_of(ends, j)
@@ -282,48 +304,59 @@ def against_body(limb, ends, motion, shift, spin, share, shapes, fixed, clearanc
             share * seen_from(link[i], j, 0, shapes, shift, spin), share * seen_from(link[i], j, 1, shapes, shift, spin),
         )  # fmt: skip
         if found == SELF:
-            return SELF
-        answer = max(answer, found)
+            return SELF, left
+        if found == UNDECIDED:
+            left |= bit(k)
     mounts, mount_radius, half, least_link = fixed
     for c in range(len(link)):
-        if link[c] < 2:
+        here = bit(len(pairs) + c)
+        if link[c] < 2 or not todo & here:
             continue
         inner = radius[c] + clearance
         p, u = axis_of(ends, c)
         found = box_answer(p, u, (half[0], half[1], half[2]), inner, motion[c, 0], motion[c, 1])
         if found == SELF:
-            return SELF
-        answer = max(answer, found)
+            return SELF, left
+        if found == UNDECIDED:
+            left |= here
         for m in range(mounts.shape[0]):
             if link[c] < least_link[limb, m]:
                 continue
             q, v = axis_of(mounts, m)
             found = segments_answer(p, u, q, v, inner + mount_radius[m], 0.0, motion[c, 0], motion[c, 1])
             if found == SELF:
-                return SELF
-            answer = max(answer, found)
-    return answer
+                return SELF, left
+            if found == UNDECIDED:
+                left |= here
+    return UNDECIDED if left else CLEAR, left
 
 
 @kernel
-def against_limb(ends, motion, other, other_motion, shapes, clearance):
-    """Two limbs against each other: their capsule ends in one frame and how far these may move [m]; an answer."""
+def against_limb(ends, motion, todo, other, other_motion, shapes, clearance):
+    """Two limbs against each other: their capsule ends in one frame and how far these may move [m].
+
+    Returns:
+        An answer, and the bits of those of the first limb's capsules in `todo` that are undecided.
+    """
     radius = shapes[2]
-    answer = CLEAR
+    left = np.int64(0)
     for k in range(3):
         # Limbs that some plane across an axis keeps apart are not looked at in pairs.
         low = other_low = np.inf
         high = other_high = -np.inf
         for i in range(len(radius)):
             for e in range(2):
-                reach = radius[i] + motion[i, e]
-                low, high = min(low, ends[i, e, k] - reach), max(high, ends[i, e, k] + reach)
+                if todo & bit(i):
+                    reach = radius[i] + motion[i, e]
+                    low, high = min(low, ends[i, e, k] - reach), max(high, ends[i, e, k] + reach)
                 reach = radius[i] + other_motion[i, e]
                 other_low = min(other_low, other[i, e, k] - reach)
                 other_high = max(other_high, other[i, e, k] + reach)
         if low - other_high > clearance or other_low - high > clearance:
-            return CLEAR
+            return CLEAR, left
     for i in range(len(radius)):
+        if not todo & bit(i):
+            continue
         p, u = axis_of(ends, i)
         for j in range(len(radius)):
             inner = radius[i] + radius[j] + clearance
@@ -342,6 +375,7 @@ def against_limb(ends, motion, other, other_motion, shapes, clearance):
             q, v = axis_of(other, j)
             found = segments_answer(p, u, q, v, inner, more, motion[i, 0], motion[i, 1])
             if found == SELF:
-                return SELF
-            answer = max(answer, found)
-    return answer
+                return SELF, left
+            if found == UNDECIDED:
+                left |= bit(i)
+    return UNDECIDED if left else CLEAR, left

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from mlivr_gym.compiled import kernel
 
 CLEAR, UNDECIDED, SELF, CABIN, HANDRAIL, OBSTACLE = 0, 1, 2, 3, 4, 5
 """Answers of a query: the last four are causes of a collision."""
 
-PARTS = 4
-"""Parts of a capsule that are compared one by one where the whole is undecided."""
+ROUNDS = 8
+"""Places on a capsule's axis that are looked at, besides its ends, before it counts as undecided."""
 
 
 @kernel
@@ -97,6 +99,81 @@ def segment_box_apart(p, d, half):
 
 
 @kernel
+def box_from(t, p, d, half):
+    """Squared distance [m^2] of `p + t d` from a box of half edges `half` about the origin, and half its derivative by `t`."""
+    square = slope = 0.0
+    for k in range(3):
+        x = p[k] + t * d[k]
+        out = x - half[k] if x > half[k] else x + half[k] if x < -half[k] else 0.0
+        square += out * out
+        slope += out * d[k]
+    return square, slope
+
+
+@kernel
+def segment_from(t, p, d, q, v):
+    """Squared distance [m^2] of `p + t d` from the segment from `q` to `q + v`, and half its derivative by `t`."""
+    x, y, z = p[0] + t * d[0] - q[0], p[1] + t * d[1] - q[1], p[2] + t * d[2] - q[2]
+    vv = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    s = min(max((x * v[0] + y * v[1] + z * v[2]) / vv, 0.0), 1.0) if vv > 1e-14 else 0.0
+    x, y, z = x - s * v[0], y - s * v[1], z - s * v[2]
+    return x * x + y * y + z * z, x * d[0] + y * d[1] + z * d[2]
+
+
+@kernel
+def stays_away(box, shape, along, p, d, at_p, at_d):
+    """Whether every point of an axis is at least as far from a shape as a length that changes linearly along it.
+
+    The distance from a convex shape is convex along a line, and so is what it exceeds the length by: it lies above its
+    tangents, and where those from both sides meet above zero it is nowhere below.
+
+    Args:
+        box: Whether the shape is a box about the origin, or else a segment [m].
+        shape: Half edges of the box, or one end of the segment.
+        along: From there to the other end; of no account for a box.
+        p: One end of the axis [m].
+        d: From there to the other.
+        at_p: The length at `p` [m], above 0.
+        at_d: The length at the other end.
+
+    Returns:
+        True if it is shown; false also where `ROUNDS` places do not decide.
+    """
+    a, b, bend = 0.0, 1.0, at_d - at_p
+    square, slope = box_from(a, p, d, shape) if box else segment_from(a, p, d, shape, along)
+    if square <= at_p * at_p:
+        return False
+    root = np.sqrt(square)
+    low, down = root - at_p, slope / root - bend
+    if down >= 0.0:
+        return True
+    square, slope = box_from(b, p, d, shape) if box else segment_from(b, p, d, shape, along)
+    if square <= at_d * at_d:
+        return False
+    root = np.sqrt(square)
+    high, up = root - at_d, slope / root - bend
+    if up <= 0.0:
+        return True
+    for _ in range(ROUNDS):
+        t = (low - high + up * b - down * a) / (up - down)
+        if low + down * (t - a) >= 0.0:
+            return True
+        length = at_p + t * bend
+        square, slope = box_from(t, p, d, shape) if box else segment_from(t, p, d, shape, along)
+        if square <= length * length:
+            return False
+        root = np.sqrt(square)
+        grade = slope / root - bend
+        if grade < 0.0:
+            a, low, down = t, root - length, grade
+        elif grade > 0.0:
+            b, high, up = t, root - length, grade
+        else:
+            return True
+    return False
+
+
+@kernel
 def segments_answer(p, u, q, v, inner, more, at_p, at_u):
     """Two capsules: `CLEAR`, `UNDECIDED` or `SELF`.
 
@@ -116,35 +193,19 @@ def segments_answer(p, u, q, v, inner, more, at_p, at_u):
     outer = inner + more + max(at_p, at_u)
     if square >= outer * outer:
         return CLEAR
-    if at_p == at_u:
-        return UNDECIDED
     # An end that moves far need not be the one that is near.
-    part = 1.0 / PARTS
-    short = u[0] * part, u[1] * part, u[2] * part
-    for k in range(PARTS):
-        a, b = k * part, (k + 1) * part
-        outer = inner + more + max(at_p + a * (at_u - at_p), at_p + b * (at_u - at_p))
-        if segments_apart((p[0] + a * u[0], p[1] + a * u[1], p[2] + a * u[2]), short, q, v) < outer * outer:
-            return UNDECIDED
-    return CLEAR
+    if at_p != at_u and stays_away(False, q, v, p, u, inner + more + at_p, inner + more + at_u):
+        return CLEAR
+    return UNDECIDED
 
 
 @kernel
 def box_answer(p, d, half, inner, at_p, at_d):
     """A capsule and a box about the origin: `CLEAR`, `UNDECIDED` or `SELF`; arguments as in `segments_answer`."""
+    if stays_away(True, half, half, p, d, inner + at_p, inner + at_d):
+        return CLEAR
     square = segment_box_apart(p, d, half)
     if square < inner * inner:
         return SELF
     outer = inner + max(at_p, at_d)
-    if square >= outer * outer:
-        return CLEAR
-    if at_p == at_d:
-        return UNDECIDED
-    part = 1.0 / PARTS
-    short = d[0] * part, d[1] * part, d[2] * part
-    for k in range(PARTS):
-        a, b = k * part, (k + 1) * part
-        outer = inner + max(at_p + a * (at_d - at_p), at_p + b * (at_d - at_p))
-        if segment_box_apart((p[0] + a * d[0], p[1] + a * d[1], p[2] + a * d[2]), short, half) < outer * outer:
-            return UNDECIDED
-    return CLEAR
+    return CLEAR if square >= outer * outer else UNDECIDED

@@ -149,7 +149,7 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, insi
     points, position, rotation = edges[0], edges[5], edges[6]
     mount_rotations, mount_positions, lengths, grips, tools, pivots = edges[8:14]
     determinant_floor, limits, full_turn = edges[14:17]
-    collide, normals, folds = edges[17][0], edges[17][3], edges[17][7]
+    collide, folds = edges[17][0], edges[17][7]
     point, mover = points[s0, held], 1 - held
     entry, carry = np.int64(KNOWN), np.empty(6)
     for kind in range(2):
@@ -173,7 +173,7 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, insi
             if fold < 0:
                 continue
             rest = holding(
-                held, rest, grips[point], tools[point], pivots[point], normals[point], path, mover, carry, carry,
+                held, rest, grips[point], tools[point], path, mover, carry, carry,
                 mount_rotations, mount_positions, lengths, bodies, inside,
             )  # fmt: skip
             entry |= np.int64(fold) << (FOLD_BITS + 2 * kind)
@@ -225,7 +225,7 @@ def _direct(held, s0, s1, wanted, before, edges, bodies):
                 mover, start, q[1, pair & 7], path, limits, mount_rotations, mount_positions, lengths, bodies, before == 0, end
             ):  # fmt: skip
                 left = holding(
-                    held, rest, grips[point], tools[point], pivots[point], normals[point], path, mover, start, end,
+                    held, rest, grips[point], tools[point], path, mover, start, end,
                     mount_rotations, mount_positions, lengths, bodies, before == 0,
                 )  # fmt: skip
                 if left:

@@ -6,6 +6,7 @@ import numpy as np
 
 from mlivr_gym.base_path import STRAIGHT, certify, expand_classes, flange_in_limb, turn, within_limits
 from mlivr_gym.collision_kernels import (
+    EVERY,
     against_body,
     against_boxes,
     against_limb,
@@ -135,11 +136,11 @@ def limb_status(
         status[i, b] = CLEAR + 1
         if frames_of_branch(p, z, lengths, b, frames):
             place(frames, shapes, mount_rotation, mount_position, ends[i, b])
-            found = against_body(i, ends[i, b], still, shift, spin, 0.0, shapes, fixed, clearance)
+            found, _ = against_body(i, ends[i, b], still, EVERY, shift, spin, 0.0, shapes, fixed, clearance)
             if found == CLEAR:
                 to_world(ends[i, b], position, rotation, world_ends)
-                found = against_boxes(
-                    world_ends, still, hand & 0, hand, shapes[2], world, gripper, point, normal, clearance
+                found, _ = against_boxes(
+                    world_ends, still, EVERY, hand, shapes[2], world, gripper, point, normal, clearance
                 )
             status[i, b] = found
     return status[i, b]
@@ -149,7 +150,7 @@ def limb_status(
 def pair_status(i, b, j, c, ends, pairs, checker):
     """Whether limb `i` on branch `b` keeps clear of limb `j` on branch `c`, both in place: an answer, looked up or worked out."""
     if pairs[i, b, j, c] < 0:
-        found = against_limb(ends[i, b], checker[7], ends[j, c], checker[7], checker[0], checker[5])
+        found, _ = against_limb(ends[i, b], checker[7], EVERY, ends[j, c], checker[7], checker[0], checker[5])
         pairs[i, b, j, c] = pairs[j, c, i, b] = found
     return pairs[i, b, j, c]
 

@@ -209,15 +209,15 @@ def carried(
 
 @kernel
 def holding(
-    limb, mask, grip, tool, point, normal, path, mover, start, end, mount_rotations, mount_positions, lengths, bodies, inside,
+    limb, mask, grip, tool, path, mover, start, end, mount_rotations, mount_positions, lengths, bodies, inside
 ):  # fmt: skip
     """Those of the branches in `mask` on which a limb can hold along a base path while `mover` goes from `start` to `end`."""
-    shapes, gripper, _, fixed, world, clearance, _ = bodies
+    shapes, _, hand, fixed, world, clearance, _ = bodies
     for b in range(8):
         if mask & (0x0101 << b):
             found = hold_free(
                 limb, grip, tool, path, 0.0, 1.0, b, lengths, mount_rotations[limb], mount_positions[limb], start, end,
-                mount_rotations[mover], mount_positions[mover], shapes, gripper, fixed, world, point, normal, clearance, inside,
+                mount_rotations[mover], mount_positions[mover], shapes, hand, fixed, world, clearance, inside,
             )  # fmt: skip
             if found != CLEAR:
                 mask &= ~(0x0101 << b)

@@ -533,8 +533,7 @@ class StanceGraph(ABC):
             point = after[i]
             left[i] = int(
                 holding(
-                    i, mask, self.grips[point], solver.tools[point], solver.points[point], solver.normals[point], path, limb,
-                    *swing, *mounts, bodies, inside,
+                    i, mask, self.grips[point], solver.tools[point], path, limb, *swing, *mounts, bodies, inside
                 )
             )  # fmt: skip
         for i, j in combinations(left, 2) if inside else ():

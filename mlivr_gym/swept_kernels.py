@@ -4,7 +4,8 @@
 everything they can meet, see `collision_kernels`. If every distance exceeds radii and clearance by more than the shapes
 can move from the middle to either end, nothing comes nearer than the clearance anywhere on the interval, however thin
 it is: no step can skip a shape. If a distance is below radii and clearance the motion is blocked; otherwise the
-interval is halved, down to `2^-DEPTH` of the motion, where the answer errs on the safe side.
+interval is halved, down to `2^-DEPTH` of the motion, where the answer errs on the safe side. On the halves only what was not
+clear on the whole is looked at again.
 
 **How far shapes move.** Each capsule end hangs on an anchor, limb base, elbow E, forearm end F or wrist point w, and moves
 no farther than the anchor moves plus its distance from it times the turn of its link. Joints 2 to 4 are parallel and across
@@ -26,9 +27,11 @@ import numpy as np
 
 from mlivr_gym.base_path import flange_in_limb, position_on_path, relative_rotation
 from mlivr_gym.collision_kernels import (
+    EVERY,
     against_body,
     against_boxes,
     against_limb,
+    bit,
     body_against_boxes,
     frames_of_angles,
     place,
@@ -86,51 +89,95 @@ def departure_free(
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
     """
-    count, first = len(shapes[0]), np.int64(0)
+    count = len(shapes[0])
     ends, world_ends = np.empty((count, 2, 3)), np.empty((count, 2, 3))
     motion, still = np.empty((count, 2)), np.zeros((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
     here, q, plus, minus = np.empty(3), np.empty(6), np.empty(6), np.empty(6)
     stack_s, stack_half = np.empty(DEPTH + 2), np.empty(DEPTH + 2)
+    stack_q, todo = np.empty((DEPTH + 2, 2, 6)), np.empty((DEPTH + 2, 3), np.int64)
+    for side in range(2):
+        for k in range(3):
+            here[k] = p[k] + lift * side * away[k]
+        if not branch_angles(here, x, z, lengths, branch, stack_q[0, side]):
+            return UNDECIDED
     stack_s[0] = stack_half[0] = 0.5
+    todo[0] = EVERY
     top = 1
     shortest = 0.5**DEPTH
     while top > 0:
         top -= 1
         s, half = stack_s[top], stack_half[top]
-        for side in range(3):
-            at = lift * (s + (half if side == 1 else -half if side == 2 else 0.0))
-            for k in range(3):
-                here[k] = p[k] + at * away[k]
-            if not branch_angles(here, x, z, lengths, branch, q if side == 0 else plus if side == 1 else minus):
-                return UNDECIDED
-        for joint in range(6):
-            plus[joint], minus[joint] = wrap(plus[joint] - q[joint]), wrap(minus[joint] - q[joint])
+        boxes, body, limbs = todo[top]
+        for k in range(3):
+            here[k] = p[k] + lift * s * away[k]
+        if not branch_angles(here, x, z, lengths, branch, q):
+            return UNDECIDED
+        changes(stack_q[top], q, minus, plus)
         joint_motion(plus, minus, lengths, shift, spin)
         frames_of_angles(q, lengths, frames)
         place(frames, shapes, mount_rotation, mount_position, ends)
-        to_world(ends, position, rotation, world_ends)
         capsule_motion(shapes, shift, spin, 1.0, motion)
-        answer = against_boxes(world_ends, motion, first, count, shapes[2], world, gripper, point, normal, clearance)
-        if answer > UNDECIDED:
-            return answer
-        if inside:
-            found = against_body(limb, ends, motion, shift, spin, 1.0, shapes, fixed, clearance)
-            if found > UNDECIDED:
-                return found
-            answer = max(answer, found)
-            for k in range(others.shape[0]):
-                found = against_limb(ends, motion, others[k], still, shapes, clearance)
-                if found > UNDECIDED:
-                    return found
-                answer = max(answer, found)
-        if answer == UNDECIDED:
+        if boxes:
+            to_world(ends, position, rotation, world_ends)
+            answer, boxes = against_boxes(
+                world_ends, motion, boxes, count, shapes[2], world, gripper, point, normal, clearance
+            )
+            if answer > UNDECIDED:
+                return answer
+        if inside and body:
+            answer, body = against_body(limb, ends, motion, body, shift, spin, 1.0, shapes, fixed, clearance)
+            if answer > UNDECIDED:
+                return answer
+        if inside and limbs:
+            answer, limbs = against_branches(ends, motion, limbs, others, still, shapes, clearance)
+            if answer > UNDECIDED:
+                return answer
+        if boxes or inside and (body or limbs):
             if half < shortest:
                 return UNDECIDED
-            for side in range(2):
-                stack_s[top], stack_half[top] = s + (side - 0.5) * half, 0.5 * half
-                top += 1
+            top = halve(top, s, half, boxes, body, limbs, stack_s, stack_half, todo)
+            share(top, q, stack_q)
     return CLEAR
+
+
+@kernel
+def changes(ends, q, minus, plus):
+    """Changes of joint angles from `q` in the middle to both `ends`, shape (2, 6), into `minus` and `plus` [rad]."""
+    for joint in range(6):
+        minus[joint], plus[joint] = wrap(ends[0, joint] - q[joint]), wrap(ends[1, joint] - q[joint])
+
+
+@kernel
+def halve(top, s, half, boxes, body, limbs, stack_s, stack_half, todo):
+    """Put both halves of the interval about `s` on the stacks from `top` on, with what to look at; returns the new top."""
+    for side in range(2):
+        stack_s[top], stack_half[top] = s + (side - 0.5) * half, 0.5 * half
+        todo[top, 0], todo[top, 1], todo[top, 2] = boxes, body, limbs
+        top += 1
+    return top
+
+
+@kernel
+def share(top, q, stack_q):
+    """Joint angles at the ends of the two halves on top, whose whole lay where the first now lies; `q` in the middle."""
+    for joint in range(6):
+        stack_q[top - 1, 0, joint], stack_q[top - 1, 1, joint] = q[joint], stack_q[top - 2, 1, joint]
+        stack_q[top - 2, 1, joint] = q[joint]
+
+
+@kernel
+def against_branches(ends, motion, todo, others, still, shapes, clearance):
+    """A limb against another at rest on each of some branches: an answer, and the bits of the branches that are undecided."""
+    left = np.int64(0)
+    for k in range(others.shape[0]):
+        if todo & bit(k):
+            found, _ = against_limb(ends, motion, EVERY, others[k], still, shapes, clearance)
+            if found > UNDECIDED:
+                return found, left
+            if found == UNDECIDED:
+                left |= bit(k)
+    return UNDECIDED if left else CLEAR, left
 
 
 @kernel
@@ -162,7 +209,7 @@ def swing_free(
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
     """
-    count, first = len(shapes[0]), np.int64(0)
+    count = len(shapes[0])
     ends, world_ends = np.empty((count, 2, 3)), np.empty((count, 2, 3))
     motion, world_motion, still = np.empty((count, 2)), np.empty((count, 2)), np.zeros((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
@@ -177,51 +224,54 @@ def swing_free(
     joint_motion(plus, minus, lengths, shift, spin)
     travel = shift[0, 3] + speed + spin_rate
     pieces = min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), 1 << DEPTH)
-    stack_s, stack_half = np.empty(DEPTH + 2), np.empty(DEPTH + 2)
+    stack_s, stack_half, todo = np.empty(DEPTH + 2), np.empty(DEPTH + 2), np.empty((DEPTH + 2, 3), np.int64)
+    # The sphere round the body counts as one capsule more.
+    round_body = bit(count)
     piece = top = 0
     shortest = 0.5 ** (DEPTH + 1)
     while top > 0 or piece < pieces:
-        if top > 0:
-            top -= 1
-            s, half = stack_s[top], stack_half[top]
-        else:
-            half = 0.5 / pieces
-            s = (2 * piece + 1) * half
+        if top == 0:
+            stack_half[0] = 0.5 / pieces
+            stack_s[0] = (2 * piece + 1) * stack_half[0]
+            todo[0] = EVERY
             piece += 1
+            top = 1
+        top -= 1
+        s, half = stack_s[top], stack_half[top]
+        boxes, own, limbs = todo[top]
         for k in range(6):
             q[k] = q0[k] + s * plus[k]
         frames_of_angles(q, lengths, frames)
         place(frames, shapes, mount_rotation, mount_position, ends)
-        pose_on_path(path, axis, omega, u0 + s * (u1 - u0), position, rotation)
-        to_world(ends, position, rotation, world_ends)
         capsule_motion(shapes, shift, spin, half, motion)
-        moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
-        answer = against_boxes(
-            world_ends, world_motion, first, count, shapes[2], world, count, position, position, clearance
-        )
-        if answer > UNDECIDED:
-            return answer
-        if body > 0.0:
-            found = body_against_boxes(position, speed * half, body, world, clearance)
-            if found > UNDECIDED:
-                return found
-            answer = max(answer, found)
-        if inside:
-            found = against_body(limb, ends, motion, shift, spin, half, shapes, fixed, clearance)
-            if found > UNDECIDED:
-                return found
-            answer = max(answer, found)
-            for k in range(others.shape[0]):
-                found = against_limb(ends, motion, others[k], still, shapes, clearance)
-                if found > UNDECIDED:
-                    return found
-                answer = max(answer, found)
-        if answer == UNDECIDED:
+        if boxes:
+            pose_on_path(path, axis, omega, u0 + s * (u1 - u0), position, rotation)
+            to_world(ends, position, rotation, world_ends)
+            moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
+            answer, left = against_boxes(
+                world_ends, world_motion, boxes, count, shapes[2], world, count, position, position, clearance
+            )
+            if answer > UNDECIDED:
+                return answer
+            if body > 0.0 and boxes & round_body:
+                answer = body_against_boxes(position, speed * half, body, world, clearance)
+                if answer > UNDECIDED:
+                    return answer
+                if answer == UNDECIDED:
+                    left |= round_body
+            boxes = left
+        if inside and own:
+            answer, own = against_body(limb, ends, motion, own, shift, spin, half, shapes, fixed, clearance)
+            if answer > UNDECIDED:
+                return answer
+        if inside and limbs:
+            answer, limbs = against_branches(ends, motion, limbs, others, still, shapes, clearance)
+            if answer > UNDECIDED:
+                return answer
+        if boxes or inside and (own or limbs):
             if half < shortest:
                 return UNDECIDED
-            for side in range(2):
-                stack_s[top], stack_half[top] = s + (side - 0.5) * half, 0.5 * half
-                top += 1
+            top = halve(top, s, half, boxes, own, limbs, stack_s, stack_half, todo)
     return CLEAR
 
 
@@ -243,11 +293,12 @@ def holding_angles(grip, tool, path, axis, omega, s, mount_rotation, mount_posit
 @kernel
 def hold_free(
     limb, grip, tool, path, u0, u1, branch, lengths, mount_rotation, mount_position, q0, q1, mover_rotation, mover_position,
-    shapes, gripper, fixed, world, point, normal, clearance, inside,
+    shapes, hand, fixed, world, clearance, inside,
 ):  # fmt: skip
     """Whether a limb can hold on one branch while the base goes from `u0` to `u1` on a path.
 
-    It is checked against the boxes, the body, its own links, and the limb that moves from `q0` to `q1` meanwhile.
+    It is checked against the boxes, the body, its own links, and the limb that moves from `q0` to `q1` meanwhile. Its hand stands
+    still in the world and is not compared with the boxes again: `clear_kernels.hands_clear` has done so.
 
     Args:
         limb: Index of the limb.
@@ -265,24 +316,22 @@ def hold_free(
         mover_rotation: Mount of the limb that moves, shape (3, 3).
         mover_position: Shape (3,) [m].
         shapes: `LimbShapes.arrays`.
-        gripper: First capsule of the gripper.
+        hand: First capsule of the hand, see `LimbShapes`.
         fixed: `LimbShapes.fixed`.
         world: `BoxWorld.arrays`.
-        point: The grasp [m].
-        normal: Surface normal there.
         clearance: Least distance [m].
         inside: Whether the robot's own shapes are looked at, not the boxes alone.
 
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
     """
-    count, first = len(shapes[0]), np.int64(0)
+    count = len(shapes[0])
     ends, world_ends, others = np.empty((count, 2, 3)), np.empty((count, 2, 3)), np.empty((count, 2, 3))
     motion, world_motion, other_motion = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
     other_shift, other_spin = np.empty((5, 4)), np.empty((5, 7))
-    q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
-    position, rotation = np.empty(3), np.empty((3, 3))
+    q, other_q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(3)
+    position, rotation, following = np.empty(3), np.empty((3, 3)), np.empty(6)
     omega = relative_rotation(path[1], path[3], axis)
     speed = path_speed(path) * abs(u1 - u0)
     spin_rate = omega * abs(u1 - u0)
@@ -292,58 +341,68 @@ def hold_free(
     joint_motion(plus, minus, lengths, other_shift, other_spin)
     pieces = min(max(int(np.ceil((speed + spin_rate) / FIRST_INTERVAL)), 1), 1 << DEPTH)
     stack_s, stack_half = np.empty(DEPTH + 2), np.empty(DEPTH + 2)
+    stack_q, todo = np.empty((DEPTH + 2, 2, 6)), np.empty((DEPTH + 2, 3), np.int64)
+    if not holding_angles(
+        grip, tool, path, axis, omega, u0, mount_rotation, mount_position, lengths, branch, following
+    ):
+        return UNDECIDED
     piece = top = 0
     shortest = 0.5 ** (DEPTH + 1)
     while top > 0 or piece < pieces:
-        if top > 0:
-            top -= 1
-            s, half = stack_s[top], stack_half[top]
-        else:
-            half = 0.5 / pieces
-            s = (2 * piece + 1) * half
+        if top == 0:
+            stack_half[0] = 0.5 / pieces
+            stack_s[0] = (2 * piece + 1) * stack_half[0]
+            todo[0] = EVERY
             piece += 1
-        for side in range(3):
-            at = u0 + (s + (half if side == 1 else -half if side == 2 else 0.0)) * (u1 - u0)
-            into = q if side == 0 else plus if side == 1 else minus
+            top = 1
+            at = u0 + piece / pieces * (u1 - u0)
+            for k in range(6):
+                stack_q[0, 0, k] = following[k]
             if not holding_angles(
-                grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, into
+                grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, following
             ):  # fmt: skip
                 return UNDECIDED
-        for joint in range(6):
-            plus[joint], minus[joint] = wrap(plus[joint] - q[joint]), wrap(minus[joint] - q[joint])
+            for k in range(6):
+                stack_q[0, 1, k] = following[k]
+        top -= 1
+        s, half = stack_s[top], stack_half[top]
+        boxes, body, limbs = todo[top]
+        at = u0 + s * (u1 - u0)
+        if not holding_angles(grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, q):
+            return UNDECIDED
+        changes(stack_q[top], q, minus, plus)
         joint_motion(plus, minus, lengths, shift, spin)
         frames_of_angles(q, lengths, frames)
         place(frames, shapes, mount_rotation, mount_position, ends)
-        pose_on_path(path, axis, omega, u0 + s * (u1 - u0), position, rotation)
-        to_world(ends, position, rotation, world_ends)
         capsule_motion(shapes, shift, spin, 1.0, motion)
-        moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
-        seen_from_grasp(plus, minus, lengths, shapes, world_motion)
-        answer = against_boxes(
-            world_ends, world_motion, first, count, shapes[2], world, gripper, point, normal, clearance
-        )
-        if answer > UNDECIDED:
-            return answer
-        if inside:
-            found = against_body(limb, ends, motion, shift, spin, 1.0, shapes, fixed, clearance)
-            if found > UNDECIDED:
-                return found
-            answer = max(answer, found)
+        if boxes:
+            pose_on_path(path, axis, omega, at, position, rotation)
+            to_world(ends, position, rotation, world_ends)
+            moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
+            seen_from_grasp(plus, minus, lengths, shapes, world_motion)
+            answer, boxes = against_boxes(
+                world_ends, world_motion, boxes, hand, shapes[2], world, hand, position, position, clearance
+            )
+            if answer > UNDECIDED:
+                return answer
+        if inside and body:
+            answer, body = against_body(limb, ends, motion, body, shift, spin, 1.0, shapes, fixed, clearance)
+            if answer > UNDECIDED:
+                return answer
+        if inside and limbs:
             for k in range(6):
-                q[k] = q0[k] + s * (q1[k] - q0[k])
-            frames_of_angles(q, lengths, frames)
+                other_q[k] = q0[k] + s * (q1[k] - q0[k])
+            frames_of_angles(other_q, lengths, frames)
             place(frames, shapes, mover_rotation, mover_position, others)
             capsule_motion(shapes, other_shift, other_spin, half, other_motion)
-            found = against_limb(ends, motion, others, other_motion, shapes, clearance)
-            if found > UNDECIDED:
-                return found
-            answer = max(answer, found)
-        if answer == UNDECIDED:
+            answer, limbs = against_limb(ends, motion, limbs, others, other_motion, shapes, clearance)
+            if answer > UNDECIDED:
+                return answer
+        if boxes or inside and (body or limbs):
             if half < shortest:
                 return UNDECIDED
-            for side in range(2):
-                stack_s[top], stack_half[top] = s + (side - 0.5) * half, 0.5 * half
-                top += 1
+            top = halve(top, s, half, boxes, body, limbs, stack_s, stack_half, todo)
+            share(top, q, stack_q)
     return CLEAR
 
 
@@ -360,17 +419,18 @@ def holds_apart(
     q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
     omega = relative_rotation(path[1], path[3], axis)
     pieces = min(max(int(np.ceil((path_speed(path) + omega) / FIRST_INTERVAL)), 1), 1 << DEPTH)
-    stack_s, stack_half = np.empty(DEPTH + 2), np.empty(DEPTH + 2)
+    stack_s, stack_half, todo = np.empty(DEPTH + 2), np.empty(DEPTH + 2), np.empty((DEPTH + 2, 3), np.int64)
     piece = top = 0
     shortest = 0.5 ** (DEPTH + 1)
     while top > 0 or piece < pieces:
-        if top > 0:
-            top -= 1
-            s, half = stack_s[top], stack_half[top]
-        else:
-            half = 0.5 / pieces
-            s = (2 * piece + 1) * half
+        if top == 0:
+            stack_half[0] = 0.5 / pieces
+            stack_s[0] = (2 * piece + 1) * stack_half[0]
+            todo[0] = EVERY
             piece += 1
+            top = 1
+        top -= 1
+        s, half, limbs = stack_s[top], stack_half[top], todo[top, 0]
         for limb in range(2):
             grip, tool, branch = (grip_a, tool_a, branch_a) if limb == 0 else (grip_b, tool_b, branch_b)
             mount_rotation, mount_position = (rotation_a, position_a) if limb == 0 else (rotation_b, position_b)
@@ -387,13 +447,11 @@ def holds_apart(
             frames_of_angles(q, lengths, frames)
             place(frames, shapes, mount_rotation, mount_position, ends if limb == 0 else others)
             capsule_motion(shapes, shift, spin, 1.0, motion if limb == 0 else other_motion)
-        answer = against_limb(ends, motion, others, other_motion, shapes, clearance)
+        answer, limbs = against_limb(ends, motion, limbs, others, other_motion, shapes, clearance)
         if answer > UNDECIDED:
             return answer
-        if answer == UNDECIDED:
+        if limbs:
             if half < shortest:
                 return UNDECIDED
-            for side in range(2):
-                stack_s[top], stack_half[top] = s + (side - 0.5) * half, 0.5 * half
-                top += 1
+            top = halve(top, s, half, limbs, limbs, limbs, stack_s, stack_half, todo)
     return CLEAR

@@ -160,7 +160,7 @@ class SwingFinder:
         """Whether the robot touches nothing along a chain of knots."""
         solver, limb = self.graph.solver, self.limb
         for bodies, inside in self.graph.checks:
-            shapes, gripper, _, fixed, world, clearance, body = bodies
+            shapes, _, hand, fixed, world, clearance, body = bodies
             none = np.empty((0, len(shapes[0]), 2, 3))
             for a, b in zip(knots, knots[1:], strict=False):
                 ends = (self.path, a[0], b[0])
@@ -174,8 +174,7 @@ class SwingFinder:
                     found = hold_free(
                         hold.limb, self.graph.grips[hold.point], solver.tools[hold.point], *ends, hold.branch, solver.lengths,
                         solver.mount_rotations[hold.limb], solver.mount_positions[hold.limb], a[1:], b[1:],
-                        solver.mount_rotations[limb], solver.mount_positions[limb], shapes, gripper, fixed, world,
-                        solver.points[hold.point], solver.normals[hold.point], clearance, inside,
+                        solver.mount_rotations[limb], solver.mount_positions[limb], shapes, hand, fixed, world, clearance, inside,
                     )  # fmt: skip
                     if found != CLEAR:
                         return False
