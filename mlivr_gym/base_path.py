@@ -28,6 +28,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.compiled import kernel
+from mlivr_gym.stack_arrays import floats
 from mlivr_gym.ur_kinematics import branch_terms, inverse_kinematics
 
 STRAIGHT, ARC = 0, 1
@@ -181,7 +182,7 @@ def certify(
         Bit mask of the choices that are certified.
     """
     d1, a2, a3, d4, d5, d6 = lengths
-    axis = np.empty(3)
+    axis = floats(3)
     omega = relative_rotation(r0, r1, axis)
     arm0 = arm1 = arm_pivot = rho0 = rho1 = shift = 0.0
     for k in range(3):
@@ -204,13 +205,13 @@ def certify(
     sigma = speed + omega * arm
     floor = (determinant_floor / (a2 * a3)) ** 2
     k2 = a2 * a2 + a3 * a3
-    terms = np.empty((4, 4))
-    position, p, z = np.empty(3), np.empty(3), np.empty(3)
+    terms = floats(4, 4)
+    position, p, z = floats(3), floats(3), floats(3)
     # The first intervals are about as long as the bounds can usually settle.
     pieces = min(max(int(np.ceil(sigma / FIRST_INTERVAL)), 1), 1 << DEPTH)
     shortest = 0.5 ** (DEPTH + 1)
-    stack_s = np.empty(DEPTH + 2)
-    stack_half = np.empty(DEPTH + 2)
+    stack_s = floats(DEPTH + 2)
+    stack_half = floats(DEPTH + 2)
     piece = top = 0
     alive = classes
     while alive and (top > 0 or piece < pieces):
@@ -302,10 +303,10 @@ def follow(
     Returns:
         Whether the branch exists all along.
     """
-    axis = np.empty(3)
+    axis = floats(3)
     omega = relative_rotation(r0, r1, axis)
-    position, p, column, z = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    rotation, solutions = np.empty((3, 3)), np.empty((8, 6))
+    position, p, column, z = floats(3), floats(3), floats(3), floats(3)
+    rotation, solutions = floats(3, 3), floats(8, 6)
     for sample in range(samples + 1):
         s = sample / samples if samples else 0.0
         position_on_path(t0, t1, kind, pivot, s, position)
@@ -336,7 +337,7 @@ def within_limits(grip, tool, t0, r0, t1, r1, kind, pivot, mount_rotation, mount
     A joint may start on any winding. Bit `branch + 8 * flip`; the flip is a half turn of joint 6. Other
     arguments as in `follow`; `limits` has shape (6, 2) [rad].
     """
-    first, q, low, high = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
+    first, q, low, high = floats(6), floats(6), floats(6), floats(6)
     for branch in range(8):
         both = 0x0101 << branch
         if not mask & both:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from mlivr_gym.base_path import flange_in_limb
 from mlivr_gym.collision_kernels import EVERY, against_boxes, bit, body_against_boxes, frames_of_branch, place, to_world
 from mlivr_gym.compiled import kernel
 from mlivr_gym.distance_kernels import CLEAR
+from mlivr_gym.stack_arrays import floats, zeros
 
 
 @kernel
@@ -24,7 +23,7 @@ def hands_clear(points, normals, tool_length, lengths, bodies, answers):
     """
     shapes, gripper, hand, _, world, clearance, _ = bodies
     link, local = shapes[0], shapes[1]
-    ends, still = np.empty((len(link), 2, 3)), np.zeros((len(link), 2))
+    ends, still = floats(len(link), 2, 3), zeros(len(link), 2)
     for m in range(len(points)):
         for c in range(hand, len(link)):
             for e in range(2):
@@ -64,9 +63,9 @@ def clear_of_world(
     """
     shapes, gripper, hand, _, world, clearance, body = bodies
     capsules = len(shapes[0])
-    ends, world_ends, still = np.empty((capsules, 2, 3)), np.empty((capsules, 2, 3)), np.zeros((capsules, 2))
-    frames, p, z = np.empty((7, 4, 3)), np.empty(3), np.empty(3)
-    grip, approach, normal = np.empty(3), np.empty(3), np.empty(3)
+    ends, world_ends, still = floats(capsules, 2, 3), floats(capsules, 2, 3), zeros(capsules, 2)
+    frames, p, z = floats(7, 4, 3), floats(3), floats(3)
+    grip, approach, normal = floats(3), floats(3), floats(3)
     for n in range(start, stop):
         k = chosen[n]
         found = body_against_boxes(position[k], 0.0, body, world, clearance)

@@ -15,6 +15,7 @@ import numpy as np
 
 from mlivr_gym.compiled import kernel
 from mlivr_gym.distance_kernels import CLEAR, SELF, UNDECIDED, box_answer, segments_answer
+from mlivr_gym.stack_arrays import floats
 from mlivr_gym.ur_kinematics import limb_axes
 
 FLUSH = 2e-3
@@ -45,7 +46,7 @@ def frames_of_branch(p, z, lengths, branch, frames):
     Returns:
         Whether the pose is within reach.
     """
-    axes, origins = np.empty((6, 3)), np.empty((6, 3))
+    axes, origins = floats(6, 3), floats(6, 3)
     if not limb_axes(p, z, lengths, branch, axes, origins):
         return False
     a2, a3, d4 = lengths[1], lengths[2], lengths[3]
@@ -250,7 +251,7 @@ def _behind(boxes, b, point, normal):
 @kernel
 def body_against_boxes(position, travel, radius, world, clearance):
     """The sphere round the body at `position` against the boxes, which may travel so far [m]; an answer."""
-    middle, motion, ball = np.empty((1, 2, 3)), np.empty((1, 2)), np.empty(1)
+    middle, motion, ball = floats(1, 2, 3), floats(1, 2), floats(1)
     ball[0] = radius
     for e in range(2):
         motion[0, e] = travel
@@ -270,6 +271,18 @@ def axis_of(ends, c):
     """One end of a capsule's axis and the way to the other."""
     x, y, z = ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2]
     return (x, y, z), (ends[c, 1, 0] - x, ends[c, 1, 1] - y, ends[c, 1, 2] - z)
+
+
+@kernel
+def boxes_apart(ends, i, other, j, outer):
+    """Whether some plane across an axis keeps two capsules' axes farther apart than `outer` [m]."""
+    for k in range(3):
+        if (
+            min(ends[i, 0, k], ends[i, 1, k]) - max(other[j, 0, k], other[j, 1, k]) > outer
+            or min(other[j, 0, k], other[j, 1, k]) - max(ends[i, 0, k], ends[i, 1, k]) > outer
+        ):
+            return True
+    return False
 
 
 @kernel
@@ -297,12 +310,14 @@ def against_body(limb, ends, motion, todo, shift, spin, share, shapes, fixed, cl
         if not todo & bit(k):
             continue
         i, j = pairs[k, 0], pairs[k, 1]
+        inner = radius[i] + radius[j] + clearance
+        at_p = share * seen_from(link[i], j, 0, shapes, shift, spin)
+        at_u = share * seen_from(link[i], j, 1, shapes, shift, spin)
+        if boxes_apart(ends, i, ends, j, inner + max(at_p, at_u)):
+            continue
         q, v = axis_of(ends, i)
         p, u = axis_of(ends, j)
-        found = segments_answer(
-            p, u, q, v, radius[i] + radius[j] + clearance, 0.0,
-            share * seen_from(link[i], j, 0, shapes, shift, spin), share * seen_from(link[i], j, 1, shapes, shift, spin),
-        )  # fmt: skip
+        found = segments_answer(p, u, q, v, inner, 0.0, at_p, at_u)
         if found == SELF:
             return SELF, left
         if found == UNDECIDED:
@@ -313,6 +328,7 @@ def against_body(limb, ends, motion, todo, shift, spin, share, shapes, fixed, cl
         if link[c] < 2 or not todo & here:
             continue
         inner = radius[c] + clearance
+        outer = inner + max(motion[c, 0], motion[c, 1])
         p, u = axis_of(ends, c)
         found = box_answer(p, u, (half[0], half[1], half[2]), inner, motion[c, 0], motion[c, 1])
         if found == SELF:
@@ -320,7 +336,7 @@ def against_body(limb, ends, motion, todo, shift, spin, share, shapes, fixed, cl
         if found == UNDECIDED:
             left |= here
         for m in range(mounts.shape[0]):
-            if link[c] < least_link[limb, m]:
+            if link[c] < least_link[limb, m] or boxes_apart(ends, c, mounts, m, outer + mount_radius[m]):
                 continue
             q, v = axis_of(mounts, m)
             found = segments_answer(p, u, q, v, inner + mount_radius[m], 0.0, motion[c, 0], motion[c, 1])
@@ -362,15 +378,7 @@ def against_limb(ends, motion, todo, other, other_motion, shapes, clearance):
             inner = radius[i] + radius[j] + clearance
             more = max(other_motion[j, 0], other_motion[j, 1])
             outer = inner + more + max(motion[i, 0], motion[i, 1])
-            apart = False
-            for k in range(3):
-                if (
-                    min(ends[i, 0, k], ends[i, 1, k]) - max(other[j, 0, k], other[j, 1, k]) > outer
-                    or min(other[j, 0, k], other[j, 1, k]) - max(ends[i, 0, k], ends[i, 1, k]) > outer
-                ):
-                    apart = True
-                    break
-            if apart:
+            if boxes_apart(ends, i, other, j, outer):
                 continue
             q, v = axis_of(other, j)
             found = segments_answer(p, u, q, v, inner, more, motion[i, 0], motion[i, 1])

@@ -17,14 +17,25 @@ from typing import Any
 
 from numba import njit
 
+OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+"""What all kernels are compiled with."""
+
 WAIT = 120.0
 """How long the second process may go on after the block [s]; without it the kernels are compiled here."""
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function with Numba on its first call, cached on disk, free of the interpreter's lock."""
-    options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-    return njit(**options)(function)
+    """Compile a function with Numba on its first call, cached on disk, free of the interpreter's lock.
+
+    Without reference counts: they are atomic, took a third of the time, and let threads wait for each other. So it makes no
+    arrays but on the stack, see `stack_arrays`.
+    """
+    return njit(**OPTIONS, _nrt=False)(function)
+
+
+def allocating_kernel(function: Callable[..., Any]) -> Any:
+    """A `kernel` that may make arrays of any size."""
+    return njit(**OPTIONS)(function)
 
 
 def in_parallel(count: int, kernel: Callable[..., None], *args: object, first: int = 0, least: int = 2000) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from mlivr_gym.compiled import kernel
 from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.grasp_kernels import flange_at, lifted_branches, line_end
+from mlivr_gym.stack_arrays import floats
 from mlivr_gym.swept_kernels import swing_free
 
 TRIES = 8
@@ -24,7 +25,7 @@ def lifted_at(
     limb, mask, point, normal, rail, tool_length, lift, position, rotation, mount_rotations, mount_positions, lengths, limits, q
 ):  # fmt: skip
     """Joint angles of a limb that has departed from a point at a stance, see `grasp_kernels.lifted_branches`."""
-    p, x, z, away = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    p, x, z, away = floats(3), floats(3), floats(3), floats(3)
     flange_at(
         point, normal, rail, tool_length, position, rotation, mount_rotations[limb], mount_positions[limb], p, x, z, away
     )  # fmt: skip
@@ -37,7 +38,7 @@ def pairs_by_travel(mask0, q0, mask1, q1, limits, order):
 
     Written into `order`, shape (64,); returns their number.
     """
-    travel, end, count = np.empty(64), np.empty(6), 0
+    travel, end, count = floats(64), floats(6), 0
     for b0 in range(8):
         for b1 in range(8):
             if mask0 & (0x0101 << b0) and mask1 & (0x0101 << b1):
@@ -60,7 +61,7 @@ def line_free(
     if line_end(start, goal, limits, end) == np.inf:
         return False
     shapes, _, _, fixed, world, clearance, body = bodies
-    none = np.empty((0, len(shapes[0]), 2, 3))
+    none = floats(0, len(shapes[0]), 2, 3)
     found = swing_free(
         limb, path, 0.0, 1.0, start, end, lengths, mount_rotations[limb], mount_positions[limb], none, shapes, fixed, world,
         clearance, inside, body,

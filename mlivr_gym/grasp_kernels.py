@@ -7,6 +7,7 @@ import numpy as np
 from mlivr_gym.base_path import flange_in_limb
 from mlivr_gym.collision_kernels import frames_of_branch, place
 from mlivr_gym.compiled import kernel
+from mlivr_gym.stack_arrays import floats, zeros
 from mlivr_gym.ur_kinematics import branch_angles, wrap
 
 
@@ -52,7 +53,7 @@ def line_end(q0, q1, limits, out):
 @kernel
 def flange_at(point, normal, rail, tool_length, position, rotation, mount_rotation, mount_position, p, x, z, away):
     """Flange pose that grasps a point, in the limb base frame: position [m], axes x and z, and the surface normal."""
-    grip, axis = np.empty(3), np.empty(3)
+    grip, axis = floats(3), floats(3)
     for k in range(3):
         grip[k] = point[k] + tool_length * normal[k]
         axis[k] = rail[k]
@@ -72,9 +73,9 @@ def raised(
 
     Twins have equal `w_m` and the same hand; to keep one of each halves the work and costs few steps.
     """
-    p, x, z, away = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    frames, ends = np.empty((7, 4, 3)), np.empty((len(shapes[0]), 2, 3))
-    height = np.zeros(8)
+    p, x, z, away = floats(3), floats(3), floats(3), floats(3)
+    frames, ends = floats(7, 4, 3), floats(len(shapes[0]), 2, 3)
+    height = zeros(8)
     flange_at(
         point, normal, normal, tool_length, position, rotation, mount_rotations[limb], mount_positions[limb], p, x, z, away
     )  # fmt: skip
@@ -95,8 +96,8 @@ def place_branches(
     limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions, lengths, shapes, first, ends
 ):  # fmt: skip
     """Put a limb in place at a grasp on each branch of a mask, from row `first` of `ends`; returns the next free row."""
-    p, x, z, away = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    frames = np.empty((7, 4, 3))
+    p, x, z, away = floats(3), floats(3), floats(3), floats(3)
+    frames = floats(7, 4, 3)
     flange_at(
         point, normal, normal, tool_length, position, rotation, mount_rotations[limb], mount_positions[limb], p, x, z, away
     )  # fmt: skip
@@ -126,7 +127,7 @@ def lifted_branches(limb, mask, p, x, z, away, lift, lengths, limits, q):
     Returns:
         The branches and flips of the mask that exist there.
     """
-    up, found = np.empty(3), np.int64(0)
+    up, found = floats(3), np.int64(0)
     for k in range(3):
         up[k] = p[k] + lift * away[k]
     for b in range(8):

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.compiled import kernel
+from mlivr_gym.stack_arrays import floats
 from mlivr_gym.ur_kinematics import limb_axes
 
 Array = NDArray[np.float64]
@@ -79,11 +80,11 @@ def limb_information(p, z, lengths, branch, mount_rotation, mount_position, l_c,
     Returns:
         Whether the limb is away from its singularities.
     """
-    axes = np.empty((6, 3))
-    origins = np.empty((6, 3))
+    axes = floats(6, 3)
+    origins = floats(6, 3)
     if not limb_axes(p, z, lengths, branch, axes, origins):
         return False
-    a = np.empty((6, 12))
+    a = floats(6, 12)
     for k in range(6):
         for row in range(3):
             axis = 0.0

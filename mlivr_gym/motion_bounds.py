@@ -20,6 +20,7 @@ def joint_motion(plus, minus, lengths, shift, spin):
         shift: Shape (5, 4), filled with how far the anchors move, seen from link `row` [m].
         spin: Shape (5, 7), filled with how far the links beyond it turn [rad].
     """
+    arm = np.sqrt(lengths[3] ** 2 + lengths[4] ** 2)
     for row in range(5):
         first = _largest(plus[0], minus[0]) if row == 0 else 0.0
         forth = back = 0.0
@@ -29,12 +30,12 @@ def joint_motion(plus, minus, lengths, shift, spin):
         for link in range(max(row + 1, 2), 5):
             forth += plus[link - 1]
             back += minus[link - 1]
-            spin[row, link] = np.hypot(first, _largest(forth, back))
+            spin[row, link] = np.sqrt(first**2 + _largest(forth, back) ** 2)
         spin[row, 5] = spin[row, 6] = spin[row, 4] + _largest(plus[4], minus[4])
         shift[row, 0] = 0.0
         shift[row, 1] = abs(lengths[1]) * spin[row, 2]
         shift[row, 2] = shift[row, 1] + abs(lengths[2]) * spin[row, 3]
-        shift[row, 3] = shift[row, 2] + np.hypot(lengths[3], lengths[4]) * spin[row, 4]
+        shift[row, 3] = shift[row, 2] + arm * spin[row, 4]
 
 
 @kernel

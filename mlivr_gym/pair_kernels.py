@@ -11,6 +11,7 @@ from mlivr_gym.compiled import kernel
 from mlivr_gym.direct_kernels import TRIES, lifted_at, line_free, pairs_by_travel
 from mlivr_gym.grasp_kernels import place_branches
 from mlivr_gym.release_kernels import TOGETHER, carried, holding, release
+from mlivr_gym.stack_arrays import floats, integers
 from mlivr_gym.transitions import hold_mask
 
 KNOWN = 1 << 16
@@ -31,7 +32,7 @@ def settle(s, limb, edges):
     if ready[s, limb]:
         return
     point, other, grasp = points[s, limb], 1 - limb, points[s, 1 - limb]
-    placed = np.empty((8, len(bodies[0][0]), 2, 3))
+    placed = floats(8, len(bodies[0][0]), 2, 3)
     own = len(mask) > 0  # a variable: with literals the kernels would be compiled once for each value
     for layer in range(2):
         if layer == 0:
@@ -151,7 +152,7 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, insi
     determinant_floor, limits, full_turn = edges[14:17]
     collide, folds = edges[17][0], edges[17][7]
     point, mover = points[s0, held], 1 - held
-    entry, carry = np.int64(KNOWN), np.empty(6)
+    entry, carry = np.int64(KNOWN), floats(6)
     for kind in range(2):
         rest = wanted if kind == 0 else arc
         if collide and not (line_folds if kind == 0 else arc_folds):
@@ -192,8 +193,8 @@ def _direct(held, s0, s1, wanted, before, edges, bodies):
     determinant_floor, limits, full_turn = edges[14:17]
     _, _, _, normals, rails, tool_length, lift, _, _ = edges[17]
     point, mover = points[s0, held], 1 - held
-    q, end, order = np.empty((2, 8, 6)), np.empty(6), np.empty(64, np.int64)
-    masks = np.empty(2, np.int64)
+    q, end, order = floats(2, 8, 6), floats(6), integers(64)
+    masks = integers(2)
     for side in range(2):
         s = s1 if side else s0
         grasp = points[s, mover]

@@ -6,6 +6,7 @@ import numpy as np
 
 from mlivr_gym.base_path import position_on_path, relative_rotation, turn
 from mlivr_gym.compiled import kernel
+from mlivr_gym.stack_arrays import floats
 from mlivr_gym.ur_kinematics import inverse_kinematics
 
 
@@ -24,7 +25,7 @@ def poses_along(t0, r0, t1, r1, kind, pivot, s, positions, rotations):
         positions: Filled, shape (k, 3) [m].
         rotations: Filled, shape (k, 3, 3).
     """
-    axis, unit = np.empty(3), np.empty(3)
+    axis, unit = floats(3), floats(3)
     angle = relative_rotation(r0, r1, axis)
     for i in range(len(s)):
         position_on_path(t0, t1, kind, pivot, s[i], positions[i])
@@ -58,9 +59,10 @@ def joints_along(
     Returns:
         Number of poses from the first on at which the branch exists.
     """
-    solutions, p, r = np.empty((8, 6)), np.empty(3), np.empty((3, 3))
-    limb_rotation, offset, q = np.empty((3, 3)), np.empty(3), near.copy()
+    solutions, p, r = floats(8, 6), floats(3), floats(3, 3)
+    limb_rotation, offset, q = floats(3, 3), floats(3), floats(6)
     half_turn = 0.0
+    q[:] = near
     for i in range(len(out)):
         flange, tool = (
             flange_positions[min(i, len(flange_positions) - 1)],

@@ -15,9 +15,10 @@ from mlivr_gym.collision_kernels import (
     place,
     to_world,
 )
-from mlivr_gym.compiled import kernel
+from mlivr_gym.compiled import allocating_kernel, kernel
 from mlivr_gym.distance_kernels import CLEAR, SELF
 from mlivr_gym.manipulability import inverse_root_determinant, limb_information
+from mlivr_gym.stack_arrays import floats, zeros
 from mlivr_gym.ur_kinematics import SINGULAR, branch_terms
 
 TIE = 1e-9
@@ -48,8 +49,8 @@ def limb_choices(
         The least over the limbs of the best choice.
     """
     unit = abs(lengths[1] * lengths[2]) / l_c**3
-    terms = np.empty((4, 4))
-    grip, approach = np.empty(3), np.empty(3)
+    terms = floats(4, 4)
+    grip, approach = floats(3), floats(3)
     least = np.inf
     for i in range(grasps.shape[0]):
         for axis in range(3):
@@ -73,7 +74,7 @@ def choices_along(
 ):
     """`limb_choices` of K stances given by point indices, shape (K, N); `grasps` and `normals` are those of the map."""
     count, limbs = points.shape
-    here, out = np.empty((limbs, 3)), np.empty((limbs, 3))
+    here, out = floats(limbs, 3), floats(limbs, 3)
     for k in range(count):
         for i in range(limbs):
             for axis in range(3):
@@ -204,7 +205,7 @@ def _apart(trial, ends, pairs, checker):
     return True
 
 
-@kernel
+@allocating_kernel
 def solve_geometries(
     start, stop, grasps, normals, tools, frames, outs, lines, opposed, mount_rotations, mount_positions, lengths, limits,
     full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b, w_m_min, w_b_min, floor,
@@ -253,25 +254,41 @@ def solve_geometries(
         mask: Zeros, shape (k, N), filled at nodes; see `_hold_masks`.
         cause: Zeros, shape (k,), filled with what the best posture touches where that alone keeps a node away.
     """
-    count = grasps.shape[1]
-    members = np.empty((8**count, count), dtype=np.int64)
-    allowed, kept = np.empty((count, 8), dtype=np.bool_), np.empty((count, 8), dtype=np.bool_)
+    count, capsules = grasps.shape[1], len(bodies[0][0])
     most = max(len(heights) * len(rolls), len(wide_heights) * len(wide_rolls))
-    w_class = np.empty((most, count, 4))
-    bounds, first_bounds = np.empty(most), np.empty(most)
-    p, z = np.empty((most, count, 3)), np.empty((most, count, 3))
-    turned, origins = np.empty((most, 3, 3)), np.empty((most, 3))
-    information, scratch = np.empty((count, 8, 6, 6)), np.empty((2, 6, 6))
-    found, trial = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    scratch = (
+        np.empty((8**count, count), dtype=np.int64), np.empty((count, 8), dtype=np.bool_), np.empty((count, 8), dtype=np.bool_),
+        np.empty((most, count, 4)), np.empty(most), np.empty(most), np.empty((most, count, 3)), np.empty((most, count, 3)),
+        np.empty((most, 3, 3)), np.empty((most, 3)), np.empty((count, 8, 6, 6)), np.empty((2, 6, 6)),
+        np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), np.empty((count, 8), dtype=np.int64),
+        np.empty((count, 8, count, 8), dtype=np.int64), np.empty((count, 8, capsules, 2, 3)), np.ones((count, 8), dtype=np.bool_),
+    )  # fmt: skip
+    _solve(
+        start, stop, grasps, normals, tools, frames, outs, lines, opposed, mount_rotations, mount_positions, lengths, limits,
+        full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b, w_m_min, w_b_min, floor,
+        nodes_margin, first_avoid, check, collide, centres, bodies, position, rotation, w_m, w_b, branch, mask, cause, scratch,
+    )  # fmt: skip
+
+
+@kernel
+def _solve(
+    start, stop, grasps, normals, tools, frames, outs, lines, opposed, mount_rotations, mount_positions, lengths, limits,
+    full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b, w_m_min, w_b_min, floor,
+    nodes_margin, first_avoid, check, collide, centres, bodies, position, rotation, w_m, w_b, branch, mask, cause, scratch,
+):  # fmt: skip
+    """What `solve_geometries` does, with room to work in, whose size depends on the number of limbs."""
+    count = grasps.shape[1]
+    (
+        members, allowed, kept, w_class, bounds, first_bounds, p, z, turned, origins, information, work, found, trial, status,
+        pairs, ends, usable,
+    ) = scratch  # fmt: skip
     shapes, gripper, hand, fixed, world, clearance, body = bodies
     capsules = len(shapes[0])
     checker = (
-        shapes, gripper, hand, fixed, world, clearance, body, np.zeros((capsules, 2)), np.zeros((5, 4)), np.zeros((5, 7)),
-        np.empty((7, 4, 3)), np.empty((capsules, 2, 3)),
+        shapes, gripper, hand, fixed, world, clearance, body, zeros(capsules, 2), zeros(5, 4), zeros(5, 7),
+        floats(7, 4, 3), floats(capsules, 2, 3),
     )  # fmt: skip
-    status, pairs = np.empty((count, 8), dtype=np.int64), np.empty((count, 8, count, 8), dtype=np.int64)
-    ends, world_position, points = np.empty((count, 8, capsules, 2, 3)), np.empty(3), np.empty((count, 3))
-    usable = np.ones((count, 8), dtype=np.bool_)
+    world_position, points = floats(3), floats(count, 3)
     for g in range(start, stop):
         for i in range(count):
             for axis in range(3):
@@ -334,7 +351,7 @@ def solve_geometries(
                                 information[i, b],
                             )  # fmt: skip
                 better, better_wb = _best_branches(
-                    w_class[c], information, scale_m, scale_b, margin, found, trial, scratch, avoid, usable, ends, pairs,
+                    w_class[c], information, scale_m, scale_b, margin, found, trial, work, avoid, usable, ends, pairs,
                     checker,
                 )  # fmt: skip
                 if better > margin:
@@ -375,7 +392,7 @@ def solve_geometries(
             _hold_masks(
                 grasps[g], normals[g], tools[g], position[g], rotation[g], branch[g], p[chosen], z[chosen], w_class[chosen],
                 mount_rotations, mount_positions, lengths, limits, full_turn, tool_length, lift, l_c, w_m_min, w_b_min,
-                floor, collide, points, world_position, checker, status, ends, pairs, information, scratch, members,
+                floor, collide, points, world_position, checker, status, ends, pairs, information, work, members,
                 allowed, kept, mask[g],
             )  # fmt: skip
         elif node:
@@ -430,7 +447,7 @@ def _hold_masks(
     Further arguments as in `solve_geometries`, for one geometry, and scratch arrays.
     """
     count = grasps.shape[0]
-    grip, approach, lifted = np.empty(3), np.empty(3), np.empty(3)
+    grip, approach, lifted = floats(3), floats(3), floats(3)
     kind = np.int64(STRAIGHT)
     for i in range(count):
         classes = np.int64(0)

@@ -18,6 +18,7 @@ from mlivr_gym.base_path import STRAIGHT
 from mlivr_gym.compiled import kernel
 from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.grasp_kernels import flange_at, fold_near, lifted_branches, line_end, raised
+from mlivr_gym.stack_arrays import floats, integers
 from mlivr_gym.swept_kernels import departure_free, hold_free, holds_apart, swing_free
 
 TOGETHER, ROOT, VIA = 16, 20, 24
@@ -60,8 +61,8 @@ def release(
         The answer, 0 if no branch is left.
     """
     shapes, gripper, _, fixed, world, clearance, _ = bodies
-    p, x, z, away = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    q = np.empty((8, 6))
+    p, x, z, away = floats(3), floats(3), floats(3), floats(3)
+    q = floats(8, 6)
     mount_rotation, mount_position = mount_rotations[limb], mount_positions[limb]
     flange_at(
         point, normal, rail, tool_length, position, rotation, mount_rotation, mount_position, p, x, z, away
@@ -106,7 +107,7 @@ def folding(
 ):  # fmt: skip
     """The answer of `release` from those of the branches in `free`, with angles `q` (8, 6), that can fold; 0 if none can."""
     shapes, _, _, fixed, world, clearance, _ = bodies
-    start, target = np.empty(6), np.empty(6)
+    start, target = floats(6), floats(6)
     path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
     for root in range(len(folds)):
         if before >= 0 and before >> ROOT & 3 != root:
@@ -156,7 +157,9 @@ def linked(
     If `single`, the first branch alone.
     """
     shapes, _, _, fixed, world, clearance, _ = bodies
-    target, group = np.empty(6), np.arange(8)
+    target, group = floats(6), integers(8)
+    for a in range(8):
+        group[a] = a
     path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
     for a in range(8):
         if not free & (0x0101 << a):
@@ -192,7 +195,7 @@ def carried(
 ):  # fmt: skip
     """The first fold of a set in which a limb can be carried along a base path, into `q`, -1 if there is none."""
     shapes, _, _, fixed, world, clearance, body = bodies
-    none = np.empty((0, len(shapes[0]), 2, 3))
+    none = floats(0, len(shapes[0]), 2, 3)
     q[5] = 0.0
     for fold in range(len(folds)):
         if together >> fold & 1:

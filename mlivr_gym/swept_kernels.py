@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.base_path import flange_in_limb, position_on_path, relative_rotation
+from mlivr_gym.base_path import position_on_path, relative_rotation, turn
 from mlivr_gym.collision_kernels import (
     EVERY,
     against_body,
@@ -47,6 +47,7 @@ from mlivr_gym.motion_bounds import (
     pose_on_path,
     seen_from_grasp,
 )
+from mlivr_gym.stack_arrays import floats, integers, zeros
 from mlivr_gym.ur_kinematics import branch_angles, wrap
 
 DEPTH = 9
@@ -90,12 +91,12 @@ def departure_free(
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
     """
     count = len(shapes[0])
-    ends, world_ends = np.empty((count, 2, 3)), np.empty((count, 2, 3))
-    motion, still = np.empty((count, 2)), np.zeros((count, 2))
-    frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
-    here, q, plus, minus = np.empty(3), np.empty(6), np.empty(6), np.empty(6)
-    stack_s, stack_half = np.empty(DEPTH + 2), np.empty(DEPTH + 2)
-    stack_q, todo = np.empty((DEPTH + 2, 2, 6)), np.empty((DEPTH + 2, 3), np.int64)
+    ends, world_ends = floats(count, 2, 3), floats(count, 2, 3)
+    motion, still = floats(count, 2), zeros(count, 2)
+    frames, shift, spin = floats(7, 4, 3), floats(5, 4), floats(5, 7)
+    here, q, plus, minus = floats(3), floats(6), floats(6), floats(6)
+    stack_s, stack_half = floats(DEPTH + 2), floats(DEPTH + 2)
+    stack_q, todo = floats(DEPTH + 2, 2, 6), integers(DEPTH + 2, 3)
     for side in range(2):
         for k in range(3):
             here[k] = p[k] + lift * side * away[k]
@@ -210,11 +211,11 @@ def swing_free(
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
     """
     count = len(shapes[0])
-    ends, world_ends = np.empty((count, 2, 3)), np.empty((count, 2, 3))
-    motion, world_motion, still = np.empty((count, 2)), np.empty((count, 2)), np.zeros((count, 2))
-    frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
-    q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
-    position, rotation = np.empty(3), np.empty((3, 3))
+    ends, world_ends = floats(count, 2, 3), floats(count, 2, 3)
+    motion, world_motion, still = floats(count, 2), floats(count, 2), zeros(count, 2)
+    frames, shift, spin = floats(7, 4, 3), floats(5, 4), floats(5, 7)
+    q, plus, minus, axis = floats(6), floats(6), floats(6), floats(3)
+    position, rotation = floats(3), floats(3, 3)
     omega = relative_rotation(path[1], path[3], axis)
     speed = path_speed(path) * abs(u1 - u0)
     spin_rate = omega * abs(u1 - u0)
@@ -224,7 +225,7 @@ def swing_free(
     joint_motion(plus, minus, lengths, shift, spin)
     travel = shift[0, 3] + speed + spin_rate
     pieces = min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), 1 << DEPTH)
-    stack_s, stack_half, todo = np.empty(DEPTH + 2), np.empty(DEPTH + 2), np.empty((DEPTH + 2, 3), np.int64)
+    stack_s, stack_half, todo = floats(DEPTH + 2), floats(DEPTH + 2), integers(DEPTH + 2, 3)
     # The sphere round the body counts as one capsule more.
     round_body = bit(count)
     piece = top = 0
@@ -276,18 +277,38 @@ def swing_free(
 
 
 @kernel
-def holding_angles(grip, tool, path, axis, omega, s, mount_rotation, mount_position, lengths, branch, q):
-    """Joint angles of a holding limb at `s` on a base path, into `q`; whether the branch exists there."""
-    position, p, x, z, column = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+def holding_angles(grip, tool, path, axis, omega, s, mount_rotation, mount_position, lengths, branch, scratch, q):
+    """Joint angles of a holding limb at `s` on a base path, into `q`; whether the branch exists there.
+
+    `scratch` has shape (4, 3).
+    """
     t0, r0, t1, r1, kind, pivot = path
-    position_on_path(t0, t1, kind, pivot, s, position)
+    here, p, x, z = scratch[0], scratch[1], scratch[2], scratch[3]
+    position_on_path(t0, t1, kind, pivot, s, here)
+    c, sine = np.cos(s * omega), -np.sin(s * omega)
+    seen = seen_from_base(r0, axis, c, sine, grip[0] - here[0], grip[1] - here[1], grip[2] - here[2])
+    along = seen_from_base(r0, axis, c, sine, tool[0, 0], tool[1, 0], tool[2, 0])
+    approach = seen_from_base(r0, axis, c, sine, tool[0, 2], tool[1, 2], tool[2, 2])
     for k in range(3):
-        column[k] = tool[k, 0]
-    flange_in_limb(grip, column, position, r0, axis, s * omega, mount_rotation, mount_position, p, x)
-    for k in range(3):
-        column[k] = tool[k, 2]
-    flange_in_limb(grip, column, position, r0, axis, s * omega, mount_rotation, mount_position, p, z)
+        p[k] = x[k] = z[k] = 0.0
+        for row in range(3):
+            p[k] += mount_rotation[row, k] * (seen[row] - mount_position[row])
+            x[k] += mount_rotation[row, k] * along[row]
+            z[k] += mount_rotation[row, k] * approach[row]
     return branch_angles(p, x, z, lengths, branch, q)
+
+
+@kernel
+def seen_from_base(r0, axis, c, s, x, y, z):
+    """A vector of the world in the axes of a base turned from `r0` about `axis` by the angle of cosine `c` and sine `-s`."""
+    return turn(
+        axis,
+        c,
+        s,
+        r0[0, 0] * x + r0[1, 0] * y + r0[2, 0] * z,
+        r0[0, 1] * x + r0[1, 1] * y + r0[2, 1] * z,
+        r0[0, 2] * x + r0[1, 2] * y + r0[2, 2] * z,
+    )
 
 
 @kernel
@@ -326,12 +347,12 @@ def hold_free(
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
     """
     count = len(shapes[0])
-    ends, world_ends, others = np.empty((count, 2, 3)), np.empty((count, 2, 3)), np.empty((count, 2, 3))
-    motion, world_motion, other_motion = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))
-    frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
-    other_shift, other_spin = np.empty((5, 4)), np.empty((5, 7))
-    q, other_q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(3)
-    position, rotation, following = np.empty(3), np.empty((3, 3)), np.empty(6)
+    ends, world_ends, others = floats(count, 2, 3), floats(count, 2, 3), floats(count, 2, 3)
+    motion, world_motion, other_motion = floats(count, 2), floats(count, 2), floats(count, 2)
+    frames, shift, spin = floats(7, 4, 3), floats(5, 4), floats(5, 7)
+    other_shift, other_spin = floats(5, 4), floats(5, 7)
+    q, other_q, plus, minus, axis = floats(6), floats(6), floats(6), floats(6), floats(3)
+    position, rotation, following, scratch = floats(3), floats(3, 3), floats(6), floats(4, 3)
     omega = relative_rotation(path[1], path[3], axis)
     speed = path_speed(path) * abs(u1 - u0)
     spin_rate = omega * abs(u1 - u0)
@@ -340,10 +361,10 @@ def hold_free(
         minus[k] = -plus[k]
     joint_motion(plus, minus, lengths, other_shift, other_spin)
     pieces = min(max(int(np.ceil((speed + spin_rate) / FIRST_INTERVAL)), 1), 1 << DEPTH)
-    stack_s, stack_half = np.empty(DEPTH + 2), np.empty(DEPTH + 2)
-    stack_q, todo = np.empty((DEPTH + 2, 2, 6)), np.empty((DEPTH + 2, 3), np.int64)
+    stack_s, stack_half = floats(DEPTH + 2), floats(DEPTH + 2)
+    stack_q, todo = floats(DEPTH + 2, 2, 6), integers(DEPTH + 2, 3)
     if not holding_angles(
-        grip, tool, path, axis, omega, u0, mount_rotation, mount_position, lengths, branch, following
+        grip, tool, path, axis, omega, u0, mount_rotation, mount_position, lengths, branch, scratch, following
     ):
         return UNDECIDED
     piece = top = 0
@@ -359,7 +380,7 @@ def hold_free(
             for k in range(6):
                 stack_q[0, 0, k] = following[k]
             if not holding_angles(
-                grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, following
+                grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, scratch, following
             ):  # fmt: skip
                 return UNDECIDED
             for k in range(6):
@@ -368,7 +389,9 @@ def hold_free(
         s, half = stack_s[top], stack_half[top]
         boxes, body, limbs = todo[top]
         at = u0 + s * (u1 - u0)
-        if not holding_angles(grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, q):
+        if not holding_angles(
+            grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, scratch, q
+        ):
             return UNDECIDED
         changes(stack_q[top], q, minus, plus)
         joint_motion(plus, minus, lengths, shift, spin)
@@ -413,13 +436,13 @@ def holds_apart(
 ):  # fmt: skip
     """Whether two limbs that hold keep clear of each other while the base follows a path; arguments as in `hold_free`."""
     count = len(shapes[0])
-    ends, others = np.empty((count, 2, 3)), np.empty((count, 2, 3))
-    motion, other_motion = np.empty((count, 2)), np.empty((count, 2))
-    frames, shift, spin = np.empty((7, 4, 3)), np.empty((5, 4)), np.empty((5, 7))
-    q, plus, minus, axis = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
+    ends, others = floats(count, 2, 3), floats(count, 2, 3)
+    motion, other_motion = floats(count, 2), floats(count, 2)
+    frames, shift, spin = floats(7, 4, 3), floats(5, 4), floats(5, 7)
+    q, plus, minus, axis, scratch = floats(6), floats(6), floats(6), floats(3), floats(4, 3)
     omega = relative_rotation(path[1], path[3], axis)
     pieces = min(max(int(np.ceil((path_speed(path) + omega) / FIRST_INTERVAL)), 1), 1 << DEPTH)
-    stack_s, stack_half, todo = np.empty(DEPTH + 2), np.empty(DEPTH + 2), np.empty((DEPTH + 2, 3), np.int64)
+    stack_s, stack_half, todo = floats(DEPTH + 2), floats(DEPTH + 2), integers(DEPTH + 2, 3)
     piece = top = 0
     shortest = 0.5 ** (DEPTH + 1)
     while top > 0 or piece < pieces:
@@ -438,7 +461,7 @@ def holds_apart(
                 at = s + (half if side == 1 else -half if side == 2 else 0.0)
                 into = q if side == 0 else plus if side == 1 else minus
                 if not holding_angles(
-                    grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, into
+                    grip, tool, path, axis, omega, at, mount_rotation, mount_position, lengths, branch, scratch, into
                 ):  # fmt: skip
                     return UNDECIDED
             for joint in range(6):

@@ -18,6 +18,7 @@ from mlivr_gym.base_path import (
     within_limits,
 )
 from mlivr_gym.compiled import kernel
+from mlivr_gym.stack_arrays import floats
 
 Array = NDArray[np.float64]
 IDENTITY = np.eye(3)
@@ -52,7 +53,7 @@ def hold_mask(
         if mask >> (2 * c) & 0x0303:
             classes |= 1 << c
     if classes:
-        approach = np.empty(3)
+        approach = floats(3)
         for k in range(3):
             approach[k] = tool[k, 2]
         classes = certify(

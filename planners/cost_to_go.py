@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.compiled import kernel
+from mlivr_gym.compiled import allocating_kernel
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.pair_kernels import KNOWN, edge_entry
 from mlivr_gym.planners.costs import Cost
@@ -20,7 +20,7 @@ from mlivr_gym.stance_graph import State, Successors
 Array = NDArray[np.float64]
 
 
-@kernel
+@allocating_kernel
 def backward(
     goal, start, toward, base_weight, step_weight, limit, check, rows, row_start, row_position, edges, value, done, best
 ):

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.compiled import kernel
+from mlivr_gym.compiled import allocating_kernel, kernel
 from mlivr_gym.pair_kernels import KNOWN, edge_entry
 
 FOUND, EXHAUSTED, LIMIT = 0, 1, 2
 
 
-@kernel
+@allocating_kernel
 def _grown(old):
     new = np.empty(2 * len(old), old.dtype)
     for k in range(len(old)):
@@ -66,7 +66,7 @@ def _sift_down(heap, size, f, g):
     heap[place] = item
 
 
-@kernel
+@allocating_kernel
 def search(
     start, goal, h, base_weight, step_weight, g_weight, limit, check, rows, row_start, row_position, edges, closed, best
 ):
@@ -209,7 +209,7 @@ def search(
     return status, used, out_node[:expanded], out_mask[:expanded], out_parent[:expanded], out_g[:expanded]
 
 
-@kernel
+@allocating_kernel
 def steps_to_goal(goal, rows, row_start, points, mask, value, opened):
     """Fewest steps from every stance to the goal region when steps are not checked.
 
@@ -249,7 +249,7 @@ def steps_to_goal(goal, rows, row_start, points, mask, value, opened):
                     tail += 1
 
 
-@kernel
+@allocating_kernel
 def distance_to_goal(
     goal,
     start,
