@@ -30,7 +30,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     Without reference counts: they are atomic, took a third of the time, and let threads wait for each other. So it makes no
     arrays but on the stack, see `stack_arrays`.
     """
-    return njit(**OPTIONS, _nrt=False)(function)
+    return njit(**{**OPTIONS, "_nrt": False})(function)
 
 
 def allocating_kernel(function: Callable[..., Any]) -> Any:

@@ -62,7 +62,8 @@ def joints_along(
     solutions, p, r = floats(8, 6), floats(3), floats(3, 3)
     limb_rotation, offset, q = floats(3, 3), floats(3), floats(6)
     half_turn = 0.0
-    q[:] = near
+    for joint in range(6):
+        q[joint] = near[joint]
     for i in range(len(out)):
         flange, tool = (
             flange_positions[min(i, len(flange_positions) - 1)],

@@ -10,7 +10,7 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import cgutils, types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import lower_builtin
@@ -46,7 +46,7 @@ def _on_the_stack(function: Any, dtype: Any, clear: bool = False) -> None:
 
     infer_global(function)(Typer)
 
-    @lower_builtin(function, types.VarArg(types.Any))  # type: ignore[untyped-decorator]
+    @lower_builtin(function, types.VarArg(types.Any))
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         item = context.get_data_type(dtype)
         width = context.get_abi_sizeof(item)
@@ -70,7 +70,8 @@ def _on_the_stack(function: Any, dtype: Any, clear: bool = False) -> None:
             for length in lengths:
                 total = builder.mul(total, length)
             cgutils.memset(builder, data, total, 0)
-        strides, step = [], context.get_constant(types.intp, width)
+        strides: list[Any] = []
+        step = context.get_constant(types.intp, width)
         for length in reversed(lengths):
             strides.insert(0, step)
             step = builder.mul(step, length)

@@ -342,15 +342,18 @@ class Planner:
         return table
 
     def _learnt(
-        self, graph: PairGraph, goal: NDArray[np.bool_], cost: Cost, start: int, h: Array, limit: int
+        self, graph: PairGraph, goal: NDArray[np.bool_], cost: Cost, start: int, h: Array, limit: int, learnt: bool
     ) -> tuple[Array, Array]:
         """Two lower bounds closer than `h`, from a search backward from the goal that checks steps, of at most `limit` entries.
 
-        The first holds for plans from `start`, the second from anywhere.
+        The first holds for plans from `start`, the second from anywhere. Where `h` was `learnt` before and obstacles came, little
+        is to be mended, and the straight way to the start is estimate enough; else the cost from there is worked out.
         """
-        n, first = len(graph), np.zeros(len(graph), dtype=np.bool_)
-        first[start] = True
-        away, value = _unchecked(graph, first, cost), np.full((n, 2, 16), np.inf)
+        n, value = len(graph), np.full((len(graph), 2, 16), np.inf)
+        if learnt and cost.base_weight:
+            away = cost.heuristic("consistent", _distances(graph.position, graph.position[start]), 0.0, graph.max_step)
+        else:
+            away = _unchecked(graph, np.arange(n) == start, cost)
         bound, arrived = backward(
             goal, start, away, cost.base_weight, cost.step_weight, limit, True, graph.rows, graph.row_start,
             graph.row_position, graph.edges, value, np.zeros((n, 2, 2), dtype=np.int64), np.full((n, 2, 16), np.inf),
@@ -369,6 +372,8 @@ class Planner:
         distance, goal, parts = self._goal_region(graph, target, tolerance)
         if int(graph.components[1][start]) not in parts:
             return None
+        key = (*target.tolist(), tolerance, cost)
+        learnt = key in self._relaxed
         if heuristic == "cost_to_go":
             h = self._relaxed_table(graph, target, tolerance, cost, start)
         else:
@@ -385,9 +390,9 @@ class Planner:
             if status != LIMIT or explored >= limit:
                 break
             # Many steps that the estimate counts on are impossible: learn from the other end how it is there.
-            h, bound = self._learnt(graph, goal, cost, start, bound, LEARNING * patience)
+            h, bound = self._learnt(graph, goal, cost, start, bound, LEARNING * patience, learnt)
             if whole:
-                self._keep((*target.tolist(), tolerance, cost), bound)
+                self._keep(key, bound)
             patience *= 4
         stance, moved, released = node // 3, node % 3, graph.edges[17][2]
         chain = _chain(parent)
