@@ -158,12 +158,13 @@ def pair_status(i, b, j, c, ends, pairs, checker):
 
 @kernel
 def _best_branches(
-    w, information, scale_m, scale_b, floor, branch, trial, scratch, collide, usable, ends, pairs, checker
+    w, information, scale_m, scale_b, floor, branch, trial, scratch, collide, p, z, position, rotation, points, normals,
+    mount_rotations, mount_positions, lengths, checker, status, ends, pairs,
 ):  # fmt: skip
     """Branches of the largest margin above `floor` for one base pose; returns the margin and its `w_b`.
 
     `w_b` is formed only where `w_m` leaves room for a better margin; `trial` has shape (N,). If `collide`, only branches
-    that are `usable`, shape (N, 8), and keep clear of each other count.
+    on which the limbs touch nothing count; they are looked at when their margin would be the best.
     """
     count = len(branch)
     best, best_wb = floor, 0.0
@@ -181,14 +182,21 @@ def _best_branches(
         for i in range(count):
             trial[i] = rest & 7
             rest >>= 3
-            bound = min(bound, w[i, trial[i] >> 1] if usable[i, trial[i]] else 0.0)
+            bound = min(bound, w[i, trial[i] >> 1] if status[i, trial[i]] <= CLEAR else 0.0)
         bound /= scale_m
         if bound > best * (1.0 + TIE) and bound >= least:
             w_b = combined(information, trial, scratch)
             margin = min(bound, w_b / scale_b)
             if margin > best * (1.0 + TIE):
-                if collide and not _apart(trial, ends, pairs, checker):
-                    continue
+                if collide:
+                    clear = True
+                    for i in range(count):
+                        clear = clear and CLEAR == limb_status(
+                            i, trial[i], p[i], z[i], position, rotation, points[i], normals[i], mount_rotations[i],
+                            mount_positions[i], lengths, checker, status, ends,
+                        )  # fmt: skip
+                    if not clear or not _apart(trial, ends, pairs, checker):
+                        continue
                 best, best_wb = margin, w_b
                 for i in range(count):
                     branch[i] = trial[i]
@@ -261,7 +269,7 @@ def solve_geometries(
         np.empty((most, count, 4)), np.empty(most), np.empty(most), np.empty((most, count, 3)), np.empty((most, count, 3)),
         np.empty((most, 3, 3)), np.empty((most, 3)), np.empty((count, 8, 6, 6)), np.empty((2, 6, 6)),
         np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), np.empty((count, 8), dtype=np.int64),
-        np.empty((count, 8, count, 8), dtype=np.int64), np.empty((count, 8, capsules, 2, 3)), np.ones((count, 8), dtype=np.bool_),
+        np.empty((count, 8, count, 8), dtype=np.int64), np.empty((count, 8, capsules, 2, 3)),
     )  # fmt: skip
     _solve(
         start, stop, grasps, normals, tools, frames, outs, lines, opposed, mount_rotations, mount_positions, lengths, limits,
@@ -280,7 +288,7 @@ def _solve(
     count = grasps.shape[1]
     (
         members, allowed, kept, w_class, bounds, first_bounds, p, z, turned, origins, information, work, found, trial, status,
-        pairs, ends, usable,
+        pairs, ends,
     ) = scratch  # fmt: skip
     shapes, gripper, hand, fixed, world, clearance, body = bodies
     capsules = len(shapes[0])
@@ -322,10 +330,9 @@ def _solve(
             w_b[g] = 0.0
             for i in range(count):
                 w_m[g, i] = 0.0
-                for b in range(8):
-                    usable[i, b] = True
             for c in range(candidates):
                 bounds[c] = first_bounds[c]
+            _forget(status, pairs)
             while True:
                 c = 0
                 for other in range(1, candidates):
@@ -338,21 +345,18 @@ def _solve(
                     _forget(status, pairs)
                     for axis in range(3):
                         world_position[axis] = centres[g, axis] + origins[c, axis]
-                    if not _usable(
-                        w_class[c], margin * scale_m, p[c], z[c], world_position, turned[c], points, normals[g],
-                        mount_rotations, mount_positions, lengths, checker, status, ends, usable,
-                    ):  # fmt: skip
+                    if body_against_boxes(world_position, 0.0, body, world, clearance) != CLEAR:
                         continue
                 for i in range(count):
                     for b in range(8):
-                        if w_class[c, i, b >> 1] > margin * scale_m and usable[i, b]:
+                        if w_class[c, i, b >> 1] > margin * scale_m:
                             limb_information(
                                 p[c, i], z[c, i], lengths, b, mount_rotations[i], mount_positions[i], l_c,
                                 information[i, b],
                             )  # fmt: skip
                 better, better_wb = _best_branches(
-                    w_class[c], information, scale_m, scale_b, margin, found, trial, work, avoid, usable, ends, pairs,
-                    checker,
+                    w_class[c], information, scale_m, scale_b, margin, found, trial, work, avoid, p[c], z[c], world_position,
+                    turned[c], points, normals[g], mount_rotations, mount_positions, lengths, checker, status, ends, pairs,
                 )  # fmt: skip
                 if better > margin:
                     margin = better
@@ -398,27 +402,6 @@ def _solve(
         elif node:
             for i in range(count):
                 mask[g, i] = 0xFFFF
-
-
-@kernel
-def _usable(
-    w, least, p, z, position, rotation, points, normals, mount_rotations, mount_positions, lengths, checker, status, ends,
-    usable,
-):  # fmt: skip
-    """Which branches of a `w_m` above `least` touch nothing at a posture, into `usable`; whether every limb has one."""
-    if body_against_boxes(position, 0.0, checker[6], checker[4], checker[5]) != CLEAR:
-        return False
-    for i in range(len(points)):
-        some = False
-        for b in range(8):
-            usable[i, b] = w[i, b >> 1] > least and CLEAR == limb_status(
-                i, b, p[i], z[i], position, rotation, points[i], normals[i], mount_rotations[i], mount_positions[i], lengths,
-                checker, status, ends,
-            )  # fmt: skip
-            some = some or usable[i, b]
-        if not some:
-            return False
-    return True
 
 
 @kernel
