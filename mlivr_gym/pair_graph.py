@@ -36,7 +36,8 @@ from mlivr_gym.pair_kernels import (
 from mlivr_gym.posture import Postures
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stance_graph import Array, IntArray, StanceGraph, State, Successors, Way
+from mlivr_gym.stance_graph import Array, IntArray, StanceGraph, State, Successors
+from mlivr_gym.step_checks import Way
 
 REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
 """Causes that keep a stance out of the graph."""
@@ -199,7 +200,7 @@ class PairGraph(StanceGraph):
         return super().state(points)
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can let go of a stance; see `StanceGraph.released`."""
+        """On which branches a limb can let go of a stance; see `StepChecks.released`."""
         s = self.find(stance)
         if s < 0:
             return super().released(stance, posture, limb)
@@ -209,7 +210,7 @@ class PairGraph(StanceGraph):
     def way(
         self, before: Sequence[int], after: Sequence[int], limb: int, posture: Postures, masks: Sequence[int]
     ) -> Way:
-        """How a step that is an edge is made; see `StanceGraph.way`."""
+        """How a step that is an edge is made; see `StepChecks.way`."""
         if not self.settings.collisions:
             return super().way(before, after, limb, posture, masks)
         held = 1 - limb

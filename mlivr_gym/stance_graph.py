@@ -6,32 +6,29 @@ set; for more a `LazyGraph`, which works neighbours out when they are asked for.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import combinations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mlivr_gym.base_path import ARC, STRAIGHT, follow
+from mlivr_gym.base_path import STRAIGHT, follow
 from mlivr_gym.bodies import Bodies
 from mlivr_gym.clear_kernels import clear_of_world, hands_clear
 from mlivr_gym.compiled import in_parallel, is_cached, second_process
-from mlivr_gym.direct_kernels import TRIES, lifted_at, line_free, pairs_by_travel
 from mlivr_gym.distance_kernels import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
 from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
-from mlivr_gym.grasp_kernels import place_branches
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.posture import FIELDS, Postures, PostureSolver
 from mlivr_gym.posture_kernels import solve_geometries
-from mlivr_gym.release_kernels import TOGETHER, carried, holding, release, together_apart
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.shapes import Box
-from mlivr_gym.transitions import hold_mask, quaternion
+from mlivr_gym.step_checks import State as State
+from mlivr_gym.step_checks import StepChecks
+from mlivr_gym.transitions import quaternion
 
 if TYPE_CHECKING:
     from mlivr_gym.lazy_graph import LazyGraph
@@ -47,19 +44,6 @@ TOUCHED = {
 """What a cause of a collision is called in a sentence."""
 
 
-class State(NamedTuple):
-    """A stance and, for each limb, the branches and flips it may still be on.
-
-    A limb that holds keeps its branch, so every step takes branches away from the limbs that hold;
-    a limb that lands has all of them again.
-    """
-
-    stance: tuple[int, ...]
-    """Point index of each limb."""
-    masks: tuple[int, ...]
-    """16-bit mask of each limb, bit `branch + 8 * flip`."""
-
-
 class Successors(NamedTuple):
     """The k steps that leave a state, ordered by limb and point."""
 
@@ -73,33 +57,7 @@ class Successors(NamedTuple):
     """Masks of all limbs after the step, shape (k, N)."""
 
 
-@dataclass(frozen=True)
-class Transition:
-    """What one step leaves.
-
-    Attributes:
-        pivot: Centre of a base path that is an arc: the centroid of the held points [m], shape (3,).
-        masks: Branches left to each limb after the step.
-    """
-
-    pivot: Array
-    masks: tuple[int, ...]
-
-
-class Way(NamedTuple):
-    """How a step is made."""
-
-    kind: int
-    """Kind of the base path."""
-    fold: int
-    """Fold in which the limb can be carried, -1 without collisions or if it swings directly."""
-    pair: int
-    """Branches between which the limb can swing directly, `8 * before + after`, or -1."""
-    left: dict[int, int]
-    """Branches on which the limbs that hold can do so."""
-
-
-class StanceGraph(ABC):
+class StanceGraph(StepChecks):
     """Stances and steps of one robot on one map under one set of thresholds."""
 
     solver_class: type[PostureSolver] = PostureSolver
@@ -128,19 +86,6 @@ class StanceGraph(ABC):
         """Number of changes of obstacles and occupied points."""
         self.hindrance = Bodies(self.solver.shapes, (), settings.clearance)
         """The obstacles in the form the compiled checks read."""
-
-    @property
-    def limbs(self) -> int:
-        """Number of limbs."""
-        return self.robot.limbs
-
-    @property
-    def checks(self) -> list[tuple[tuple[Any, ...], bool]]:
-        """What motions are checked against: bodies, and whether with the robot's own shapes."""
-        if not self.settings.collisions:
-            return []
-        found = [(self.solver.bodies.arrays, True)]
-        return [*found, (self.hindrance.arrays, False)] if self.obstacles else found
 
     def add_obstacles(self, boxes: Sequence[Box]) -> None:
         """Put boxes into the world: they take away the stances and steps that touch them.
@@ -303,246 +248,6 @@ class StanceGraph(ABC):
     def max_step(self) -> float:
         """An upper bound of the base displacement of one step [m]."""
 
-    def transition(self, state: State, after: Sequence[int], posture: Postures) -> Transition | None:
-        """The base path from a state to a neighbouring stance, or None if the step cannot be carried out.
-
-        Args:
-            state: Where the step departs.
-            after: Point index of each limb after the step.
-            posture: Postures of the two stances, in this order.
-        """
-        limb = next(i for i in range(self.limbs) if state.stance[i] != after[i])
-        held = [i for i in range(self.limbs) if i != limb]
-        pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
-        masks = [int(m) for m in posture.mask[1]]
-        if not self.settings.transitions:
-            return Transition(pivot, tuple(masks))
-        before = [int(m) for m in state.masks]
-        if not self.settings.collisions:
-            gained = self._gained(limb, held, pivot, after, posture, before, masks, 0)
-        else:
-            # What holding limbs cannot follow need not be looked at for collisions, which takes longer.
-            if not any(self._holds(k, pivot, held, after, posture, before, masks) for k in (STRAIGHT, ARC)):
-                return None
-            ends = (state.stance, posture.take(slice(0, 1))), (tuple(after), posture.take(slice(1, 2)))
-            first, second = (self.released(*end, limb) for end in ends)
-            masks[limb] = second & 0xFFFF
-            if not before[limb] & first & 0xFFFF or not masks[limb]:
-                return None
-            stages = self._stages(before, held, ends)
-            gained = {}
-            for some in stages:
-                if all(some[i] for i in held):
-                    together = (first & second) >> TOGETHER & 15
-                    gained = self._gained(limb, held, pivot, after, posture, some, masks, together)
-                if gained:
-                    break
-            wanted = before if self.limbs == 2 else stages[0]
-            for kind in (STRAIGHT, ARC):
-                left = {} if gained else self._holds(kind, pivot, held, after, posture, wanted, masks)
-                if left:
-                    between = (state.stance[limb], after[limb]), (first & 0xFFFF, masks[limb])
-                    left = self._direct(kind, pivot, limb, after, posture, left, *between).left
-                    gained = left if all(left.values()) else {}
-        if not gained:
-            return None
-        return Transition(pivot, tuple(gained.get(i, masks[i]) for i in range(self.limbs)))
-
-    def _stages(
-        self, before: list[int], held: list[int], ends: tuple[tuple[tuple[int, ...], Postures], ...]
-    ) -> list[list[int]]:
-        """Branches of the limbs that hold in the order in which they are looked at.
-
-        First those on which a limb could let go before the step and after it, as one must that landed just before or moves just
-        after; for one limb that holds then the others. For more the pairs of branches would be too many.
-        """
-        both, some, rest = (list(before) for _ in range(3))
-        for i in held:
-            first, second = (self.released(*end, i) & 0xFFFF for end in ends)
-            both[i] &= first & second
-            some[i] &= (first | second) & ~(first & second)
-            rest[i] &= ~(first | second)
-        return [both, some, rest] if len(held) == 1 else [both]
-
-    def _gained(
-        self, limb: int, held: list[int], pivot: Array, after: Sequence[int], posture: Postures, before: list[int],
-        masks: list[int], together: int,
-    ) -> dict[int, int]:  # fmt: skip
-        """Branches left to the limbs that hold while `limb` is carried folded, empty if one has none."""
-        gained = dict.fromkeys(held, 0)
-        for kind in (STRAIGHT, ARC):
-            wanted = [b & ~gained.get(i, 0) for i, b in enumerate(before)]
-            left = self._holds(kind, pivot, held, after, posture, wanted, masks)
-            if self.settings.collisions and left:
-                left = self._carry(kind, pivot, limb, after, posture, left, together).left
-            if len(held) == 1:
-                # One limb may take some branches along the line and others along the arc.
-                gained[held[0]] |= left.get(held[0], 0)
-            elif left and all(left.values()):
-                return left
-        return gained if all(gained.values()) else {}
-
-    def _holds(
-        self, kind: int, pivot: Array, held: list[int], after: Sequence[int], posture: Postures, before: Sequence[int],
-        masks: Sequence[int],
-    ) -> dict[int, int]:  # fmt: skip
-        """Branches on which each limb that holds can follow a base path, none at all if one limb cannot."""
-        left: dict[int, int] = {}
-        for i in held:
-            left[i] = self.hold(kind, pivot, after[i], i, posture, before[i] & masks[i])
-            if not left[i]:
-                return {}
-        return left
-
-    def way(
-        self, before: Sequence[int], after: Sequence[int], limb: int, posture: Postures, masks: Sequence[int]
-    ) -> Way:
-        """How a step that is an edge is made.
-
-        Args:
-            before: Point index of each limb before the step.
-            after: And after it.
-            limb: The limb that moves.
-            posture: Postures of the two stances.
-            masks: The branch and flip each limb is on, as a mask.
-        """
-        held = [i for i in range(self.limbs) if i != limb]
-        pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
-        chances = []
-        for kind in (STRAIGHT, ARC):
-            left = {i: self.hold(kind, pivot, after[i], i, posture, int(masks[i])) for i in held}
-            if all(left.values()):
-                if not self.settings.collisions:
-                    return Way(kind, -1, -1, left)
-                chances.append((kind, left))
-        first = self.released(tuple(before), posture.take(slice(0, 1)), limb)
-        second = self.released(tuple(after), posture.take(slice(1, 2)), limb)
-        together = (first & second) >> TOGETHER & 15
-        for kind, left in chances:
-            found = self._carry(kind, pivot, limb, after, posture, dict(left), together)
-            if all(found.left.values()):
-                return found
-        between = (before[limb], after[limb]), (first & 0xFFFF, second & 0xFFFF)
-        for kind, left in chances:
-            found = self._direct(kind, pivot, limb, after, posture, dict(left), *between)
-            if all(found.left.values()):
-                return found
-        return Way(ARC, -1, -1, {})
-
-    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can let go of a stance, see `release_kernels.release`; 0 if on none."""
-        solver, robot, limbs = self.solver, self.robot, self.limbs
-        here = (np.ascontiguousarray(posture.position[0]), np.ascontiguousarray(posture.rotation[0]))
-        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
-        answer, wanted, point = -1, int(posture.mask[0, limb]), stance[limb]
-        if not self.settings.collisions:
-            return wanted
-        for bodies, inside in self.checks:
-            placed, count = np.empty((8 * (limbs - 1), len(solver.shapes), 2, 3)), 0
-            for other in range(limbs):
-                if inside and other != limb:
-                    grasp = stance[other]
-                    count = place_branches(
-                        other, int(posture.mask[0, other]), solver.points[grasp], solver.normals[grasp], robot.tool_length,
-                        *here, *mounts, bodies[0], count, placed,
-                    )  # fmt: skip
-            answer = int(
-                release(
-                    limb, wanted, solver.points[point], solver.normals[point], solver.rails[point], robot.tool_length,
-                    robot.lift, *here, placed[:count], solver.folds, solver.limits, *mounts, bodies, inside, answer,
-                )
-            )  # fmt: skip
-            wanted = answer & 0xFFFF
-            if not wanted:
-                return 0
-        return answer
-
-    def landed(self, stance: tuple[int, ...], limb: int) -> int:
-        """Branches and flips on which a limb may be that has just taken hold."""
-        posture = self.posture(stance)
-        if not self.settings.transitions:
-            return int(posture.mask[0, limb])
-        return self.released(stance, posture, limb) & 0xFFFF
-
-    def _carry(
-        self,
-        kind: int,
-        pivot: Array,
-        limb: int,
-        after: Sequence[int],
-        posture: Postures,
-        left: dict[int, int],
-        together: int,
-    ) -> Way:
-        """The first fold in which `limb` can be carried along a base path, and the branches left to the limbs that hold."""
-        solver, path, swing = self.solver, _path(kind, pivot, posture), np.empty(6)
-        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
-        fold = -1
-        for bodies, inside in self.checks:
-            fold = int(carried(limb, together, path, solver.folds, *mounts, bodies, inside, swing)) if together else -1
-            if fold < 0:
-                return Way(kind, -1, -1, dict.fromkeys(left, 0))
-            # Another fold might serve the next world; the first must serve all.
-            together = 1 << fold
-            self._hold_apart(limb, after, path, (swing, swing), left, bodies, inside)
-        return Way(kind, fold, -1, left)
-
-    def _direct(
-        self,
-        kind: int,
-        pivot: Array,
-        limb: int,
-        after: Sequence[int],
-        posture: Postures,
-        left: dict[int, int],
-        points: tuple[int, int],
-        masks: tuple[int, int],
-    ) -> Way:
-        """The first pair of branches between which `limb` can swing directly, and the branches left to those that hold."""
-        solver, robot, path = self.solver, self.robot, _path(kind, pivot, posture)
-        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
-        q, order, end = np.empty((2, 8, 6)), np.empty(64, dtype=np.int64), np.empty(6)
-        there = [
-            lifted_at(
-                limb, mask, solver.points[p], solver.normals[p], solver.rails[p], robot.tool_length, robot.lift, path[2 * k],
-                path[2 * k + 1], *mounts, solver.limits, angles,
-            )
-            for k, (p, mask, angles) in enumerate(zip(points, masks, q, strict=True))
-        ]  # fmt: skip
-        count = pairs_by_travel(there[0], q[0], there[1], q[1], solver.limits, order)
-        for pair in order[: min(count, TRIES)].tolist():
-            start, found = q[0, pair >> 3], dict(left)
-            for bodies, inside in self.checks:
-                goal = q[1, pair & 7]
-                if not line_free(limb, start, goal, path, solver.limits, *mounts, bodies, inside, end):
-                    break
-                self._hold_apart(limb, after, path, (start, end), found, bodies, inside)
-            else:
-                if all(found.values()):
-                    return Way(kind, -1, pair, found)
-        return Way(kind, -1, -1, dict.fromkeys(left, 0))
-
-    def _hold_apart(
-        self, limb: int, after: Sequence[int], path: tuple[Any, ...], swing: tuple[Array, Array], left: dict[int, int],
-        bodies: tuple[Any, ...], inside: bool,
-    ) -> None:  # fmt: skip
-        """Take from `left` the branches on which a limb cannot hold while `limb` swings, or two limbs come near each other."""
-        solver = self.solver
-        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
-        for i, mask in left.items():
-            point = after[i]
-            left[i] = int(
-                holding(
-                    i, mask, self.grips[point], solver.tools[point], path, limb, *swing, *mounts, bodies, inside
-                )
-            )  # fmt: skip
-        for i, j in combinations(left, 2) if inside else ():
-            a, b = after[i], after[j]
-            first, second = together_apart(
-                i, j, left[i], left[j], self.grips[a], solver.tools[a], self.grips[b], solver.tools[b], path, *mounts, bodies,
-            )  # fmt: skip
-            left[i], left[j] = int(first), int(second)
-
     def clear_of_obstacles(
         self, chosen: IntArray, points: IntArray, position: Array, rotation: Array, branch: IntArray, mask: IntArray
     ) -> None:
@@ -565,43 +270,6 @@ class StanceGraph(ABC):
         hands = np.zeros(len(self.grasp_map), dtype=np.int64)
         hands_clear(solver.points, solver.normals, self.robot.tool_length, solver.lengths, bodies, hands)
         mask[(hands[points] > 0).any(axis=1)] = 0
-
-    def hold(self, kind: int, pivot: Array, point: int, limb: int, posture: Postures, mask: int) -> int:
-        """Those of the branches and flips in `mask` on which a limb can hold along a base path.
-
-        Args:
-            kind: `STRAIGHT` or `ARC`.
-            pivot: Centre of the arc [m], shape (3,).
-            point: Point index that the limb holds.
-            limb: The limb.
-            posture: Postures at both ends of the path.
-            mask: 16-bit mask.
-        """
-        solver, robot = self.solver, self.robot
-        return int(
-            hold_mask(
-                kind,
-                pivot,
-                self.grips[point],
-                solver.tools[point],
-                posture.position[0],
-                posture.rotation[0],
-                posture.position[1],
-                posture.rotation[1],
-                solver.mount_rotations[limb],
-                solver.mount_positions[limb],
-                solver.lengths,
-                self.settings.path_floor * robot.characteristic_length**3,
-                solver.limits,
-                solver.full_turn,
-                mask,
-            )  # fmt: skip
-        )
-
-
-def _path(kind: int, pivot: Array, posture: Postures) -> tuple[Any, ...]:
-    """A base path between two postures as the kernels take it."""
-    return (posture.position[0], posture.rotation[0], posture.position[1], posture.rotation[1], kind, pivot)
 
 
 def join(first: Postures, second: Postures) -> Postures:

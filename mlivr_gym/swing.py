@@ -184,7 +184,7 @@ class SwingFinder:
 def direct_line(
     graph: StanceGraph, limb: int, points: Sequence[int], postures: Postures, pair: int
 ) -> tuple[Array, Array]:
-    """Joint angles of a limb above two points, in two postures, on the branches `pair` of `stance_graph.Way` [rad]."""
+    """Joint angles of a limb above two points, in two postures, on the branches `pair` of `step_checks.Way` [rad]."""
     solver, robot = graph.solver, graph.robot
     out = np.empty((2, 8, 6))
     branches = pair >> 3, pair & 7

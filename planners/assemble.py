@@ -12,7 +12,8 @@ from mlivr_gym.base_path import LIMIT_TOLERANCE, PATH_KINDS, SAMPLES, STRAIGHT, 
 from mlivr_gym.planners.plan import Step
 from mlivr_gym.posture import Postures
 from mlivr_gym.posture_kernels import base_along, choices_along
-from mlivr_gym.stance_graph import StanceGraph, State, Way
+from mlivr_gym.stance_graph import StanceGraph, State
+from mlivr_gym.step_checks import Way
 from mlivr_gym.swing import Hold, Swing, SwingFinder, direct_line
 
 Array = NDArray[np.float64]
