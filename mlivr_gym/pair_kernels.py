@@ -12,6 +12,7 @@ from mlivr_gym.direct_kernels import TRIES, lifted_at, line_free, pairs_by_trave
 from mlivr_gym.grasp_kernels import place_branches
 from mlivr_gym.release_kernels import TOGETHER, carried, holding, release
 from mlivr_gym.stack_arrays import floats, integers
+from mlivr_gym.swept_kernels import BOTH
 from mlivr_gym.transitions import hold_mask
 
 KNOWN = 1 << 16
@@ -175,7 +176,7 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, insi
                 continue
             rest = holding(
                 held, rest, grips[point], tools[point], path, mover, carry, carry,
-                mount_rotations, mount_positions, lengths, bodies, inside,
+                mount_rotations, mount_positions, lengths, bodies, inside, BOTH,
             )  # fmt: skip
             entry |= np.int64(fold) << (FOLD_BITS + 2 * kind)
         entry |= rest | (rest << ARC_BITS if kind == 1 else 0)
@@ -227,7 +228,7 @@ def _direct(held, s0, s1, wanted, before, edges, bodies):
             ):  # fmt: skip
                 left = holding(
                     held, rest, grips[point], tools[point], path, mover, start, end,
-                    mount_rotations, mount_positions, lengths, bodies, before == 0,
+                    mount_rotations, mount_positions, lengths, bodies, before == 0, BOTH,
                 )  # fmt: skip
                 if left:
                     return KNOWN | DIRECT | np.int64(pair) << PAIR_BITS | left | (left << ARC_BITS if kind == 1 else 0)

@@ -212,7 +212,7 @@ def carried(
 
 @kernel
 def holding(
-    limb, mask, grip, tool, path, mover, start, end, mount_rotations, mount_positions, lengths, bodies, inside
+    limb, mask, grip, tool, path, mover, start, end, mount_rotations, mount_positions, lengths, bodies, inside, parts
 ):  # fmt: skip
     """Those of the branches in `mask` on which a limb can hold along a base path while `mover` goes from `start` to `end`."""
     shapes, _, hand, fixed, world, clearance, _ = bodies
@@ -220,7 +220,7 @@ def holding(
         if mask & (0x0101 << b):
             found = hold_free(
                 limb, grip, tool, path, 0.0, 1.0, b, lengths, mount_rotations[limb], mount_positions[limb], start, end,
-                mount_rotations[mover], mount_positions[mover], shapes, hand, fixed, world, clearance, inside,
+                mount_rotations[mover], mount_positions[mover], shapes, hand, fixed, world, clearance, inside, parts,
             )  # fmt: skip
             if found != CLEAR:
                 mask &= ~(0x0101 << b)

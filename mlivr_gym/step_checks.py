@@ -25,6 +25,7 @@ from mlivr_gym.release_kernels import TOGETHER, carried, holding, release, toget
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.shapes import Box
+from mlivr_gym.swept_kernels import BOTH, MOVER, STANDING
 from mlivr_gym.transitions import hold_mask
 
 Array = NDArray[np.float64]
@@ -283,8 +284,7 @@ class StepChecks(ABC):
                 return Way(kind, -1, -1, dict.fromkeys(left, 0))
             # Another fold might serve the next world; the first must serve all.
             together = 1 << fold
-            self._hold_apart(limb, after, path, (swing, swing), left, bodies, inside)
-        return Way(kind, fold, -1, left)
+        return Way(kind, fold, -1, self._hold_apart(limb, after, path, (swing, swing), left, BOTH))
 
     def _direct(
         self,
@@ -309,38 +309,52 @@ class StepChecks(ABC):
             for k, (p, mask, angles) in enumerate(zip(points, masks, q, strict=True))
         ]  # fmt: skip
         count = pairs_by_travel(there[0], q[0], there[1], q[1], solver.limits, order)
+        standing: dict[int, int] | None = None
         for pair in order[: min(count, TRIES)].tolist():
-            start, found = q[0, pair >> 3], dict(left)
-            for bodies, inside in self.checks:
-                goal = q[1, pair & 7]
-                if not line_free(limb, start, goal, path, solver.limits, *mounts, bodies, inside, end):
+            start, goal = q[0, pair >> 3], q[1, pair & 7]
+            if not all(
+                line_free(limb, start, goal, path, solver.limits, *mounts, bodies, inside, end)
+                for bodies, inside in self.checks
+            ):
+                continue
+            if standing is None:
+                # Whether the limbs that hold can stay does not depend on the swing, but for the limb that makes it.
+                standing = self._hold_apart(limb, after, path, (start, end), left, STANDING)
+                if not all(standing.values()):
                     break
-                self._hold_apart(limb, after, path, (start, end), found, bodies, inside)
-            else:
-                if all(found.values()):
-                    return Way(kind, -1, pair, found)
+            found = self._hold_apart(limb, after, path, (start, end), standing, MOVER)
+            if all(found.values()):
+                return Way(kind, -1, pair, found)
         return Way(kind, -1, -1, dict.fromkeys(left, 0))
 
     def _hold_apart(
-        self, limb: int, after: Sequence[int], path: tuple[Any, ...], swing: tuple[Array, Array], left: dict[int, int],
-        bodies: tuple[Any, ...], inside: bool,
-    ) -> None:  # fmt: skip
-        """Take from `left` the branches on which a limb cannot hold while `limb` swings, or two limbs come near each other."""
-        solver = self.solver
+        self, limb: int, after: Sequence[int], path: tuple[Any, ...], swing: tuple[Array, Array], left: dict[int, int], parts: int
+    ) -> dict[int, int]:  # fmt: skip
+        """Those of the branches in `left` on which limbs can hold while `limb` swings, no two of them near each other.
+
+        If one limb has none the rest is not looked at. `parts` as in `swept_kernels.hold_free`.
+        """
+        solver, left = self.solver, dict(left)
         mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
-        for i, mask in left.items():
-            point = after[i]
-            left[i] = int(
-                holding(
-                    i, mask, self.grips[point], solver.tools[point], path, limb, *swing, *mounts, bodies, inside
-                )
-            )  # fmt: skip
-        for i, j in combinations(left, 2) if inside else ():
-            a, b = after[i], after[j]
-            first, second = together_apart(
-                i, j, left[i], left[j], self.grips[a], solver.tools[a], self.grips[b], solver.tools[b], path, *mounts, bodies,
-            )  # fmt: skip
-            left[i], left[j] = int(first), int(second)
+        for bodies, inside in self.checks:
+            for i, mask in left.items():
+                point = after[i]
+                left[i] = int(
+                    holding(
+                        i, mask, self.grips[point], solver.tools[point], path, limb, *swing, *mounts, bodies, inside, parts
+                    )
+                )  # fmt: skip
+                if not left[i]:
+                    return left
+            for i, j in combinations(left, 2) if inside and parts & STANDING else ():
+                a, b = after[i], after[j]
+                first, second = together_apart(
+                    i, j, left[i], left[j], self.grips[a], solver.tools[a], self.grips[b], solver.tools[b], path, *mounts, bodies,
+                )  # fmt: skip
+                left[i], left[j] = int(first), int(second)
+                if not (first and second):
+                    return left
+        return left
 
     def hold(self, kind: int, pivot: Array, point: int, limb: int, posture: Postures, mask: int) -> int:
         """Those of the branches and flips in `mask` on which a limb can hold along a base path.

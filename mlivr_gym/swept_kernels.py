@@ -56,6 +56,9 @@ DEPTH = 9
 FIRST_INTERVAL = 0.6
 """Travel that an interval of the first division covers [m]; a matter of speed only."""
 
+STANDING, MOVER, BOTH = 1, 2, 3
+"""Parts of what a limb that holds is checked against, see `hold_free`."""
+
 
 @kernel
 def departure_free(
@@ -314,7 +317,7 @@ def seen_from_base(r0, axis, c, s, x, y, z):
 @kernel
 def hold_free(
     limb, grip, tool, path, u0, u1, branch, lengths, mount_rotation, mount_position, q0, q1, mover_rotation, mover_position,
-    shapes, hand, fixed, world, clearance, inside,
+    shapes, hand, fixed, world, clearance, inside, parts,
 ):  # fmt: skip
     """Whether a limb can hold on one branch while the base goes from `u0` to `u1` on a path.
 
@@ -342,6 +345,7 @@ def hold_free(
         world: `BoxWorld.arrays`.
         clearance: Least distance [m].
         inside: Whether the robot's own shapes are looked at, not the boxes alone.
+        parts: Bits of what to look at: `STANDING`, boxes, body and own links, and `MOVER`, the limb that moves.
 
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
@@ -373,7 +377,8 @@ def hold_free(
         if top == 0:
             stack_half[0] = 0.5 / pieces
             stack_s[0] = (2 * piece + 1) * stack_half[0]
-            todo[0] = EVERY
+            todo[0, 0] = todo[0, 1] = EVERY if parts & STANDING else 0
+            todo[0, 2] = EVERY if parts & MOVER else 0
             piece += 1
             top = 1
             at = u0 + piece / pieces * (u1 - u0)

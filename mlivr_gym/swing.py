@@ -27,7 +27,7 @@ from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.grasp_kernels import fold_near, line_end
 from mlivr_gym.posture import Postures
 from mlivr_gym.stance_graph import StanceGraph
-from mlivr_gym.swept_kernels import hold_free, swing_free
+from mlivr_gym.swept_kernels import BOTH, hold_free, swing_free
 
 Array = NDArray[np.float64]
 
@@ -174,7 +174,7 @@ class SwingFinder:
                     found = hold_free(
                         hold.limb, self.graph.grips[hold.point], solver.tools[hold.point], *ends, hold.branch, solver.lengths,
                         solver.mount_rotations[hold.limb], solver.mount_positions[hold.limb], a[1:], b[1:],
-                        solver.mount_rotations[limb], solver.mount_positions[limb], shapes, hand, fixed, world, clearance, inside,
+                        solver.mount_rotations[limb], solver.mount_positions[limb], shapes, hand, fixed, world, clearance, inside, BOTH,
                     )  # fmt: skip
                     if found != CLEAR:
                         return False
