@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 from mlivr_gym.agents import ExpertPolicy, Task, evaluate
 from mlivr_gym.agents.evaluation import bootstrap
-from mlivr_gym.agents.features import PointObservation, TableFeatures, env_features, reach_of_points
+from mlivr_gym.agents.features import DEPTH, LIMB, PointObservation, TableFeatures, env_features, reach_of_points
 from mlivr_gym.agents.imitation import Imitation, ImitationSettings, optimal_set_loss
 from mlivr_gym.agents.learned import (
     CheckpointError,
@@ -94,14 +94,18 @@ def test_features_from_tables_are_those_of_the_environment(env):
             np.testing.assert_array_equal(batch[name], rows)
 
 
-def test_reach_is_the_nearest_base_of_all_stances_with_a_point(env):
+def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
+    """After one step any stance with the point, after each further one any that the other limb's point is kept in."""
     graph, goal = env.graph, np.array([1.5, 0.0, 0.0])
-    reach = reach_of_points(graph, goal)
+    reach, held = reach_of_points(graph, goal), (graph.mask > 0).all(axis=1)
+    distance = np.linalg.norm(graph.position - goal, axis=1)
     for limb in range(2):
         for point in range(0, len(graph.grasp_map), 3):
-            bases = graph.position[(graph.points[:, limb] == point) & (graph.mask > 0).all(axis=1)]
-            nearest = min((np.linalg.norm(base - goal) for base in bases), default=10.0)
-            assert reach[limb, point] == pytest.approx(nearest, abs=1e-12)
+            stances, kept = held & (graph.points[:, limb] == point), limb
+            for depth in range(DEPTH):
+                assert reach[limb, point, depth] == pytest.approx(distance[stances].min(initial=10.0), abs=1e-12)
+                kept = 1 - kept
+                stances = held & np.isin(graph.points[:, kept], graph.points[stances, kept])
 
 
 def test_the_pointer_policy_does_not_depend_on_order_or_number_of_points(env, policy):
@@ -112,7 +116,7 @@ def test_the_pointer_policy_does_not_depend_on_order_or_number_of_points(env, po
     turned = {"points": seen["points"][:, order], "limbs": seen["limbs"][:, :, order], "goal": seen["goal"]}
     more = {
         "points": np.concatenate([seen["points"], np.tile([[[9.0, 9, 9, 0, 0, 1, 0, 0]]], (1, 7, 1))], axis=1),
-        "limbs": np.concatenate([seen["limbs"], np.zeros((1, 2, 7, 7))], axis=2), "goal": seen["goal"],
+        "limbs": np.concatenate([seen["limbs"], np.zeros((1, 2, 7, LIMB))], axis=2), "goal": seen["goal"],
     }  # fmt: skip
     more = {name: rows.astype(np.float32) for name, rows in more.items()}
     with torch.no_grad():
