@@ -171,7 +171,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
     axes[1].set_xlabel("steps over optimal, where the goal is reached")
     axes[1].set_xlim(0.9, 2.2)
     axes[1].axvline(1.0, color="0.5", linewidth=0.8)
-    axes[0].legend(loc="lower left", fontsize=8)
+    figure.legend(loc="outside upper center", ncols=len(splits), fontsize=9)
     save_figure(figure, path)
 
 
