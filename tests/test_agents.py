@@ -31,6 +31,15 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.planners import Planner
 
+LADDER = {
+    "segments": [
+        {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0], "normal": [0, 0, 1]}
+        for k, x in enumerate((0.0, 0.9, 1.8))
+    ],
+    "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]},
+}
+"""A user's own map: three short rails on a floor."""
+
 SHORT = {"rounds": 2, "layouts": 2, "goals": 4, "walks": 3, "updates": 10, "batch": 32}
 
 
@@ -371,13 +380,15 @@ def test_the_shipped_checkpoint_acts_on_a_map_it_never_saw(env):
     assert evaluate(env, beam_policy(policy), 10).success.all()
 
 
-def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(tmp_path, monkeypatch, env):
+def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(tmp_path, monkeypatch):
     minari = pytest.importorskip("minari", reason="needs the extra [data]")
     pytest.importorskip("jax", reason="needs the extra [data]")
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     from mlivr_gym.agents.dataset import write_dataset
 
-    write_dataset("mlivr/jem/test-v0", 2, seed=3, env_arguments={"collisions": False})
+    (tmp_path / "map.json").write_text(json.dumps(LADDER))
+    arguments = {"map": str(tmp_path / "map.json"), "collisions": False}
+    write_dataset("mlivr/jem/test-v0", 2, seed=3, env_arguments=arguments)
     dataset = minari.load_dataset("mlivr/jem/test-v0")
     rebuilt = dataset.recover_environment()
     planner = Planner(rebuilt.unwrapped.graph)
@@ -394,13 +405,8 @@ def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(tmp_pa
         write_dataset("mlivr/jem/test-v0", 1)
 
 
-def test_commands_train_and_evaluate(capsys, small_map, tmp_path):
-    rails = [
-        {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0], "normal": [0, 0, 1]}
-        for k, x in enumerate((0.0, 0.9, 1.8))
-    ]
-    world = {"segments": rails, "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]}}
-    (tmp_path / "map.json").write_text(json.dumps(world))
+def test_commands_train_and_evaluate(capsys, tmp_path):
+    (tmp_path / "map.json").write_text(json.dumps(LADDER))
     assert GraspMap.load(tmp_path / "map.json")
     hyper = {"bc": {"imitation": SHORT}, "networks": {"pointer": {"width": 16, "summary": 8}}}
     (tmp_path / "hyper.json").write_text(json.dumps(hyper))
