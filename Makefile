@@ -51,7 +51,7 @@ $(VENV)/.core: $(VENV)/bin/python pyproject.toml constraints.txt
 # PyTorch first and pinned, so that nothing else pulls another build of it.
 $(VENV)/.dev: $(VENV)/.core
 	$(PIP) torch==2.13.0
-	$(PIP) --editable '.[agents,dm,dev]'
+	$(PIP) --editable '.[agents,data,dm,dev]'
 	@touch $@
 
 clean:

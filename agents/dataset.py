@@ -61,11 +61,14 @@ def write_dataset(
             progress(k + 1)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*is set to None")  # author and link are the user's to add
+        # Minari leaves its temporary folders to the garbage collector.
+        warnings.filterwarnings("ignore", message="Implicitly cleaning up", category=ResourceWarning)
         dataset = collector.create_dataset(
             dataset_id=dataset_id,
             algorithm_name="optimal expert (exact cost-to-go: the costs of A*)",
             description="Optimal walks of a two-limb robot through the Japanese Experiment Module, with action masks.",
             requirements=[f"mlivr-gym=={__version__}"],
         )
-    collector.close()
+        collector.close()
+        del collector
     return dataset

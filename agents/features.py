@@ -19,7 +19,10 @@ from mlivr_gym.table_kernels import legal_places
 Array = NDArray[np.float64]
 Features = dict[str, NDArray[np.float32]]
 
-POINT, LIMB, GOAL = 8, 7, 5
+DEPTH = 3
+"""Steps that the reach of a point looks ahead."""
+
+POINT, LIMB, GOAL = 8, 6 + DEPTH, 5
 """Numbers that describe a point, a point as seen by one limb, and the goal."""
 
 FAR = 10.0
@@ -44,13 +47,13 @@ def point_features(
         tolerance: Radius of the goal region [m].
         legal: Which actions are possible, shape (k, N, m).
         after: Base position after each possible action [m], shape (k, N, m, 3); anything for the others.
-        reach: What `reach_of_points` returns [m], shape (k, N, m).
+        reach: What `reach_of_points` returns [m], shape (k, N, m, DEPTH).
         onward: Whether a limb that holds could let go after each possible action, shape (k, N, m); anything for the others.
 
     Returns:
-        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 7): whether the limb holds the point,
-        whether it may move there, the base's displacement if it does, the reach, and
-        whether a limb that holds could let go then. `goal` (k, 5): where the goal
+        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6 + DEPTH): whether the limb holds the
+        point, whether it may move there, the base's displacement if it does, whether a limb that holds could let go
+        then, and the reach. `goal` (k, 5): where the goal
         lies, its distance, and the tolerance.
     """
     k, limbs = stance.shape
@@ -64,7 +67,7 @@ def point_features(
     seen[..., 1] = legal
     state, limb, point = np.nonzero(legal)
     moved = after[state, limb, point] - base[state]
-    seen[..., 5], seen[..., 6] = reach, legal & onward
+    seen[..., 5], seen[..., 6:] = legal & onward, reach
     seen[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
     toward = np.einsum("ij,ijk->ik", goal - base, rotation)
     distance = np.linalg.norm(toward, axis=1, keepdims=True)
@@ -73,27 +76,35 @@ def point_features(
 
 
 def reach_of_points(graph: StanceGraph, goal: Array, held: NDArray[np.bool_] | None = None) -> Array:
-    """Least distance to the goal that the base can have while a limb holds a point [m], shape (N, m), at most `FAR`.
+    """Least distance to the goal that the base can have 1 to `DEPTH` steps after a limb took hold of a point [m], at most `FAR`.
 
-    Over all stances that can be held, whether steps lead there or not: a look one step further than an action. For more than two
+    Over all stances that can be held, whether steps lead there or not, the limbs moving in turns. For more than two
     limbs the stances are not known beforehand; it is then the distance of the point itself.
 
     Args:
         graph: The stance graph.
         goal: Goal position [m], shape (3,).
         held: Which stances can be held, shape (n,); by default those that the graph says.
+
+    Returns:
+        Shape (N, m, DEPTH).
     """
     if not isinstance(graph, PairGraph):
-        away = np.linalg.norm(graph.grasp_map.positions - goal, axis=1)
-        return np.tile(np.minimum(away, FAR), (graph.limbs, 1))
+        away = np.minimum(np.linalg.norm(graph.grasp_map.positions - goal, axis=1), FAR)
+        return np.broadcast_to(away[None, :, None], (graph.limbs, len(away), DEPTH)).copy()
     held = (graph.mask != 0).all(axis=1) if held is None else held
     away = graph.row_position - goal
     distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), FAR)
-    distance[~held[graph.rows]] = FAR
-    out = np.full((2, len(graph.grasp_map)), FAR)
-    for limb in range(2):
-        known = np.flatnonzero(graph.degree[limb])
-        out[limb, known] = np.minimum.reduceat(distance[limb], graph.row_start[limb, known])
+    lost = ~held[graph.rows]
+    out = np.full((2, len(graph.grasp_map), DEPTH), FAR)
+    for depth in range(DEPTH):
+        for limb in range(2):
+            if depth:
+                other = graph.points[graph.rows[limb], 1 - limb]
+                distance[limb] = out[1 - limb, other, depth - 1]
+            distance[limb, lost[limb]] = FAR
+            known = np.flatnonzero(graph.degree[limb])
+            out[limb, known, depth] = np.minimum.reduceat(distance[limb], graph.row_start[limb, known])
     return out
 
 
@@ -144,7 +155,7 @@ class TableFeatures:
             stances: Stance indices, shape (k,).
             masks: Branches each limb may be on, shape (k, 2).
             goals: Goal positions [m], shape (k, 3).
-            reach: What `reach_of_points` returns for each state [m], shape (k, 2, m).
+            reach: What `reach_of_points` returns for each state [m], shape (k, 2, m, DEPTH).
             free: Which points may be grasped, shape (m,) or (k, m); by default all.
         """
         k, m = len(stances), len(self.grasp_map)

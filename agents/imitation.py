@@ -47,6 +47,7 @@ class ImitationSettings:
         updates: Gradient steps in a round.
         batch: States in a gradient step.
         learning_rate: Largest rate of Adam; it falls to a tenth by a cosine.
+        averaging: Share that the average of the weights, which is kept in the end, keeps of itself in a gradient step.
         value_weight: Weight of the error of the value in the loss.
         discount: Discount of that value.
     """
@@ -62,6 +63,7 @@ class ImitationSettings:
     updates: int = 300
     batch: int = 256
     learning_rate: float = 1e-3
+    averaging: float = 0.997
     value_weight: float = 0.02
     discount: float = 0.99
 
@@ -140,6 +142,7 @@ class Imitation:
         self._reach: list[NDArray[np.float32]] = []
         self.success = 0.0
         self._optimizer = torch.optim.Adam(policy.parameters(), lr=settings.learning_rate)
+        self._average = [parameter.detach().clone() for parameter in policy.parameters()]
         self._streams = self.rng.integers(2**63, size=settings.goals).astype(np.uint64)
 
     def run(self, progress: Callable[[int, int, dict[str, float]], None] | None = None) -> None:
@@ -157,6 +160,9 @@ class Imitation:
             figures = {"gathered_in": time.perf_counter() - began, "walks_that_arrive": float(np.mean(success))}
             figures["states"] = float(sum(len(d.stances) for d in self.data))
             self._learn(k, figures, progress)
+        with torch.no_grad():
+            for parameter, average in zip(self.policy.parameters(), self._average, strict=True):
+                parameter.copy_(average)
 
     def _layout(self, number: int) -> NDArray[np.bool_]:
         """Which points there are, shape (m,)."""
@@ -289,6 +295,11 @@ class Imitation:
             (loss + settings.value_weight * error).backward()
             torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 1.0)
             self._optimizer.step()
+            with torch.no_grad():
+                # The first weights are soon forgotten.
+                kept = min(settings.averaging, (1.0 + done) / (10.0 + done))
+                for average, parameter in zip(self._average, self.policy.parameters(), strict=True):
+                    average.lerp_(parameter, 1.0 - kept)
             if progress is not None:
                 progress(done + 1, total, figures | {"loss": loss.item(), "value_error": error.item()})
 

@@ -15,7 +15,7 @@ from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
-from mlivr_gym.agents.features import GOAL, LIMB, POINT
+from mlivr_gym.agents.features import DEPTH, GOAL, POINT
 
 IMPOSSIBLE = -1e8
 """Score of actions that are not possible."""
@@ -48,11 +48,11 @@ class PointerNetwork(nn.Module):
         """
         super().__init__()
         self.latent_dim_vf = width
-        self.encode = mlp([POINT + 1 + GOAL + 1, summary, summary])
-        self.of_limb = nn.Linear(GOAL + 2 * (POINT + 2) + 4 * summary, width)
-        self.of_action = nn.Linear(POINT + LIMB + 1, width)
+        self.encode = mlp([POINT + 1 + GOAL + 1 + DEPTH, summary, summary])
+        self.of_limb = nn.Linear(GOAL + 2 * (POINT + 2 * DEPTH) + 4 * summary, width)
+        self.of_action = nn.Linear(POINT + 6 + 2 * DEPTH, width)
         self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
-        self.assess = mlp([4 * summary + GOAL + POINT + 2, width, width])
+        self.assess = mlp([4 * summary + GOAL + POINT + 2 * DEPTH, width, width])
         # Untrained, the scores are all but equal: a new policy explores evenly.
         last = self.score[-1]
         assert isinstance(last, nn.Linear)
@@ -65,11 +65,12 @@ class PointerNetwork(nn.Module):
         held = observation["limbs"][..., 0].sum(dim=1)[..., None]
         to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
         expanded = goal[:, None].expand(-1, points.shape[1], -1)
-        code: Tensor = torch.relu(self.encode(torch.cat([points, held, expanded, to_goal], dim=-1)))
+        reach = observation["limbs"][..., 6:].amin(dim=1)
+        code: Tensor = torch.relu(self.encode(torch.cat([points, held, expanded, to_goal, reach], dim=-1)))
         return code * points[..., 6:7]
 
     def summarise(self, observation: dict[str, Tensor], codes: Tensor) -> tuple[Tensor, Tensor]:
-        """Summary of the points, shape (k, 4 summary), and the points each limb holds, shape (k, N, 10).
+        """Summary of the points, shape (k, 4 summary), and the points each limb holds, shape (k, N, 8 + 2 DEPTH).
 
         The points count by their distance from the base, and once more by their distance from a place `AHEAD` towards
         the goal.
@@ -85,13 +86,13 @@ class PointerNetwork(nn.Module):
             parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
         limbs = observation["limbs"]
         held = torch.einsum("knm,kmf->knf", limbs[..., 0], points)
-        reach = (limbs[..., 0] * limbs[..., 5]).sum(dim=-1, keepdim=True)
+        reach = torch.einsum("knm,kmdn->knd", limbs[..., 0], limbs[..., 6:].permute(0, 2, 3, 1))
         arrives = self._arrives(goal[:, None].expand(-1, held.shape[1], -1), reach)
         return torch.cat(parts, dim=-1), torch.cat([held, reach, arrives], dim=-1)
 
     @staticmethod
     def _arrives(goal: Tensor, distance: Tensor) -> Tensor:
-        """Close to 1 where a distance to the goal is within the tolerance, close to 0 elsewhere, shape (..., 1)."""
+        """Close to 1 where a distance to the goal is within the tolerance, close to 0 elsewhere."""
         return torch.sigmoid((goal[..., 4:5] - distance) / SHARPNESS)
 
     def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
@@ -106,11 +107,10 @@ class PointerNetwork(nn.Module):
         whole = torch.cat([goal, summary], dim=-1)[:, None].expand(-1, count, -1)
         context = self.of_limb(torch.cat([held, others, whole], dim=-1))
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
-        moved, reach = limbs[state, limb, point, 2:5], limbs[state, limb, point, 5:6]
-        left = (moved - goal[state, :3]).norm(dim=-1, keepdim=True)
-        near = [left, reach, self._arrives(goal[state], left), self._arrives(goal[state], reach)]
-        onward = limbs[state, limb, point, 6:]
-        seen = self.of_action(torch.cat([points[state, point], moved, *near, onward], dim=-1))
+        action = limbs[state, limb, point, 2:]
+        left = (action[:, :3] - goal[state, :3]).norm(dim=-1, keepdim=True)
+        near = torch.cat([left, action[:, 4:]], dim=-1)
+        seen = self.of_action(torch.cat([points[state, point], action, left, self._arrives(goal[state], near)], dim=-1))
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
         scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
         return scores.flatten(1)

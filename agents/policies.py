@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,6 +17,9 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.table_values import TableValues
+
+MOST_LEFT_OUT = 20
+"""Steps that `planner_policy` leaves out of one query, at most, because the present state does not allow them."""
 
 
 class Policy(Protocol):
@@ -102,6 +106,9 @@ class PlanPolicy:
 def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -> PlanPolicy:
     """Follows plans of `Planner`, made on the environment's own stance graph.
 
+    A query starts from a stance with every branch it has. After a grasp that failed the limb that held may be on some of them only:
+    steps of a plan that this forbids are left out and the plan is made anew.
+
     Args:
         cost: Cost of the plans.
         method: Search method.
@@ -114,15 +121,40 @@ def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -
         if id(graph) not in planners:
             planners.clear()
             planners[id(graph)] = Planner(graph)
-        tolerance = env.goal_tolerance
-        result = planners[id(graph)].plan(
-            env.state.stance, env.goal.tolist(), cost, method=method, goal_tolerance=tolerance, **options
-        )
-        if result.plan is None:
-            return None
-        return [limb * len(graph.grasp_map) + graph.grasp_map.index(point) for limb, point in result.plan.actions]
+        planner, left_out = planners[id(graph)], list[tuple[tuple[int, ...], tuple[int, ...]]]()
+        while True:
+            with graph.without(left_out) if isinstance(graph, PairGraph) else nullcontext():
+                result = planner.plan(
+                    env.state.stance,
+                    env.goal.tolist(),
+                    cost,
+                    method=method,
+                    goal_tolerance=env.goal_tolerance,
+                    **options,
+                )
+            if result.plan is None:
+                return None
+            actions = [
+                limb * len(graph.grasp_map) + graph.grasp_map.index(point) for limb, point in result.plan.actions
+            ]
+            step = _forbidden(env, actions)
+            if step is None or not isinstance(graph, PairGraph) or len(left_out) == MOST_LEFT_OUT:
+                return actions
+            left_out.append(step)
+            planner = Planner(graph)  # what a planner learns without these steps does not hold with them
 
     return PlanPolicy(find)
+
+
+def _forbidden(env: MlivrEnv, actions: list[int]) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
+    """Stances before and after the first of some actions that is not possible from the present state on, if there is one."""
+    state = env.state
+    for action in actions:
+        limb, point = divmod(action, len(env.graph.grasp_map))
+        if not env.moves.mask(state)[action]:
+            return state.stance, (*state.stance[:limb], point, *state.stance[limb + 1 :])
+        state = env.moves.take(state, action)
+    return None
 
 
 def foreign_plan_policy(planner: Planner, cost: str = "steps") -> PlanPolicy:

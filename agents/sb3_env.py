@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from mlivr_gym.agents.features import TableFeatures, point_space, reach_of_points
+from mlivr_gym.agents.features import DEPTH, TableFeatures, point_space, reach_of_points
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.errors import choice
 from mlivr_gym.vector_env import MlivrVectorEnv
@@ -40,7 +40,7 @@ class TableVecEnv(VecEnv):
         self._info: dict[str, Any] = {}
         self._return = np.zeros(num_envs)
         self._goals = np.full((num_envs, 3), np.nan)
-        self._reach = np.zeros((num_envs, 2, len(env.graph.grasp_map)))
+        self._reach = np.zeros((num_envs, 2, len(env.graph.grasp_map), DEPTH))
         space = env.observation_space if self.plain else point_space(env)
         super().__init__(num_envs, space, env.action_space)
 

@@ -3,13 +3,15 @@
     python experiments/train_policies.py [--out runs] [--seeds 3] [--only dagger-pointer ...] [--hyperparameters FILE]
 
 writes `METHOD-NETWORK-SEED.pt` and `.json` for each. `risky` in place of the method is DAgger where grasps fail with probability
-0.2 on average. The checkpoint that ships with the package is `dagger-pointer-0`.
+0.2 on average. PPO learns with potential-based shaping, which leaves the best policy as it is. The checkpoint that ships with the
+package is `dagger-pointer-0`.
 """
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import torch
 from tqdm import tqdm
@@ -42,10 +44,12 @@ def main() -> None:
             name, network = run.split("-")
             risky = name == "risky"
             method = "dagger" if risky else name
-            arguments = {"grasp_failure": GRASP_FAILURE} if risky else {}
+            arguments: dict[str, Any] = {"grasp_failure": GRASP_FAILURE} if risky else {}
             more = f" --grasp-failure {GRASP_FAILURE}" if risky else ""
+            if method in ("ppo", "finetune"):
+                arguments, more = {"shaping": True}, " --shaping"
             if method == "finetune":
-                more = f" --init dagger-{network}-{seed}"
+                more += f" --init dagger-{network}-{seed}"
             command = f"mlivr-gym train --method {method} --network {network} --seed {seed}{more}"
             with tqdm(desc=path.name, mininterval=10.0) as bar:
 

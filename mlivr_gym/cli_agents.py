@@ -30,6 +30,7 @@ def add_commands(commands: Any, world: argparse.ArgumentParser) -> None:
     train.add_argument(
         "--grasp-failure", type=float, default=0.0, metavar="P", help="mean probability that a grasp fails"
     )
+    train.add_argument("--shaping", action="store_true", help="add potential-based shaping to the reward, for ppo")
     train.add_argument("--hyperparameters", metavar="FILE", help="JSON file (default: training.json of the package)")
     train.add_argument(
         "--out", default="policy", metavar="PATH", help="checkpoint without suffix (default: %(default)s)"
@@ -99,6 +100,7 @@ def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
         "clearance": args.clearance if args.clearance != 0.02 else None, "base_threshold": args.base_threshold,
         "limb_threshold": args.limb_threshold if args.limb_threshold != 0.1 else None,
         "reward": getattr(args, "reward", None), "grasp_failure": getattr(args, "grasp_failure", 0.0) or None,
+        "shaping": getattr(args, "shaping", False) or None,
     }  # fmt: skip
     return {name: value for name, value in given.items() if value is not None}
 

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 from mlivr_gym.agents import ExpertPolicy, Task, evaluate
 from mlivr_gym.agents.evaluation import bootstrap
-from mlivr_gym.agents.features import PointObservation, TableFeatures, env_features, reach_of_points
+from mlivr_gym.agents.features import DEPTH, LIMB, PointObservation, TableFeatures, env_features, reach_of_points
 from mlivr_gym.agents.imitation import Imitation, ImitationSettings, optimal_set_loss
 from mlivr_gym.agents.learned import (
     CheckpointError,
@@ -30,6 +30,15 @@ from mlivr_gym.env import MlivrEnv
 from mlivr_gym.errors import SettingError
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.planners import Planner
+
+LADDER = {
+    "segments": [
+        {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0], "normal": [0, 0, 1]}
+        for k, x in enumerate((0.0, 0.9, 1.8))
+    ],
+    "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]},
+}
+"""A user's own map: three short rails on a floor."""
 
 SHORT = {"rounds": 2, "layouts": 2, "goals": 4, "walks": 3, "updates": 10, "batch": 32}
 
@@ -94,14 +103,18 @@ def test_features_from_tables_are_those_of_the_environment(env):
             np.testing.assert_array_equal(batch[name], rows)
 
 
-def test_reach_is_the_nearest_base_of_all_stances_with_a_point(env):
+def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
+    """After one step any stance with the point, after each further one any that the other limb's point is kept in."""
     graph, goal = env.graph, np.array([1.5, 0.0, 0.0])
-    reach = reach_of_points(graph, goal)
+    reach, held = reach_of_points(graph, goal), (graph.mask > 0).all(axis=1)
+    distance = np.linalg.norm(graph.position - goal, axis=1)
     for limb in range(2):
         for point in range(0, len(graph.grasp_map), 3):
-            bases = graph.position[(graph.points[:, limb] == point) & (graph.mask > 0).all(axis=1)]
-            nearest = min((np.linalg.norm(base - goal) for base in bases), default=10.0)
-            assert reach[limb, point] == pytest.approx(nearest, abs=1e-12)
+            stances, kept = held & (graph.points[:, limb] == point), limb
+            for depth in range(DEPTH):
+                assert reach[limb, point, depth] == pytest.approx(distance[stances].min(initial=10.0), abs=1e-12)
+                kept = 1 - kept
+                stances = held & np.isin(graph.points[:, kept], graph.points[stances, kept])
 
 
 def test_the_pointer_policy_does_not_depend_on_order_or_number_of_points(env, policy):
@@ -112,7 +125,7 @@ def test_the_pointer_policy_does_not_depend_on_order_or_number_of_points(env, po
     turned = {"points": seen["points"][:, order], "limbs": seen["limbs"][:, :, order], "goal": seen["goal"]}
     more = {
         "points": np.concatenate([seen["points"], np.tile([[[9.0, 9, 9, 0, 0, 1, 0, 0]]], (1, 7, 1))], axis=1),
-        "limbs": np.concatenate([seen["limbs"], np.zeros((1, 2, 7, 7))], axis=2), "goal": seen["goal"],
+        "limbs": np.concatenate([seen["limbs"], np.zeros((1, 2, 7, LIMB))], axis=2), "goal": seen["goal"],
     }  # fmt: skip
     more = {name: rows.astype(np.float32) for name, rows in more.items()}
     with torch.no_grad():
@@ -367,13 +380,15 @@ def test_the_shipped_checkpoint_acts_on_a_map_it_never_saw(env):
     assert evaluate(env, beam_policy(policy), 10).success.all()
 
 
-def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(tmp_path, monkeypatch, env):
+def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(tmp_path, monkeypatch):
     minari = pytest.importorskip("minari", reason="needs the extra [data]")
     pytest.importorskip("jax", reason="needs the extra [data]")
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     from mlivr_gym.agents.dataset import write_dataset
 
-    write_dataset("mlivr/jem/test-v0", 2, seed=3, env_arguments={"collisions": False})
+    (tmp_path / "map.json").write_text(json.dumps(LADDER))
+    arguments = {"map": str(tmp_path / "map.json"), "collisions": False}
+    write_dataset("mlivr/jem/test-v0", 2, seed=3, env_arguments=arguments)
     dataset = minari.load_dataset("mlivr/jem/test-v0")
     rebuilt = dataset.recover_environment()
     planner = Planner(rebuilt.unwrapped.graph)
@@ -390,13 +405,8 @@ def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(tmp_pa
         write_dataset("mlivr/jem/test-v0", 1)
 
 
-def test_commands_train_and_evaluate(capsys, small_map, tmp_path):
-    rails = [
-        {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0], "normal": [0, 0, 1]}
-        for k, x in enumerate((0.0, 0.9, 1.8))
-    ]
-    world = {"segments": rails, "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]}}
-    (tmp_path / "map.json").write_text(json.dumps(world))
+def test_commands_train_and_evaluate(capsys, tmp_path):
+    (tmp_path / "map.json").write_text(json.dumps(LADDER))
     assert GraspMap.load(tmp_path / "map.json")
     hyper = {"bc": {"imitation": SHORT}, "networks": {"pointer": {"width": 16, "summary": 8}}}
     (tmp_path / "hyper.json").write_text(json.dumps(hyper))

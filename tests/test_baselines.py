@@ -53,6 +53,13 @@ def test_policies_follow_walks_to_their_end(env):
         find_walk("magic", env.moves, env.state, env.goal)
 
 
+def test_planners_go_on_after_grasps_that_fail(small_map):
+    """A failed attempt leaves the limb that held fewer branches than a plan from that stance may count on."""
+    env = MlivrEnv(map=small_map, grasp_failure=0.45)
+    result = evaluate(env, planner_policy("steps"), 5, seed=26)
+    assert result.success.all() and result.failed_grasps.sum() > 5
+
+
 def test_a_walk_makes_a_plan(small_map):
     """The plan of a walk is that of the planner with the same stances."""
     graph = stance_graph(small_map)

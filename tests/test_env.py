@@ -31,17 +31,18 @@ def masked(env, info, rng):
 @pytest.mark.parametrize(
     ("robot", "collisions"), [("mlivr2", True), ("mlivr2", False), ("mlivr3", False), ("mlivr4", False)]
 )
-def test_both_checkers_pass_without_a_warning(robot, collisions):
+def test_both_checkers_pass_without_a_warning(robot, collisions, small_map):
     """Every warning is an error here; only the window of render_mode='human' is left out."""
     from stable_baselines3.common.env_checker import check_env as sb3_check
 
-    environment = gymnasium.make("MLIVR-JEM-v0", robot=robot, collisions=collisions).unwrapped
+    world = small_map if collisions else None
+    environment = gymnasium.make("MLIVR-JEM-v0", robot=robot, map=world, collisions=collisions).unwrapped
     check_env(environment, skip_render_check=True)
     sb3_check(environment)
 
 
 def test_made_by_module_name_and_spec_survives_json():
-    environment = gymnasium.make("mlivr_gym:MLIVR-JEM-v0", reward="base")
+    environment = gymnasium.make("mlivr_gym:MLIVR-JEM-v0", reward="base", collisions=False)
     spec = EnvSpec.from_json(environment.spec.to_json())
     assert spec.id == "MLIVR-JEM-v0" and spec.max_episode_steps == 100
     assert gymnasium.make(spec).unwrapped.reward == "base"
@@ -57,8 +58,9 @@ def test_truncated_by_the_registration():
 
 
 @pytest.mark.parametrize(("robot", "collisions"), [("mlivr2", True), ("mlivr2", False), ("mlivr4", False)])
-def test_equal_seeds_give_equal_episodes(robot, collisions):
-    a, b = (gymnasium.make("MLIVR-JEM-v0", robot=robot, collisions=collisions) for _ in range(2))
+def test_equal_seeds_give_equal_episodes(robot, collisions, small_map):
+    world = small_map if collisions else None
+    a, b = (gymnasium.make("MLIVR-JEM-v0", robot=robot, map=world, collisions=collisions) for _ in range(2))
     assert data_equivalence(a.reset(seed=5), b.reset(seed=5))
     rng = np.random.default_rng(0)
     info = a.reset(seed=5)[1]
@@ -221,11 +223,12 @@ def test_mask_wrapper(env):
     assert wrapped.observation_space.contains(observation)
 
 
-def test_subprocess_vector_environment():
+def test_subprocess_vector_environment(small_map):
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
-    vector = make_vec_env("mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0, vec_env_cls=SubprocVecEnv)
+    arguments = {"map": small_map}
+    vector = make_vec_env("mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0, vec_env_cls=SubprocVecEnv, env_kwargs=arguments)
     try:
         observations = vector.reset()
         assert observations["base_position"].shape == (2, 3)
@@ -236,17 +239,19 @@ def test_subprocess_vector_environment():
         vector.close()
 
 
-def test_masked_ppo_runs_on_the_environment():
+def test_masked_ppo_runs_on_the_environment(small_map):
     from sb3_contrib import MaskablePPO
 
-    model = MaskablePPO("MultiInputPolicy", "MLIVR-JEM-v0", n_steps=32, batch_size=32, seed=0)
+    world = gymnasium.make("MLIVR-JEM-v0", map=small_map)
+    model = MaskablePPO("MultiInputPolicy", world, n_steps=32, batch_size=32, seed=0)
     model.learn(64)
 
 
-def test_expert_policy_is_optimal_and_random_is_not(env):
-    expert, chance = evaluate(env, ExpertPolicy(), 5, seed=1), evaluate(env, RandomPolicy(0), 5, seed=1, max_steps=30)
+def test_expert_policy_is_optimal_and_random_is_not(small_map):
+    env = MlivrEnv(map=small_map, collisions=False)
+    expert, chance = evaluate(env, ExpertPolicy(), 20, seed=1), evaluate(env, RandomPolicy(0), 20, seed=1, max_steps=30)
     assert expert.success_rate == 1.0 and chance.steps.mean() > expert.steps.mean()
-    for k in range(5):
+    for k in range(20):
         env.reset(seed=1 + k)
         plan = Planner(env.graph).plan(env.state.stance, env.goal, "steps").unwrap()
         assert expert.steps[k] == len(plan.steps)
