@@ -15,7 +15,7 @@ from mlivr_gym import Box, Capsule, GraspMap, RobotSpec, Settings, robot_spec, s
 from mlivr_gym.base_path import STRAIGHT
 from mlivr_gym.bodies import Bodies
 from mlivr_gym.contacts import capsule_ends, contacts
-from mlivr_gym.distance_kernels import CLEAR, segment_box_apart, segments_apart
+from mlivr_gym.distance_kernels import CLEAR, segment_box_apart, segments_apart, stays_away
 from mlivr_gym.errors import SettingError, ShapeError, StanceError
 from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.limb_shapes import NEVER_NEARER, LimbShapes
@@ -70,6 +70,27 @@ def test_segment_to_segment_agrees_with_coal(a, b, c, d):
     ours = np.sqrt(segments_apart(tuple(a), tuple(b - a), tuple(c), tuple(d - c)))
     theirs = apart(coal_capsule(1e-3, a, b), coal_capsule(1e-3, c, d)) + 2e-3
     assert ours == pytest.approx(max(theirs, 0.0), abs=2e-4)
+
+
+@given(st.booleans(), vectors(), vectors(), vectors(), vectors(), st.floats(0.01, 0.8), st.floats(0.01, 0.8))
+@examples(max_examples=300, deadline=None)
+def test_an_axis_is_compared_with_a_length_that_changes_along_it(box, start, end, first, second, at_start, at_end):
+    """Told apart as samples tell it, but for what rounding or the number of places leaves open."""
+    shape = np.abs(first) + 0.05 if box else first
+    answer = stays_away(box, tuple(shape), tuple(second - first), tuple(start), tuple(end - start), at_start, at_end)
+    t = np.linspace(0.0, 1.0, 2001)
+    points = start + t[:, None] * (end - start)
+    if box:
+        distance = np.linalg.norm(np.maximum(np.abs(points) - shape, 0.0), axis=1)
+    else:
+        along = second - first
+        share = np.clip((points - first) @ along / max(along @ along, 1e-14), 0.0, 1.0)
+        distance = np.linalg.norm(points - first - share[:, None] * along, axis=1)
+    spare = (distance - at_start - t * (at_end - at_start)).min()
+    if answer:
+        assert spare >= -1e-9
+    elif spare > 0.0:
+        assert spare < 0.01
 
 
 def test_capsules_lie_where_mujoco_has_them(jem):
