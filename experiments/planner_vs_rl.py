@@ -49,7 +49,7 @@ FAMILIES = ("splits", "executed", "cold", "unreliable", "mlivr4")
 EXECUTED = ("table", "astar-steps", "astar-base", "local", "dagger-pointer", "dagger-pointer-beam")
 """Methods whose walks are carried out: a step takes seconds to simulate."""
 
-FOUR_LIMBS = 20
+FOUR_LIMBS = 10
 """Episodes with four limbs, collisions not checked: each step takes 0.01 to 0.2 s with them."""
 
 MOST_STEPS = 60
