@@ -70,7 +70,7 @@ def evaluate(
     """Run a policy; episode k starts from `reset(seed=seed + k)`.
 
     Args:
-        env: The environment, unwrapped. Tasks may occupy points of its graph; they are vacated in the end.
+        env: The environment, unwrapped. Tasks occupy points of its graph; in the end those are occupied that were before.
         policy: The policy.
         episodes: Number of episodes, or their tasks.
         seed: Seed of the first episode.
@@ -86,15 +86,14 @@ def evaluate(
     tasks = [None] * episodes if isinstance(episodes, int) else list(episodes)
     if not tasks:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
-    rows = []
+    rows, before = [], env.graph.ids(sorted(env.graph.occupied))
     for k, task in enumerate(tasks):
         if task is not None:
             _occupy(env, task.occupied)
         rows.append(_episode(env, policy, task, seed + k, max_steps, execute))
         if progress is not None:
             progress(k + 1)
-    if any(task is not None and task.occupied for task in tasks):
-        _occupy(env, ())
+    _occupy(env, before)
     success, steps, translation, first, decision, failed, carried = zip(*rows, strict=True)
     return Evaluation(
         np.array(success), np.array(steps), np.array(translation), np.array(first), np.array(decision),

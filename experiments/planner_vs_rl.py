@@ -49,7 +49,7 @@ FAMILIES = ("splits", "executed", "cold", "unreliable", "mlivr4")
 EXECUTED = ("table", "astar-steps", "astar-base", "local", "dagger-pointer", "dagger-pointer-beam")
 """Methods whose walks are carried out: a step takes seconds to simulate."""
 
-FOUR_LIMBS = 20
+FOUR_LIMBS = 10
 """Episodes with four limbs, collisions not checked: each step takes 0.01 to 0.2 s with them."""
 
 MOST_STEPS = 60
@@ -134,30 +134,32 @@ def split_world(world: World, at: int, args: argparse.Namespace, results: Result
     env = MlivrEnv(map=world.map(), precompute=not dense)
     makes: dict[str, dict[int, Make]] = {name: {0: make} for name, make in planners().items()}
     makes |= learned(Path(args.policies))
-    groups = [
-        [k for k, t in enumerate(world.tasks) if t.occupied == o]
-        for o in dict.fromkeys(t.occupied for t in world.tasks)
-    ]
-    for name, seeds in makes.items():
-        if (
-            (args.only and name not in args.only)
-            or name.startswith("risky")
-            or (dense and name in ("table", "dijkstra"))
-        ):
-            continue
-        if name.endswith("mlp") and world.split in ("half", "dense"):
-            continue  # made for one number of points
-        if name in ("mcts", "no-manipulability") and dense:
-            continue  # half an hour each: every step they look at must be checked first
-        for seed, make in seeds.items():
-            for group in tqdm(groups, desc=f"{world.split} {name} {seed}", mininterval=5.0):
+    layouts = dict.fromkeys(task.occupied for task in world.tasks)
+    groups = [[k for k, task in enumerate(world.tasks) if task.occupied == layout] for layout in layouts]
+    for group in groups:
+        tasks = [world.tasks[k] for k in group]
+        env.graph.occupy(tasks[0].occupied)
+        for name, seeds in makes.items():
+            if (args.only and name not in args.only) or not meant_for(name, world.split):
+                continue
+            for seed, make in seeds.items():
                 if results.has(world.split, name, seed, at, group[0]):
                     continue
-                tasks = [world.tasks[k] for k in group]
-                env.graph.occupy(tasks[0].occupied)
-                result = evaluate(env, make(env), tasks, max_steps=MOST_STEPS)
-                env.graph.vacate()
+                bar = tqdm(total=len(tasks), desc=f"{world.split} {at} {name} {seed}", mininterval=5.0)
+                result = evaluate(env, make(env), tasks, max_steps=MOST_STEPS, progress=lambda _, bar=bar: bar.update())  # type: ignore[misc]
+                bar.close()
                 results.keep(world.split, name, seed, at, record(result, group))
+        env.graph.vacate()
+
+
+def meant_for(name: str, split: str) -> bool:
+    """Whether a method is measured on a split."""
+    if name.startswith("risky"):
+        return False
+    if split == "dense":
+        # Without every step checked beforehand; the last two take half an hour each: every step they look at must be checked first.
+        return name not in ("table", "dijkstra", "mcts", "no-manipulability") and not name.endswith("mlp")
+    return split != "half" or not name.endswith("mlp")  # made for one number of points
 
 
 def executed(args: argparse.Namespace, results: Results) -> None:
