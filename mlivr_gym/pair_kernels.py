@@ -10,9 +10,9 @@ import numpy as np
 from mlivr_gym.compiled import kernel
 from mlivr_gym.direct_kernels import TRIES, lifted_at, line_free, pairs_by_travel
 from mlivr_gym.grasp_kernels import place_branches
+from mlivr_gym.hold_kernels import BOTH
 from mlivr_gym.release_kernels import TOGETHER, carried, holding, release
 from mlivr_gym.stack_arrays import floats, integers
-from mlivr_gym.swept_kernels import BOTH
 from mlivr_gym.transitions import hold_mask
 
 KNOWN = 1 << 16

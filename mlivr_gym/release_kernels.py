@@ -18,8 +18,9 @@ from mlivr_gym.base_path import STRAIGHT
 from mlivr_gym.compiled import kernel
 from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.grasp_kernels import flange_at, fold_near, lifted_branches, line_end, raised
+from mlivr_gym.hold_kernels import hold_free, holds_apart
 from mlivr_gym.stack_arrays import floats, integers
-from mlivr_gym.swept_kernels import departure_free, hold_free, holds_apart, swing_free
+from mlivr_gym.swept_kernels import departure_free, swing_free
 
 TOGETHER, ROOT, VIA = 16, 20, 24
 """First bits of the parts of an answer of `release`, which has room for four folds."""

@@ -20,12 +20,12 @@ from mlivr_gym.bodies import Bodies
 from mlivr_gym.direct_kernels import TRIES, lifted_at, line_free, pairs_by_travel
 from mlivr_gym.grasp_kernels import place_branches
 from mlivr_gym.grasp_map import GraspMap
+from mlivr_gym.hold_kernels import BOTH, MOVER, STANDING
 from mlivr_gym.posture import Postures, PostureSolver
 from mlivr_gym.release_kernels import TOGETHER, carried, holding, release, together_apart
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.shapes import Box
-from mlivr_gym.swept_kernels import BOTH, MOVER, STANDING
 from mlivr_gym.transitions import hold_mask
 
 Array = NDArray[np.float64]
@@ -332,7 +332,7 @@ class StepChecks(ABC):
     ) -> dict[int, int]:  # fmt: skip
         """Those of the branches in `left` on which limbs can hold while `limb` swings, no two of them near each other.
 
-        If one limb has none the rest is not looked at. `parts` as in `swept_kernels.hold_free`.
+        If one limb has none the rest is not looked at. `parts` as in `hold_kernels.hold_free`.
         """
         solver, left = self.solver, dict(left)
         mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)

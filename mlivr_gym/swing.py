@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 from mlivr_gym.direct_kernels import lifted_at
 from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.grasp_kernels import fold_near, line_end
+from mlivr_gym.hold_kernels import BOTH, hold_free
 from mlivr_gym.posture import Postures
 from mlivr_gym.stance_graph import StanceGraph
-from mlivr_gym.swept_kernels import BOTH, hold_free, swing_free
+from mlivr_gym.swept_kernels import swing_free
 
 Array = NDArray[np.float64]
 

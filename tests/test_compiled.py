@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from mlivr_gym import compiled, planner_kernels
+from mlivr_gym.hold_kernels import hold_free
 from mlivr_gym.planners import Planner, planner
 from mlivr_gym.planners.cost_to_go import backward
 from mlivr_gym.planners.pair_search import distance_to_goal, search, steps_to_goal
 from mlivr_gym.stack_arrays import floats, integers, zeros
-from mlivr_gym.swept_kernels import hold_free, swing_free
+from mlivr_gym.swept_kernels import swing_free
 
 KERNELS = (search, backward, distance_to_goal, steps_to_goal, swing_free, hold_free)
 
