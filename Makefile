@@ -35,7 +35,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/benchmark_env.py
 	$(BIN)/python experiments/readme.py
 
-# Trains all policies and measures everything that acts: several hours.
+# Trains all policies and measures everything that acts: two to three hours.
 compare: $(VENV)/.dev
 	$(BIN)/python experiments/train_policies.py
 	$(BIN)/python experiments/planner_vs_rl.py

@@ -272,7 +272,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", help="only these methods")
     parser.add_argument("--families", nargs="+", choices=FAMILIES, default=FAMILIES, help="only these families")
     parser.add_argument("--splits", nargs="+", default=tuple(SIZES), choices=tuple(SIZES), help="only these splits")
-    parser.add_argument("--execute", type=int, default=5, help="walks carried out in MuJoCo (default: %(default)s)")
+    parser.add_argument("--execute", type=int, default=20, help="walks carried out in MuJoCo (default: %(default)s)")
     parser.add_argument("--freeze", action="store_true", help="draw the test set anew and do nothing else")
     parser.add_argument("--report", action="store_true", help="only write the report")
     args = parser.parse_args()
