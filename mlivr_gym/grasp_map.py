@@ -180,9 +180,10 @@ class GraspMap:
     @cached_property
     def fingerprint(self) -> str:
         """Hash of points and boxes: plans carry it, so that they are not used on another map."""
-        digest = hashlib.sha256("\n".join(self.ids).encode())
-        digest.update(json.dumps([box.to_dict() for box in self.boxes]).encode())
-        for array in (self.positions, self.rotations):
+        digest = hashlib.sha256("\n".join([*self.ids, *(f"{box.id} {box.kind}" for box in self.boxes)]).encode())
+        boxes = [[*box.centre, *box.half, *np.ravel(box.rotation)] for box in self.boxes]
+        # Rounded, and no negative zeros: the last digits differ between machines.
+        for array in (self.positions, self.rotations, np.array(boxes)):
             digest.update((np.round(array, 9) + 0.0).tobytes())
         return digest.hexdigest()[:16]
 

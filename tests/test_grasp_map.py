@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +57,14 @@ def test_points_and_segments_load_from_a_file(tmp_path):
     assert loaded.ids == ("P", "S:0", "S:1", "S:2", "S:3", "S:4")
     assert loaded.name == "map"
     assert loaded.fingerprint != jem_map().fingerprint
+
+
+def test_rounding_does_not_make_another_map(jem):
+    """The last digits of turned boxes differ between machines; a plan made on one must serve on the other."""
+    nudged = [replace(box, centre=tuple(value + 1e-13 for value in box.centre)) for box in jem.boxes]
+    moved = [replace(jem.boxes[0], half=tuple(1.01 * value for value in jem.boxes[0].half)), *jem.boxes[1:]]
+    same, other = (replace(jem, boxes=tuple(boxes)) for boxes in (nudged, moved))
+    assert same.fingerprint == jem.fingerprint != other.fingerprint
 
 
 @pytest.mark.parametrize(
