@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from mlivr_gym.agents.features import DEPTH, TableFeatures, point_space, reach_of_points
 from mlivr_gym.env import MlivrEnv
-from mlivr_gym.errors import choice
+from mlivr_gym.errors import SettingError, choice
 from mlivr_gym.vector_env import MlivrVectorEnv
 
 OBSERVATIONS = ("points", "plain")
@@ -110,7 +110,7 @@ class TableVecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Not possible: the copies share one world."""
-        raise NotImplementedError("the copies share one world")
+        raise SettingError(f"attribute {attr_name!r} cannot be set: the copies share one world, `copies.env`")
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """No copy is wrapped."""

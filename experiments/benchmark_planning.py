@@ -41,7 +41,7 @@ from mlivr_gym.files import write_whole
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.planner import CACHED_TABLES
+from mlivr_gym.planners.estimates import CACHED_TABLES
 from mlivr_gym.table1 import default_setup
 from mlivr_gym.tasks import sample_task
 

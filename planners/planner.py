@@ -15,10 +15,11 @@ from mlivr_gym.errors import PlanError, SettingError, StanceError, choice, nonne
 from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners.assemble import assemble
-from mlivr_gym.planners.cost_to_go import CostToGo, backward
+from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import HEURISTICS, Cost
+from mlivr_gym.planners.estimates import CACHED_TABLES, Estimates, unchecked
 from mlivr_gym.planners.lazy_search import lazy_search
-from mlivr_gym.planners.pair_search import FOUND, LIMIT, distance_to_goal, search, steps_to_goal
+from mlivr_gym.planners.pair_search import FOUND, LIMIT, search
 from mlivr_gym.planners.plan import Plan
 from mlivr_gym.posture import Postures
 from mlivr_gym.stance_graph import State, join
@@ -43,9 +44,6 @@ CHEAP = 10
 
 LEARNING = 8
 """Entries taken from the queue of the backward search for each state explored until then; most need no new step checked."""
-
-CACHED_TABLES = 16
-"""Cost-to-go tables a planner keeps."""
 
 
 @dataclass(frozen=True)
@@ -88,9 +86,6 @@ class PlanningResult:
         return self.plan
 
 
-_Region = tuple[Array, NDArray[np.bool_], frozenset[int]]
-
-
 class _Path:
     """A path found by either search: states, postures, counts and the explored tree."""
 
@@ -116,8 +111,7 @@ class Planner:
     def __init__(self, graph: PairGraph | LazyGraph) -> None:
         """Plan on `graph`."""
         self.graph = graph
-        self._regions: OrderedDict[tuple[Any, ...], _Region] = OrderedDict()
-        self._relaxed: OrderedDict[tuple[Any, ...], Array] = OrderedDict()
+        self._estimates = Estimates(graph) if isinstance(graph, PairGraph) else None
         self._exact: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
 
     def plan(
@@ -191,9 +185,7 @@ class Planner:
         while True:
             if isinstance(self.graph, PairGraph):
                 with self.graph.without(blocked):
-                    path = self._pair_path(
-                        self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, not blocked
-                    )
+                    path = self._pair_path(first, target, tolerance, priced, heuristic, g_weight, limit, not blocked)
             else:
                 path = self._lazy_path(
                     self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress, blocked
@@ -268,14 +260,16 @@ class Planner:
 
         Where steps are checked it is the exact cost, so that a plan among obstacles explores little beside them.
         """
-        graph = self._two_limbs()
-        priced = Cost.named(cost, regrasp_price)
+        estimates = self._two_limbs()
+        graph, priced = estimates.graph, Cost.named(cost, regrasp_price)
         target, tolerance = graph.grasp_map.check_goal(goal), nonnegative("goal_tolerance", goal_tolerance)
         key = (*target.tolist(), tolerance, priced)
         if graph.settings.transitions:
-            self._keep(key, self.cost_to_go(goal, cost, regrasp_price=regrasp_price, goal_tolerance=tolerance).values)
+            estimates.keep(
+                key, self.cost_to_go(goal, cost, regrasp_price=regrasp_price, goal_tolerance=tolerance).values
+            )
         else:
-            self._keep(key, _unchecked(graph, self._goal_region(graph, target, tolerance)[1], priced))
+            estimates.keep(key, unchecked(graph, estimates.region(target, tolerance)[1], priced))
 
     def cost_to_go(
         self,
@@ -290,95 +284,34 @@ class Planner:
         Raises:
             SettingError: If the robot has more than two limbs.
         """
-        graph = self._two_limbs()
-        priced = Cost.named(cost, regrasp_price)
+        estimates = self._two_limbs()
+        graph, priced = estimates.graph, Cost.named(cost, regrasp_price)
         target, tolerance = graph.grasp_map.check_goal(goal), nonnegative("goal_tolerance", goal_tolerance)
-        key = (*target.tolist(), tolerance, priced, self.graph.version)
+        key = (*target.tolist(), tolerance, priced, graph.version)
         if key not in self._exact:
             self._exact[key] = CostToGo(graph, target, tolerance, priced)
             if len(self._exact) > CACHED_TABLES:
                 self._exact.popitem(last=False)
         return self._exact[key]
 
-    def _two_limbs(self) -> PairGraph:
-        if not isinstance(self.graph, PairGraph):
+    def _two_limbs(self) -> Estimates:
+        if self._estimates is None:
             raise SettingError(f"cost-to-go tables need two limbs; robot {self.graph.robot.name!r} has more")
-        return self.graph
-
-    def _goal_region(self, graph: PairGraph, target: Array, tolerance: float) -> _Region:
-        """Distance of each stance to the goal [m], which are goals, and the connected parts they lie in; kept."""
-        key = (*target.tolist(), tolerance)
-        if key not in self._regions:
-            distance = _distances(graph.position, target)
-            goal = distance <= tolerance
-            self._regions[key] = distance, goal, frozenset(graph.components[1][goal].tolist())
-            if len(self._regions) > CACHED_TABLES:
-                self._regions.popitem(last=False)
-        return self._regions[key]
-
-    def _relaxed_table(self, graph: PairGraph, target: Array, tolerance: float, cost: Cost, start: int) -> Array:
-        """Lower bound of the cost to the goal, exact when steps are not checked where it was settled, shape (n,).
-
-        It is kept if it covers all stances: it stays a lower bound when obstacles come, since they only take steps away.
-        """
-        key = (*target.tolist(), tolerance, cost)
-        if key in self._relaxed:
-            self._relaxed.move_to_end(key)
-            return self._relaxed[key]
-        distance, goal, _ = self._goal_region(graph, target, tolerance)
-        if cost.base_weight == 0.0:
-            return self._keep(key, _unchecked(graph, goal, cost))
-        toward = cost.heuristic("consistent", _distances(graph.position, graph.position[start]), 0.0, graph.max_step)
-        table = _unchecked(graph, goal, cost, start, toward)
-        # Stances that the backward search left out cost at least what it had reached.
-        rest = np.isinf(table)
-        bound = cost.heuristic("consistent", distance, tolerance, graph.max_step)
-        table[rest] = np.maximum(bound, table[start] - toward)[rest]
-        return table
-
-    def _keep(self, key: tuple[Any, ...], table: Array) -> Array:
-        """Keep a table of all stances, but for one made among obstacles: once they are gone it would not hold."""
-        if not (self.graph.occupied or self.graph.obstacles):
-            self._relaxed[key] = table
-            if len(self._relaxed) > CACHED_TABLES:
-                self._relaxed.popitem(last=False)
-        return table
-
-    def _learnt(
-        self, graph: PairGraph, goal: NDArray[np.bool_], cost: Cost, start: int, h: Array, limit: int, learnt: bool
-    ) -> tuple[Array, Array]:
-        """Two lower bounds closer than `h`, from a search backward from the goal that checks steps, of at most `limit` entries.
-
-        The first holds for plans from `start`, the second from anywhere. Where `h` was `learnt` before and obstacles came, little
-        is to be mended, and the straight way to the start is estimate enough; else the cost from there is worked out.
-        """
-        n, value = len(graph), np.full((len(graph), 2, 16), np.inf)
-        if learnt and cost.base_weight:
-            away = cost.heuristic("consistent", _distances(graph.position, graph.position[start]), 0.0, graph.max_step)
-        else:
-            away = _unchecked(graph, np.arange(n) == start, cost)
-        bound, arrived = backward(
-            goal, start, away, cost.base_weight, cost.step_weight, limit, True, graph.rows, graph.row_start,
-            graph.row_position, graph.edges, value, np.zeros((n, 2, 2), dtype=np.int64), np.full((n, 2, 16), np.inf),
-        )  # fmt: skip
-        exact = np.where(goal, 0.0, value.min(axis=(1, 2)))
-        with np.errstate(invalid="ignore"):
-            closer = np.fmax(h, np.fmin(exact, bound - away))
-        # Every stance of an optimal plan was settled if the search arrived.
-        return np.fmax(h, exact) if arrived else closer, closer
+        return self._estimates
 
     def _pair_path(
-        self, graph: PairGraph, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
-        g_weight: float, limit: int, whole: bool,
+        self, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str, g_weight: float, limit: int, whole: bool
     ) -> _Path | None:  # fmt: skip
+        estimates = self._two_limbs()
+        graph = estimates.graph
         start = graph.find(first.stance)
-        distance, goal, parts = self._goal_region(graph, target, tolerance)
+        distance, goal, parts = estimates.region(target, tolerance)
         if int(graph.components[1][start]) not in parts:
             return None
         key = (*target.tolist(), tolerance, cost)
-        learnt = key in self._relaxed
+        learnt = estimates.has(key)
         if heuristic == "cost_to_go":
-            h = self._relaxed_table(graph, target, tolerance, cost, start)
+            h = estimates.table(target, tolerance, cost, start)
         else:
             h = cost.heuristic(heuristic, distance, tolerance, graph.max_step)
         patience = limit
@@ -395,9 +328,9 @@ class Planner:
             if status != LIMIT or explored >= limit:
                 break
             # Many steps that the estimate counts on are impossible: learn from the other end how it is there.
-            h, bound = self._learnt(graph, goal, cost, start, bound, LEARNING * patience, learnt)
+            h, bound = estimates.learn(goal, cost, start, bound, LEARNING * patience, learnt)
             if whole:
-                self._keep(key, bound)
+                estimates.keep(key, bound)
             patience *= 4
         stance, moved, released = node // 3, node % 3, graph.edges[17][2]
         chain = _chain(parent)
@@ -442,32 +375,6 @@ class Planner:
         tree = np.stack([position[parents], position[1:]], axis=1)
         states = [found.states[k] for k in chain]
         return _Path(found.status, states, postures, found.costs[-1], (len(found.states), found.generated), tree)
-
-
-def _unchecked(
-    graph: PairGraph, goal: NDArray[np.bool_], cost: Cost, start: int = -1, toward: Array | None = None
-) -> Array:
-    """Cost from each stance to the nearest goal stance when steps are not checked, shape (n,).
-
-    With a start and lower bounds of the cost from there, `toward`, the search ends there and leaves the rest at infinity.
-    """
-    n, table = len(graph), np.full(len(graph), np.inf)
-    if cost.base_weight == 0.0:
-        opened = np.zeros(graph.degree.shape, dtype=np.bool_)
-        steps_to_goal(goal, graph.rows, graph.row_start, graph.points, graph.mask, table, opened)
-        return table * cost.step_weight
-    distance_to_goal(
-        goal, start, np.zeros(n) if toward is None else toward, cost.base_weight, cost.step_weight, graph.rows,
-        graph.row_start, graph.points, graph.position, graph.row_position, graph.mask, np.full(n, np.inf), table,
-        np.full(n, -1),
-    )  # fmt: skip
-    return table
-
-
-def _distances(positions: Array, point: Array) -> Array:
-    """Distances of positions, shape (n, 3), from a point [m]; quicker than `np.linalg.norm` over an axis."""
-    away = positions - point
-    return np.sqrt(np.einsum("ij,ij->i", away, away))
 
 
 def _chain(parent: NDArray[np.int64]) -> list[int]:

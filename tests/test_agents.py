@@ -264,6 +264,11 @@ def test_policies_run_in_maskable_ppo_and_subprocesses(small_map, network, tmp_p
         vector.close()
 
 
+def test_one_copy_alone_cannot_be_changed(env):
+    with pytest.raises(SettingError, match="'reward'.*share one world"):
+        TableVecEnv(env, 2, "points").set_attr("reward", "base")
+
+
 def test_copies_for_stable_baselines3_go_like_single_environments(env, small_map):
     copies = TableVecEnv(env, 3, "points", max_episode_steps=6)
     copies.seed(0)
