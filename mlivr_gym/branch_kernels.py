@@ -13,12 +13,14 @@ from mlivr_gym.collision_kernels import (
     against_body,
     against_boxes,
     against_limb,
+    axis_of,
+    boxes_apart,
     frames_of_branch,
     place,
     to_world,
 )
 from mlivr_gym.compiled import kernel
-from mlivr_gym.distance_kernels import CLEAR
+from mlivr_gym.distance_kernels import CLEAR, segment_box_apart, segments_apart
 from mlivr_gym.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.stack_arrays import floats
 
@@ -103,9 +105,70 @@ def forget(status, pairs):
 
 
 @kernel
+def _link_gaps(limb, ends, shapes, fixed, least):
+    """Distance of a limb from its own links, from the body and from what is fixed to it [m].
+
+    Any number below `least` stands for one below it. `ends` has shape (c, 2, 3), in the body frame.
+    """
+    link, radius, own = shapes[0], shapes[2], shapes[3]
+    mounts, mount_radius, half, least_link = fixed
+    gap = np.inf
+    for k in range(len(own)):
+        i, j = own[k, 0], own[k, 1]
+        gap = min(gap, _axes_gap(ends, i, ends, j, radius[i] + radius[j], gap))
+    for c in range(len(link)):
+        if gap < least:
+            return gap
+        if link[c] < 2:
+            continue
+        p, u = axis_of(ends, c)
+        gap = min(gap, np.sqrt(segment_box_apart(p, u, (half[0], half[1], half[2]))) - radius[c])
+        for m in range(len(mounts)):
+            if link[c] >= least_link[limb, m]:
+                gap = min(gap, _axes_gap(ends, c, mounts, m, radius[c] + mount_radius[m], gap))
+    return gap
+
+
+@kernel
+def _axes_gap(ends, i, other, j, radii, gap):
+    """Distance of two capsules [m], or `gap` where it is seen to be no less."""
+    if boxes_apart(ends, i, other, j, gap + radii):
+        return gap
+    p, u = axis_of(ends, i)
+    q, v = axis_of(other, j)
+    return np.sqrt(segments_apart(p, u, q, v)) - radii
+
+
+@kernel
+def self_clearance(trial, ends, shapes, fixed, least):
+    """Least distance of two shapes of the robot that are compared, the limbs in place on a combination of branches [m].
+
+    Negative where they overlap; `contacts.contacts` is the plain definition. Any number below `least` stands for one
+    below it.
+
+    Args:
+        trial: Branch of each limb, shape (N,).
+        ends: Capsule ends by limb and branch in the body frame, shape (N, 8, c, 2, 3).
+        shapes: `LimbShapes.arrays`.
+        fixed: `LimbShapes.fixed`.
+        least: See above [m].
+    """
+    radius, gap = shapes[2], np.inf
+    for i in range(len(trial)):
+        gap = min(gap, _link_gaps(i, ends[i, trial[i]], shapes, fixed, least))
+        for j in range(i):
+            for a in range(len(radius)):
+                if gap < least:
+                    return gap
+                for b in range(len(radius)):
+                    gap = min(gap, _axes_gap(ends[i, trial[i]], a, ends[j, trial[j]], b, radius[a] + radius[b], gap))
+    return gap
+
+
+@kernel
 def hold_masks(
     grasps, normals, tools, position, rotation, branch, p, z, w, mount_rotations, mount_positions, lengths, limits, full_turn,
-    tool_length, lift, l_c, w_m_min, w_b_min, floor, collide, points, world_position, checker, status, ends, pairs,
+    tool_length, lift, l_c, w_m_min, w_b_min, floor, points, world_position, checker, status, ends, pairs,
     information, scratch, members, allowed, kept, mask,
 ):  # fmt: skip
     """Branches and flips on which each limb may hold at a posture, a product set, into `mask`, shape (N,).
@@ -142,7 +205,7 @@ def hold_masks(
         mask[i] = bits
         for b in range(8):
             allowed[i, b] = (bits | bits >> 8) >> b & 1
-            if collide and allowed[i, b]:
+            if allowed[i, b]:
                 allowed[i, b] = CLEAR == limb_status(
                     i, b, p[i], z[i], world_position, rotation, points[i], normals[i], mount_rotations[i],
                     mount_positions[i], lengths, checker, status, ends,
@@ -150,7 +213,7 @@ def hold_masks(
             kept[i, b] = False
             if allowed[i, b]:
                 limb_information(p[i], z[i], lengths, b, mount_rotations[i], mount_positions[i], l_c, information[i, b])
-    _grow(allowed, information, branch, w_b_min, collide, ends, pairs, checker, members, scratch, kept)
+    _grow(allowed, information, branch, w_b_min, ends, pairs, checker, members, scratch, kept)
     for i in range(count):
         bits = 0
         for b in range(8):
@@ -160,7 +223,7 @@ def hold_masks(
 
 
 @kernel
-def _grow(allowed, information, own, w_b_min, collide, ends, pairs, checker, members, scratch, kept):
+def _grow(allowed, information, own, w_b_min, ends, pairs, checker, members, scratch, kept):
     """Product set reached from `own` by adding branches one at a time, every combination at or above `w_b_min` and clear.
 
     `members`, shape (8^N, N), takes the combinations of the set; `kept`, shape (N, 8), says which branches are in it.
@@ -185,7 +248,7 @@ def _grow(allowed, information, own, w_b_min, collide, ends, pairs, checker, mem
                     members[end, i] = b
                     clear = True
                     for j in range(count):
-                        if collide and j != i and clear:
+                        if j != i and clear:
                             clear = pair_status(i, b, j, members[end, j], ends, pairs, checker) == CLEAR
                     if not clear or combined(information, members[end], scratch) < w_b_min:
                         end = -1

@@ -333,14 +333,18 @@ def _info(args: argparse.Namespace) -> int:
     if isinstance(graph, PairGraph):
         count, part = graph.components
         steps = int((graph.degree**2).sum() - 2 * len(graph))
-        out = {"reach": graph.considered - graph.reachable, **graph.removed}
+        out = {"reach": graph.considered - graph.reachable, **graph.removed, "departure": graph.no_departure}
         out["manipulability"] = graph.considered - len(graph) - sum(out.values())
-        order = ("reach", "manipulability", "self", "cabin", "handrail")
+        order = ("reach", "manipulability", "departure", "self", "cabin", "handrail")
         print(
             f"stance graph: {graph.reachable} of {graph.considered} pairs in reach, {len(graph)} stances, "
             f"{graph.solver.geometries} different geometries"
         )
         print("  left out by cause: " + ", ".join(f"{name} {out[name]}" for name in order))
+        print(
+            f"  departure: a limb cannot leave its point with w_m >= {graph.settings.path_floor:g}, thresholds or not; "
+            f"beyond the span of {robot.span:g} m {graph.beyond_span} pairs are not tried"
+        )
         if graph.obstacles or graph.occupied:
             left = int((graph.mask > 0).all(axis=1).sum())
             print(f"  {len(graph.obstacles)} obstacles and {len(graph.occupied)} occupied points leave {left} stances")

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mlivr_gym.base_path import ARC, STRAIGHT
 from mlivr_gym.compiled import in_parallel
-from mlivr_gym.distance_kernels import CABIN, HANDRAIL, SELF
+from mlivr_gym.distance_kernels import CABIN, CLEAR, HANDRAIL, SELF
 from mlivr_gym.errors import StanceError
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.pair_kernels import (
@@ -36,7 +37,7 @@ from mlivr_gym.pair_kernels import (
 from mlivr_gym.posture import Postures
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stance_graph import Array, IntArray, StanceGraph, State, Successors
+from mlivr_gym.stance_graph import TOUCHED, Array, IntArray, StanceGraph, State, Successors
 from mlivr_gym.step_checks import Way
 
 REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
@@ -76,6 +77,9 @@ class PairGraph(StanceGraph):
         considered: Ordered pairs of points that were looked at.
         reachable: How many of them inverse kinematics can hold.
         removed: How many that meet the thresholds were left out because they touch something, by what they touch.
+        no_departure: How many that meet the thresholds were left out because a limb could not leave its point along the
+            surface normal with `w_m` above `Settings.path_floor` and inside its joint limits. Without thresholds that floor
+            is what remains, where steps are checked.
     """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
@@ -85,6 +89,8 @@ class PairGraph(StanceGraph):
         node = self.is_node(postures)
         self.considered, self.reachable = len(self.pairs), int(postures.reachable.sum())
         self.removed = {name: int((postures.cause[~node] == cause).sum()) for name, cause in REMOVED.items()}
+        stuck = ~node & (postures.cause == CLEAR) & (postures.w_b > 0.0) & (postures.w_b >= self.base_threshold)
+        self.no_departure = int((stuck & (postures.w_m >= self.limb_threshold).all(axis=1)).sum())
         self.points = np.ascontiguousarray(self.pairs[node])
         chosen = postures.take(node)
         self.position, self.rotation, self.w_m, self.w_b = (
@@ -170,6 +176,15 @@ class PairGraph(StanceGraph):
         """Number of stances."""
         return len(self.points)
 
+    @cached_property
+    def beyond_span(self) -> int:
+        """Ordered pairs of points within reach of two outstretched limbs that are not tried: farther apart than the span."""
+        robot = self.robot
+        reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
+        pairs = cKDTree(self.grasp_map.positions).query_pairs(reach, output_type="ndarray")
+        apart = np.linalg.norm(np.diff(self.grasp_map.positions[pairs], axis=1)[:, 0], axis=1)
+        return 2 * int((apart > robot.span + 1e-9).sum())
+
     def no_stance(self) -> str:
         """Why a graph without stances has none."""
         if not self.reachable:
@@ -177,9 +192,11 @@ class PairGraph(StanceGraph):
                 f"no base pose at heights {self.robot.heights} m lets limbs mounted {self.robot.mount_radius:g} m "
                 f"from the axis reach two points"
             )
+        touching = ", ".join(f"{count} touch {TOUCHED[REMOVED[name]]}" for name, count in self.removed.items() if count)
         return (
             f"of {self.reachable} stances in reach none meets w_m >= {self.limb_threshold:g} and w_b >= "
             f"{self.base_threshold:g} with limbs that can depart at w_m >= {self.settings.path_floor:g}"
+            + (f"; of those that meet the thresholds {touching}" if touching else "")
         )
 
     def find(self, stance: Sequence[int]) -> int:

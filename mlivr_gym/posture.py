@@ -3,11 +3,18 @@
 Body z lies along the mean outward normal of the held points, for two limbs along its part
 across the line through the grasps; yaw (and, for N > 2, which way round) follows from the
 Procrustes fit of the mounts' azimuths to the grasps; the origin is the grasps' centroid plus a
-height along that direction. Heights and rolls about the line through the grasps are tried, and the
-candidate with the largest margin `min(w_m / w_m_min over limbs, w_b / w_b_min)` is kept, with its
-branch for each limb; of equal ones the first. With collisions checked, candidates that touch something do not
-count. Between opposite walls the mean normal vanishes:
-there the body rolls all the way round the line through the grasps.
+height along that direction. Candidates are heights, rolls about the line through the grasps, and the branches of each limb.
+Between opposite walls the mean normal vanishes: there the body rolls all the way round that line, from the rail of the first
+grasp on.
+
+**The rule.** A candidate in which the robot penetrates itself is none. Of the others the one with the largest margin
+`min(w_m / w_m_min over limbs, w_b / w_b_min)` is taken. Margins within `TIE` count as equal, as those of mirror postures are:
+then the largest clearance of the robot to itself decides, and if that is equal within `CLEARANCE_TIE` too, a fixed order in
+the frame of the grasps: the smaller roll, of two opposite ones the positive about the line from the centroid to the grasp of
+limb 0, the lower base, the lower branch labels from the last limb to the first. That line turns round when two limbs change
+places, so no side of the module is favoured; only between opposite walls does the sign of the rail's direction enter. The order
+in which heights and rolls are listed plays no part. With collisions checked the rule is the same among candidates that touch
+nothing, so the posture differs only where the rule's choice comes too near something.
 
 But for the surroundings, the result depends on the relative geometry of the grasps alone. It is worked out in
 the frame of the first grasp on figures rounded to `RESOLUTION`, once for each geometry; where that posture touches
@@ -28,7 +35,7 @@ from mlivr_gym.compiled import in_parallel
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.limb_shapes import LimbShapes
 from mlivr_gym.posture_kernels import TIE, solve_geometries
-from mlivr_gym.robot import RobotSpec
+from mlivr_gym.robot import RobotSpec, geometric_order
 from mlivr_gym.settings import Settings
 
 Array = NDArray[np.float64]
@@ -278,7 +285,7 @@ class PostureSolver:
         )  # fmt: skip
         w_m_min, w_b_min = settings.thresholds(count)
         least = min(a / b for a, b in zip((w_m_min, w_b_min), self._scales(), strict=True))
-        wide_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
+        wide_rolls = np.array(geometric_order(2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS))
         frames = base_frames(grasps, normals, np.ascontiguousarray(rails[:, 0]))
         in_parallel(
             k, solve_geometries, grasps, normals, tools, *frames, self.mount_rotations, self.mount_positions,

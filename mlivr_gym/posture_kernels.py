@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.base_path import flange_in_limb, turn
-from mlivr_gym.branch_kernels import apart, combined, forget, hold_masks, limb_status
+from mlivr_gym.branch_kernels import apart, combined, forget, hold_masks, limb_status, self_clearance
 from mlivr_gym.collision_kernels import (
     body_against_boxes,
 )
@@ -16,7 +16,10 @@ from mlivr_gym.stack_arrays import floats, zeros
 from mlivr_gym.ur_kinematics import SINGULAR, branch_terms
 
 TIE = 1e-9
-"""A candidate must be better by this share to replace an earlier one."""
+"""Margins that differ by this share or less count as equal."""
+
+CLEARANCE_TIE = 1e-9
+"""Clearances of the robot to itself that differ by this or less count as equal [m]."""
 
 
 @kernel
@@ -93,50 +96,188 @@ def base_along(p, z, branches, mount_rotations, mount_positions, lengths, l_c, i
 
 
 @kernel
-def _best_branches(
-    w, information, scale_m, scale_b, floor, branch, trial, scratch, collide, p, z, position, rotation, points, normals,
-    mount_rotations, mount_positions, lengths, checker, status, ends, pairs,
-):  # fmt: skip
-    """Branches of the largest margin above `floor` for one base pose; returns the margin and its `w_b`.
+def _enter(c, floor, look, poses, centre, normals, arm, scale_m, checker, room):
+    """Prepare candidate `c` of a stance: nothing known of what its branches touch, `K^-1` of those above a margin.
 
-    `w_b` is formed only where `w_m` leaves room for a better margin; `trial` has shape (N,). If `collide`, only branches
-    on which the limbs touch nothing count; they are looked at when their margin would be the best.
+    Args:
+        c: Index of the candidate.
+        floor: Margin that branches must exceed.
+        look: Whether the body must touch no box.
+        poses: Of every candidate: flange positions and axes in the limb frames, `w_m` of the choices,
+            base positions from the centroid [m] and rotations.
+        centre: Centroid of the grasps in the world of `checker` [m], shape (3,).
+        normals: Shape (N, 3).
+        arm: Rotations and positions of the mounts, lengths, characteristic length.
+        scale_m: Limb manipulability that counts as margin 1.
+        checker: See `branch_kernels.limb_status`.
+        room: Scratch arrays: `K^-1`, work, trial, status, pairs, ends, base position in the world.
+
+    Returns:
+        Whether the candidate may be looked at.
     """
-    count = len(branch)
-    best, best_wb = floor, 0.0
-    top = np.inf
-    for i in range(count):
-        largest = 0.0
-        for c in range(4):
-            largest = max(largest, w[i, c])
-        top = min(top, largest / scale_m)
-    for combination in range(2 * 8**count):
-        # The first round takes those whose least `w_m` is the largest there is.
-        least = top * (1.0 - TIE) if combination < 8**count else 0.0
-        bound = np.inf
-        rest = combination
-        for i in range(count):
-            trial[i] = rest & 7
-            rest >>= 3
-            bound = min(bound, w[i, trial[i] >> 1] if status[i, trial[i]] <= CLEAR else 0.0)
-        bound /= scale_m
-        if bound > best * (1.0 + TIE) and bound >= least:
-            w_b = combined(information, trial, scratch)
-            margin = min(bound, w_b / scale_b)
-            if margin > best * (1.0 + TIE):
-                if collide:
-                    clear = True
-                    for i in range(count):
-                        clear = clear and CLEAR == limb_status(
-                            i, trial[i], p[i], z[i], position, rotation, points[i], normals[i], mount_rotations[i],
-                            mount_positions[i], lengths, checker, status, ends,
-                        )  # fmt: skip
-                    if not clear or not apart(trial, ends, pairs, checker):
-                        continue
-                best, best_wb = margin, w_b
+    p, z, w, origins, _ = poses
+    mount_rotations, mount_positions, lengths, l_c = arm
+    information, _, _, status, pairs, _, position = room
+    forget(status, pairs)
+    for axis in range(3):
+        position[axis] = centre[axis] + origins[c, axis]
+    if look and body_against_boxes(position, 0.0, checker[6], checker[4], checker[5]) != CLEAR:
+        return False
+    for i in range(normals.shape[0]):
+        for b in range(8):
+            if w[c, i, b >> 1] > floor * scale_m:
+                limb_information(
+                    p[c, i], z[c, i], lengths, b, mount_rotations[i], mount_positions[i], l_c,
+                    information[i, b],
+                )  # fmt: skip
+    return True
+
+
+@kernel
+def _clear(c, poses, points, normals, arm, checker, room):
+    """Whether the limbs touch nothing on the branches `trial` of `room` at candidate `c`."""
+    p, z, _, _, turned = poses
+    mount_rotations, mount_positions, lengths, _ = arm
+    _, _, trial, status, pairs, ends, position = room
+    for i in range(len(trial)):
+        if CLEAR != limb_status(
+            i, trial[i], p[c, i], z[c, i], position, turned[c], points[i], normals[i], mount_rotations[i],
+            mount_positions[i], lengths, checker, status, ends,
+        ):  # fmt: skip
+            return False
+    return apart(trial, ends, pairs, checker)
+
+
+@kernel
+def _trial_bound(combination, w, scale_m, trial, status):
+    """Set `trial` to the branches that `combination` stands for; their least `w_m` as a margin, 0 if one touches."""
+    bound = np.inf
+    for i in range(len(trial)):
+        trial[i] = combination & 7
+        combination >>= 3
+        bound = min(bound, w[i, trial[i] >> 1] if status[i, trial[i]] <= CLEAR else 0.0)
+    return bound / scale_m
+
+
+@kernel
+def _largest_margin(
+    floor, look, poses, first_bounds, bounds, centre, points, normals, arm, scale_m, scale_b, checker, room
+):
+    """Largest margin above `floor` of all candidates and branches of one stance, or `floor`.
+
+    With `look` only those count that touch nothing; they are looked at when their margin would be the largest. `w_b` is
+    formed only where `w_m` leaves room for a larger margin. Arguments as in `_enter`; `bounds` is scratch.
+    """
+    information, work, trial, status = room[0], room[1], room[2], room[3]
+    count, w = len(trial), poses[2]
+    margin = floor
+    for c in range(len(bounds)):
+        bounds[c] = first_bounds[c]
+    while True:
+        c = 0
+        for other in range(1, len(bounds)):
+            if bounds[other] > bounds[c]:
+                c = other
+        if bounds[c] <= margin or bounds[c] <= 0.0:
+            return margin
+        top, bounds[c] = bounds[c], 0.0
+        if not _enter(c, margin, look, poses, centre, normals, arm, scale_m, checker, room):
+            continue
+        for combination in range(2 * 8**count):
+            # The first round takes those whose least `w_m` is the largest there is.
+            least = top * (1.0 - TIE) if combination < 8**count else 0.0
+            bound = _trial_bound(combination, w[c], scale_m, trial, status)
+            if bound > margin and bound >= least:
+                found = min(bound, combined(information, trial, work) / scale_b)
+                if found > margin and (not look or _clear(c, poses, points, normals, arm, checker, room)):
+                    margin = found
+
+
+@kernel
+def _choose(margin, poses, first_bounds, centre, points, normals, arm, scale_m, scale_b, checker, fixed, room, branch):
+    """The posture that the rule takes of those whose margin is `margin` within `TIE` and that touch nothing.
+
+    That with the largest clearance of the robot to itself; of those within `CLEARANCE_TIE` the first, in the order of
+    candidates and then of branch labels.
+
+    Returns:
+        Its candidate, or -1 if all touch something, and its `w_b`; `branch` is filled.
+    """
+    information, work, trial, status, ends = room[0], room[1], room[2], room[3], room[5]
+    count, w, shapes = len(trial), poses[2], checker[0]
+    least = margin * (1.0 - TIE)
+    chosen, gap, best_wb = -1, -np.inf, 0.0
+    for c in range(len(first_bounds)):
+        if first_bounds[c] < least or not _enter(
+            c, least * (1.0 - TIE), True, poses, centre, normals, arm, scale_m, checker, room
+        ):
+            continue
+        for combination in range(8**count):
+            if _trial_bound(combination, w[c], scale_m, trial, status) < least:
+                continue
+            w_b = combined(information, trial, work)
+            if w_b / scale_b < least or not _clear(c, poses, points, normals, arm, checker, room):
+                continue
+            found = self_clearance(trial, ends, shapes, fixed, gap)
+            if chosen < 0 or found > gap + CLEARANCE_TIE:
+                chosen, gap, best_wb = c, found, w_b
                 for i in range(count):
                     branch[i] = trial[i]
-    return best, best_wb
+    return chosen, best_wb
+
+
+@kernel
+def _best_posture(
+    floor,
+    lazily,
+    poses,
+    first_bounds,
+    bounds,
+    centre,
+    points,
+    normals,
+    arm,
+    scale_m,
+    scale_b,
+    checker,
+    fixed,
+    room,
+    branch,
+):
+    """The posture that the rule takes of those of a margin above `floor` that touch nothing.
+
+    With `lazily` shapes are looked at only where the margin is the largest of all, touching or not; what is found is the same.
+
+    Returns:
+        Its candidate, or -1 if there is none, its `w_b`, and the largest margin that was seen; `branch` is filled.
+    """
+    chosen, w_b, seen = -1, 0.0, floor
+    for look in range(2):
+        if look == 0 and not lazily:
+            continue
+        margin = _largest_margin(
+            floor, look > 0, poses, first_bounds, bounds, centre, points, normals, arm, scale_m, scale_b, checker, room
+        )
+        seen = max(seen, margin)
+        if margin > floor:
+            chosen, w_b = _choose(
+                margin,
+                poses,
+                first_bounds,
+                centre,
+                points,
+                normals,
+                arm,
+                scale_m,
+                scale_b,
+                checker,
+                fixed,
+                room,
+                branch,
+            )
+        if chosen >= 0 or margin <= floor:
+            break
+    return chosen, w_b, seen
 
 
 @allocating_kernel
@@ -194,7 +335,7 @@ def solve_geometries(
         np.empty((8**count, count), dtype=np.int64), np.empty((count, 8), dtype=np.bool_), np.empty((count, 8), dtype=np.bool_),
         np.empty((most, count, 4)), np.empty(most), np.empty(most), np.empty((most, count, 3)), np.empty((most, count, 3)),
         np.empty((most, 3, 3)), np.empty((most, 3)), np.empty((count, 8, 6, 6)), np.empty((2, 6, 6)),
-        np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), np.empty((count, 8), dtype=np.int64),
+        np.zeros(count, dtype=np.int64), np.empty((count, 8), dtype=np.int64),
         np.empty((count, 8, count, 8), dtype=np.int64), np.empty((count, 8, capsules, 2, 3)),
     )  # fmt: skip
     _solve(
@@ -213,16 +354,19 @@ def _solve(
     """What `solve_geometries` does, with room to work in, whose size depends on the number of limbs."""
     count = grasps.shape[1]
     (
-        members, allowed, kept, w_class, bounds, first_bounds, p, z, turned, origins, information, work, found, trial, status,
-        pairs, ends,
+        members, allowed, kept, w_class, bounds, first_bounds, p, z, turned, origins, information, work, trial, status, pairs,
+        ends,
     ) = scratch  # fmt: skip
     shapes, gripper, hand, fixed, world, clearance, body = bodies
     capsules = len(shapes[0])
-    checker = (
-        shapes, gripper, hand, fixed, world, clearance, body, zeros(capsules, 2), zeros(5, 4), zeros(5, 7),
-        floats(7, 4, 3), floats(capsules, 2, 3),
-    )  # fmt: skip
+    still, shift, spin = zeros(capsules, 2), zeros(5, 4), zeros(5, 7)
+    link_frames, world_ends = floats(7, 4, 3), floats(capsules, 2, 3)
+    strict = (shapes, gripper, hand, fixed, world, clearance, body, still, shift, spin, link_frames, world_ends)
+    # Where nothing is to be avoided `world` is empty and only what penetrates counts.
+    loose = (shapes, gripper, hand, fixed, world, 0.0, body, still, shift, spin, link_frames, world_ends)
     world_position, points = floats(3), floats(count, 3)
+    arm = (mount_rotations, mount_positions, lengths, l_c)
+    room = (information, work, trial, status, pairs, ends, world_position)
     for g in range(start, stop):
         for i in range(count):
             for axis in range(3):
@@ -245,84 +389,49 @@ def _solve(
                 grasps[g], normals[g], tool_length, origins[c], turned[c], mount_rotations, mount_positions,
                 lengths, l_c, p[c], z[c], w_class[c],
             ) / scale_m  # fmt: skip
-        # The best posture of all first; only if that touches something, the best of those that touch nothing.
-        avoid = first_avoid
-        node = False
-        touches = CLEAR
-        while True:
-            margin = nodes_margin if avoid else 0.0
-            chosen = 0
+        poses = (p[:candidates], z[:candidates], w_class[:candidates], origins[:candidates], turned[:candidates])
+        ahead, rest = first_bounds[:candidates], bounds[:candidates]
+        # First the best posture that does not penetrate the robot itself; only if that comes too near something, the best
+        # of those that keep the clearance.
+        chosen, node, touches = -1, False, CLEAR
+        checker = loose
+        for avoid in range(2):
+            if avoid == 0 and first_avoid or avoid == 1 and not (first_avoid or touches != CLEAR):
+                continue
+            checker = strict if avoid else loose
+            lowest = nodes_margin if avoid else 0.0
             cause[g] = touches
-            w_b[g] = 0.0
+            chosen, w_b[g], seen = _best_posture(
+                lowest, avoid == 0, poses, ahead, rest, centres[g], points, normals[g], arm, scale_m,
+                scale_b, checker, fixed, room, branch[g],
+            )  # fmt: skip
+            node = chosen >= 0 and w_b[g] >= w_b_min
             for i in range(count):
-                w_m[g, i] = 0.0
-            for c in range(candidates):
-                bounds[c] = first_bounds[c]
-            forget(status, pairs)
-            while True:
-                c = 0
-                for other in range(1, candidates):
-                    if bounds[other] > bounds[c]:
-                        c = other
-                if bounds[c] <= margin * (1.0 + TIE) or bounds[c] <= 0.0:
-                    break
-                bounds[c] = 0.0
-                if avoid:
-                    forget(status, pairs)
-                    for axis in range(3):
-                        world_position[axis] = centres[g, axis] + origins[c, axis]
-                    if body_against_boxes(world_position, 0.0, body, world, clearance) != CLEAR:
-                        continue
-                for i in range(count):
-                    for b in range(8):
-                        if w_class[c, i, b >> 1] > margin * scale_m:
-                            limb_information(
-                                p[c, i], z[c, i], lengths, b, mount_rotations[i], mount_positions[i], l_c,
-                                information[i, b],
-                            )  # fmt: skip
-                better, better_wb = _best_branches(
-                    w_class[c], information, scale_m, scale_b, margin, found, trial, work, avoid, p[c], z[c], world_position,
-                    turned[c], points, normals[g], mount_rotations, mount_positions, lengths, checker, status, ends, pairs,
-                )  # fmt: skip
-                if better > margin:
-                    margin = better
-                    w_b[g] = better_wb
-                    for axis in range(3):
-                        position[g, axis] = origins[c, axis]
-                        for col in range(3):
-                            rotation[g, axis, col] = turned[c, axis, col]
-                    chosen = c
-                    for i in range(count):
-                        branch[g, i] = found[i]
-                        w_m[g, i] = w_class[c, i, found[i] >> 1]
-            node = w_b[g] > 0.0 and w_b[g] >= w_b_min
-            for i in range(count):
+                w_m[g, i] = w_class[chosen, i, branch[g, i] >> 1] if chosen >= 0 else 0.0
                 node = node and w_m[g, i] >= w_m_min
-            if not node or not collide:
-                break
-            forget(status, pairs)
-            for axis in range(3):
-                world_position[axis] = centres[g, axis] + position[g, axis]
-            touches = CLEAR
-            for i in range(count):
-                touches = max(
-                    touches,
-                    limb_status(
-                        i, branch[g, i], p[chosen, i], z[chosen, i], world_position, rotation[g], points[i], normals[g, i],
-                        mount_rotations[i], mount_positions[i], lengths, checker, status, ends,
-                    ),
-                )  # fmt: skip
-            if touches == CLEAR and not apart(branch[g], ends, pairs, checker):
-                touches = SELF
-            if touches == CLEAR or avoid:
+            if chosen >= 0:
+                for axis in range(3):
+                    position[g, axis] = origins[chosen, axis]
+                    for col in range(3):
+                        rotation[g, axis, col] = turned[chosen, axis, col]
+            if avoid == 0:
+                if not node and seen > nodes_margin:
+                    cause[g] = SELF
+                if node and collide:
+                    _enter(chosen, np.inf, False, poses, centres[g], normals[g], arm, scale_m, strict, room)
+                    for i in range(count):
+                        trial[i] = branch[g, i]
+                    if not _clear(chosen, poses, points, normals[g], arm, strict, room):
+                        touches = SELF
+            elif node:
                 cause[g] = CLEAR
-                break
-            avoid = True
+        checker = strict if collide else loose
         if node and check:
+            _enter(chosen, np.inf, False, poses, centres[g], normals[g], arm, scale_m, checker, room)
             hold_masks(
                 grasps[g], normals[g], tools[g], position[g], rotation[g], branch[g], p[chosen], z[chosen], w_class[chosen],
                 mount_rotations, mount_positions, lengths, limits, full_turn, tool_length, lift, l_c, w_m_min, w_b_min,
-                floor, collide, points, world_position, checker, status, ends, pairs, information, work, members,
+                floor, points, world_position, checker, status, ends, pairs, information, work, members,
                 allowed, kept, mask[g],
             )  # fmt: skip
         elif node:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -85,6 +86,20 @@ limb can be folded, and steps over which it can be carried.
 """
 
 
+def geometric_order(rolls: Iterable[float]) -> tuple[float, ...]:
+    """Rolls [rad] by their size, the positive of two opposite ones first: the last rule by which a posture is chosen.
+
+    The roll is counted about the line to the grasp of limb 0, so which side of a wall is preferred changes with the limb
+    that holds either point: no side of the module is favoured.
+    """
+
+    def key(roll: float) -> tuple[float, bool]:
+        turn = float(np.angle(np.exp(1j * roll)))
+        return round(abs(turn), 9), turn < 0.0
+
+    return tuple(sorted(rolls, key=key))
+
+
 @dataclass(frozen=True)
 class RobotSpec:
     """A body with `limbs` equal limbs, mounted at equal angles about the body's z axis.
@@ -100,8 +115,9 @@ class RobotSpec:
         characteristic_length: l_c, which makes lengths and angles comparable in the Jacobian [m].
         grasp_separation: Least distance of two points held at once [m] (gripper width).
         span: Greatest distance of two points held at once that is tried [m].
-        heights: Heights of the base over the grasps' centroid that are tried [m].
-        rolls: Rolls about the line through the grasps that are tried [rad].
+        heights: Heights of the base over the grasps' centroid that are tried [m], in any order: they are kept lowest first.
+        rolls: Rolls about the line from the grasps' centroid to that of limb 0 that are tried [rad], in any order; kept in
+            `geometric_order`.
         lift: How far a gripper departs along the surface normal before it swings [m].
         folds: Angles of joints 1 to 5 [rad] in which a free limb may be carried while the base moves, at most four, the
             preferred first.
@@ -139,7 +155,7 @@ class RobotSpec:
             values = tuple(float(v) for v in getattr(self, name))
             if not values or not np.isfinite(values).all():
                 raise RobotError(f"{name} {values} must be one or more finite numbers")
-            object.__setattr__(self, name, values)
+            object.__setattr__(self, name, geometric_order(values) if name == "rolls" else tuple(sorted(values)))
         folds = np.array(self.folds, dtype=np.float64)
         if folds.ndim != 2 or folds.shape[1] != 5 or not 1 <= len(folds) <= 4 or not np.isfinite(folds).all():
             raise RobotError(f"folds {self.folds} must be one to four rows of five joint angles")

@@ -29,11 +29,13 @@ class Settings:
     """What makes a stance a node and a step an edge.
 
     Attributes:
-        manipulability: Whether stances must meet both thresholds.
+        manipulability: Whether stances must meet both thresholds. Without them two things still leave stances out: where
+            steps are checked `path_floor`, and everywhere the robot's `span` (`PairGraph.no_departure`, `PairGraph.beyond_span`).
         transitions: Whether a step must be shown to be possible without letting go.
         limb_threshold: Least `w_m` of each limb.
         base_threshold: Least `w_b`; by default `0.001 (2/N)^3`.
-        path_floor: Least `w_m` of a holding limb between stances.
+        path_floor: Least `w_m` of a holding limb between stances, and of a limb that departs from one; it holds whether
+            there are thresholds or not, since the proof that a limb stays on its branch needs it.
         collisions: Whether stances and steps must touch nothing.
         clearance: Least distance between any two shapes that are checked [m].
     """
