@@ -117,7 +117,7 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     legal, after = np.zeros((k, limbs, m), dtype=np.bool_), np.zeros((k, limbs, m, 3))
     onward = np.ones((k, limbs, m), dtype=np.bool_)
     for row, state in enumerate(states):
-        steps, posture = env.moves.successors(state), graph.posture(state.stance)
+        steps, posture = env.moves.successors(state), graph.posture_of(state)
         base[row], rotation[row] = posture.position[0], posture.rotation[0]
         legal[row, steps.limb, steps.point] = True
         after[row, steps.limb, steps.point] = steps.position

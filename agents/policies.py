@@ -15,6 +15,7 @@ from mlivr_gym.moves import TableMoves
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
+from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.table_values import TableValues
 
@@ -67,6 +68,12 @@ class ExpertPolicy:
             cost = Cost.named(env.reward)
             self._moves, self._goal = moves, goal
             self._values = TableValues(moves.tables, env.goal[None], env.goal_tolerance, cost, risk)
+        if env.state.pose is not None:
+            # No stance of the table; a first grasp that fails is not expected.
+            steps = moves.successors(env.state)
+            exact = CostToGo(graph, env.goal, env.goal_tolerance, Cost.named(env.reward))
+            best = exact.best(env.state, steps)
+            return int(steps.limb[best] * len(graph.grasp_map) + steps.point[best])
         s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
         costs = self._values.of_actions(s, np.array([env.state.masks]), np.zeros(1, dtype=np.int64), len(mask))[0]
         # Where nothing leads to the goal any possible action will do.
@@ -130,6 +137,7 @@ def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -
                     cost,
                     method=method,
                     goal_tolerance=env.goal_tolerance,
+                    start_pose=env.state.pose,
                     **options,
                 )
             if result.plan is None:
@@ -161,7 +169,10 @@ def foreign_plan_policy(planner: Planner, cost: str = "steps") -> PlanPolicy:
     """Follows plans made on another stance graph of the same map, possible or not: A* without manipulability."""
 
     def find(env: MlivrEnv) -> list[int] | None:
-        result = planner.plan(env.state.stance, env.goal.tolist(), cost, goal_tolerance=env.goal_tolerance)
+        result = planner.plan(
+            env.state.stance, env.goal.tolist(), cost, goal_tolerance=env.goal_tolerance,
+            start_pose=env.state.pose,
+        )  # fmt: skip
         if result.plan is None:
             return None
         grasp_map = planner.graph.grasp_map

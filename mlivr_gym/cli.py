@@ -73,6 +73,14 @@ def _parser() -> argparse.ArgumentParser:
 
     query = _Parser(add_help=False)
     query.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
+    query.add_argument(
+        "--start-pose", nargs=7, type=float, metavar=("X", "Y", "Z", "QW", "QX", "QY", "QZ"),
+        help="base pose at the start, if the robot stands in another than the stance's own [m] (default: that one)",
+    )  # fmt: skip
+    query.add_argument(
+        "--start-joints", nargs="+", type=float, metavar="Q",
+        help="joint angles at the start, six for each limb [rad] (default: any that hold the points)",
+    )  # fmt: skip
     query.add_argument("--goal", nargs=3, type=float, metavar=("X", "Y", "Z"), help="goal position of the base [m]")
     query.add_argument("--cost", default="base", help="base, steps or weighted (default: %(default)s)")
     query.add_argument("--regrasp-price", type=float, metavar="M", help="metres charged for a regrasp, with weighted")
@@ -186,7 +194,8 @@ def _query(graph: Any, args: argparse.Namespace) -> tuple[Any, Any]:
     bar = _progress("states explored")
     result = Planner(graph).plan(
         start, goal, args.cost, regrasp_price=args.regrasp_price, method=args.method, heuristic=args.heuristic,
-        inflation=args.inflation, goal_tolerance=args.tolerance, limit=args.limit, progress=bar,
+        inflation=args.inflation, goal_tolerance=args.tolerance, start_pose=args.start_pose,
+        start_joints=args.start_joints, limit=args.limit, progress=bar,
     )  # fmt: skip
     bar(-1)
     plan = result.unwrap()

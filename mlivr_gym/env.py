@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 REWARDS = ("steps", "base")
 """Names of the rewards."""
 
+OPTIONS = ("start", "start_pose", "start_joints", "goal")
+"""Names of the options of `reset`."""
+
 DYNAMICS = ("kinematic", "mujoco")
 """Names of the ways in which a step is taken."""
 
@@ -75,8 +78,10 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
 
     ## Starting State
     `reset(options={"start": (ids...), "goal": (x, y, z)})`; what is not given is drawn from the seed such that a
-    walk of possible steps joins start and goal. With `dynamics="mujoco"`, `options={"plan": plan}` starts where a plan
-    starts, with its goal, and uses its joint angles and swings for as long as the actions follow it.
+    walk of possible steps joins start and goal. With a start, `start_pose` (x, y, z [m] and quaternion w, x, y, z) is the base
+    pose of a robot that does not stand in the stance's own posture, `start_joints` (N, 6) [rad] are its joint angles. With
+    `dynamics="mujoco"`, `options={"plan": plan}` starts where a plan starts, with its goal, and uses its joint angles and swings
+    for as long as the actions follow it.
 
     ## Episode End
     Terminated when the base is within `goal_tolerance` of the goal, or, with `dynamics="mujoco"`, when a step fails; the
@@ -257,13 +262,17 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         """Start an episode; see the class for `options`."""
         super().reset(seed=seed)
         given = dict(options or {})
-        valid = ("start", "goal") if self._walk is None else ("start", "goal", "plan")
+        valid = (*OPTIONS, "plan") if self._walk is not None else OPTIONS
         for name in given:
             choice("reset option", name, valid)
         plan = given.pop("plan", None)
         if plan is not None:
-            given = {"start": plan.stances[0], "goal": plan.goal, **given}
-        start = self.graph.state(given["start"]) if "start" in given else None
+            pose = self.graph.own_pose_of(plan.stances[0], plan.base_positions[0], plan.base_quaternions[0])
+            given = {"start": plan.stances[0], "start_pose": pose, "goal": plan.goal, **given}
+        start, pose, joints = (given.get(name) for name in OPTIONS[:3])
+        if start is None and not (pose is None and joints is None):
+            raise SettingError("reset options 'start_pose' and 'start_joints' need 'start', the stance they belong to")
+        start = None if start is None else self.graph.state(start, pose, joints)
         goal = self.graph.grasp_map.check_goal(given["goal"]) if "goal" in given else None
         if start is None or goal is None:
             drawn_start, drawn_goal = sample_task(self.graph, self.np_random, self.goal_tolerance, start)
@@ -271,9 +280,9 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             goal = drawn_goal if goal is None else goal
         self.goal: NDArray[np.float64] = goal
         if self._walk is not None:
-            start = self._walk.start(start, plan)
+            start = self._walk.start(start, plan, joints)
             self._measures = {"failure": None} | dict.fromkeys(MEASURES, 0.0)
-        self._enter(start, self.moves.place(start.stance))
+        self._enter(start, self.moves.place_of(start))
         if not self._mask.any():
             raise StanceError(f"no step leaves the start stance {self.graph.ids(start.stance)}")
         self.steps, self.base_translation = 0, 0.0
@@ -300,8 +309,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             failed = bool(risk > 0.0 and self.np_random.random() < risk)
             if failed:
                 moved *= 2.0
-                landed = self.graph.landed(state.stance, limb)
-                after = State(state.stance, (*after.masks[:limb], landed, *after.masks[limb + 1 :]))
+                landed = self.graph.landed(state, limb)
+                after = state._replace(masks=(*after.masks[:limb], landed, *after.masks[limb + 1 :]))
                 place = self._place
             if self._walk is not None:
                 after = self._carry_out(limb, point, after)

@@ -8,7 +8,7 @@ from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.posture import OPPOSED_HEIGHTS, Postures
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stance_graph import IntArray, StanceGraph, State, Successors, join
+from mlivr_gym.stance_graph import IntArray, StanceGraph
 
 
 class LazyGraph(StanceGraph):
@@ -17,7 +17,7 @@ class LazyGraph(StanceGraph):
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Start with nothing known."""
         super().__init__(grasp_map, robot, settings)
-        self._released: dict[tuple[tuple[int, ...], int], int] = {}
+        self._released: dict[tuple[tuple[int, ...], bytes, int], int] = {}
 
     def postures(self, stances: IntArray) -> Postures:
         """Postures of stances, shape (k, N), feasible or not; those that touch an obstacle or an occupied point cannot be held."""
@@ -33,9 +33,10 @@ class LazyGraph(StanceGraph):
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
         """On which branches a limb can let go, worked out once."""
-        if (stance, limb) not in self._released:
-            self._released[stance, limb] = super().released(stance, posture, limb)
-        return self._released[stance, limb]
+        key = (stance, posture.position[0].tobytes() + posture.rotation[0].tobytes(), limb)
+        if key not in self._released:
+            self._released[key] = super().released(stance, posture, limb)
+        return self._released[key]
 
     def _obstacles_changed(self) -> None:
         self._released = {}
@@ -60,26 +61,6 @@ class LazyGraph(StanceGraph):
         postures = self.postures(stances)
         node = self.is_node(postures)
         return limb[node], point[node], postures.take(node)
-
-    def successors(self, state: State) -> Successors:
-        """All steps that leave a state."""
-        limb, point, postures = self.candidates(state.stance)
-        here = self.posture(state.stance)
-        keep, masks = [], []
-        for k in range(len(limb)):
-            after = list(state.stance)
-            after[limb[k]] = int(point[k])
-            step = self.transition(state, after, join(here, postures.take(np.array([k]))))
-            if step is not None:
-                keep.append(k)
-                masks.append(step.masks)
-        chosen = np.array(keep, dtype=np.int64)
-        return Successors(
-            limb[chosen],
-            point[chosen],
-            postures.position[chosen],
-            np.array(masks, dtype=np.int64).reshape(-1, self.limbs),
-        )
 
     @property
     def max_step(self) -> float:

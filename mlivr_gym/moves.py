@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.pair_graph import PairGraph
-from mlivr_gym.stance_graph import State, Successors
+from mlivr_gym.posture import Postures
+from mlivr_gym.stance_graph import StanceGraph, State, Successors
 from mlivr_gym.step_tables import StepTables
 from mlivr_gym.transitions import quaternion
 
@@ -32,6 +33,17 @@ class Place(NamedTuple):
     w_m: NDArray[np.float64]
     w_b: float
     observation: dict[str, NDArray[Any]]
+
+
+def _place(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> Place:
+    observation = {
+        "stance": np.array(stance, dtype=np.int64),
+        "grasps": graph.grasp_map.positions[list(stance)].ravel().astype(np.float32),
+        "base_position": posture.position[0].astype(np.float32),
+        "base_quaternion": quaternion(posture.rotation[0]).astype(np.float32),
+    }
+    position = tuple(posture.position[0].tolist())
+    return Place(graph.ids(stance), position, posture.w_m[0], float(posture.w_b[0]), observation)
 
 
 class GraphMoves:
@@ -70,22 +82,20 @@ class GraphMoves:
         if isinstance(self.graph, PairGraph):
             for k, (limb, point) in enumerate(zip(steps.limb.tolist(), steps.point.tolist(), strict=True)):
                 stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
-                out[k] = self.graph.landed(stance, 1 - limb) & steps.masks[k, 1 - limb] != 0
+                landed = self.graph.landed(State(stance, ()), 1 - limb)
+                out[k] = landed & steps.masks[k, 1 - limb] != 0
         return out
+
+    def place_of(self, state: State) -> Place:
+        """What a robot looks like that stands in a state."""
+        if state.pose is None:
+            return self.place(state.stance)
+        return _place(self.graph, state.stance, self.graph.posture_of(state))
 
     def place(self, stance: tuple[int, ...]) -> Place:
         """What a stance looks like."""
         if stance not in self._places:
-            posture, graph = self.graph.posture(stance), self.graph
-            observation = {
-                "stance": np.array(stance, dtype=np.int64),
-                "grasps": graph.grasp_map.positions[list(stance)].ravel().astype(np.float32),
-                "base_position": posture.position[0].astype(np.float32),
-                "base_quaternion": quaternion(posture.rotation[0]).astype(np.float32),
-            }
-            position = tuple(posture.position[0].tolist())
-            here = Place(graph.ids(stance), position, posture.w_m[0], float(posture.w_b[0]), observation)
-            self._places[stance] = here
+            self._places[stance] = _place(self.graph, stance, self.graph.posture(stance))
             if len(self._places) > REMEMBERED:
                 self._places.popitem(last=False)
         return self._places[stance]
@@ -97,6 +107,7 @@ class TableMoves:
     def __init__(self, graph: PairGraph, tables: StepTables) -> None:
         """Put what observations need into arrays."""
         self.graph, self.tables = graph, tables
+        self._from_own_pose = GraphMoves(graph)
         m = len(graph.grasp_map)
         self.stance_at = np.full((m, m), -1, dtype=np.int32)
         self.stance_at[tables.points[:, 0], tables.points[:, 1]] = np.arange(len(tables.points))
@@ -113,10 +124,14 @@ class TableMoves:
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
+        if state.pose is not None:
+            return self._from_own_pose.successors(state)
         return self.tables.successors(int(self.stance_at[state.stance]), state.masks)
 
     def mask(self, state: State) -> NDArray[np.bool_]:
         """Which actions a state allows, shape (2 m,)."""
+        if state.pose is not None:
+            return self._from_own_pose.mask(state)
         s = 2 * int(self.stance_at[state.stance])
         begin, middle, end = self._start[s], self._start[s + 1], self._start[s + 2]
         left, actions = self.tables.left, self._action
@@ -130,6 +145,8 @@ class TableMoves:
 
     def take(self, state: State, action: int) -> State:
         """Where an action that a state allows leads."""
+        if state.pose is not None:
+            return self._from_own_pose.take(state, action)
         s = int(self.stance_at[state.stance])
         begin, end = self._start[2 * s], self._start[2 * s + 2]
         step = begin + int(self._action[begin:end].searchsorted(action))
@@ -148,6 +165,10 @@ class TableMoves:
         held, k = 1 - steps.limb, np.arange(len(after))
         free: NDArray[np.bool_] = (self.tables.land[after, held] & steps.masks[k, held]) != 0
         return free
+
+    def place_of(self, state: State) -> Place:
+        """What a robot looks like that stands in a state."""
+        return self.place(state.stance) if state.pose is None else self._from_own_pose.place_of(state)
 
     def place(self, stance: tuple[int, ...]) -> Place:
         """What a stance looks like, put together once."""

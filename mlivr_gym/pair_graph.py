@@ -18,8 +18,7 @@ from scipy.spatial import cKDTree
 
 from mlivr_gym.base_path import ARC, STRAIGHT
 from mlivr_gym.compiled import in_parallel
-from mlivr_gym.distance_kernels import CABIN, CLEAR, HANDRAIL, SELF
-from mlivr_gym.errors import StanceError
+from mlivr_gym.distance_kernels import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.pair_kernels import (
     ARC_BITS,
@@ -205,20 +204,36 @@ class PairGraph(StanceGraph):
         k = int(np.searchsorted(self._keys, key))
         return k if k < len(self._keys) and self._keys[k] == key else -1
 
-    def state(self, stance: Sequence[str | int]) -> State:
-        """The state of a robot that takes hold of a stance; see `StanceGraph.state`."""
-        points = self.indices(stance)
-        s = self.find(points)
-        if s >= 0:
-            if self.mask[s].all():
-                return State(points, tuple(self.mask[s].tolist()))
-            fault = self._fault(points, self.posture(points))
-            raise StanceError(f"stance {self.ids(points)} cannot be held: {fault}")
-        return super().state(points)
+    def posture(self, stance: Sequence[int]) -> Postures:
+        """Posture of one stance given by point indices, every array with a leading 1."""
+        s = self.find((stance[0], stance[1]))
+        return super().posture(stance) if s < 0 else self.node_postures(slice(s, s + 1))
+
+    def node_postures(self, chosen: slice | IntArray) -> Postures:
+        """Postures of stances given by index."""
+        position = self.position[chosen]
+        return Postures(
+            position, self.rotation[chosen], self.w_m[chosen], self.w_b[chosen], self.branch[chosen], self.mask[chosen],
+            np.zeros(len(position), dtype=np.int64),
+        )  # fmt: skip
+
+    def _fault(self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None) -> str:
+        near = pose is None and self.find(points) >= 0 and not self.occupied.intersection(points)
+        return f"its posture touches {TOUCHED[OBSTACLE]}" if near else super()._fault(points, posture, pose)
+
+    def _stands(self, stance: Sequence[int], posture: Postures, k: int = 0) -> int:
+        """Index of a stance if row `k` of `posture` is its own, or -1: a robot may stand in another."""
+        s = self.find((stance[0], stance[1]))
+        own = (
+            s >= 0
+            and (posture.position[k] == self.position[s]).all()
+            and (posture.rotation[k] == self.rotation[s]).all()
+        )
+        return s if own else -1
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
         """On which branches a limb can let go of a stance; see `StepChecks.released`."""
-        s = self.find(stance)
+        s = self._stands(stance, posture)
         if s < 0:
             return super().released(stance, posture, limb)
         settle(s, limb, self.edges)
@@ -228,32 +243,34 @@ class PairGraph(StanceGraph):
         self, before: Sequence[int], after: Sequence[int], limb: int, posture: Postures, masks: Sequence[int]
     ) -> Way:
         """How a step that is an edge is made; see `StepChecks.way`."""
-        if not self.settings.collisions:
+        s0, s1 = self._stands(before, posture), self._stands(after, posture, 1)
+        if not self.settings.collisions or s0 < 0 or s1 < 0:
             return super().way(before, after, limb, posture, masks)
         held = 1 - limb
-        entry = int(edge_entry(held, self.find((before[0], before[1])), self.find((after[0], after[1])), self.edges))
+        entry = int(edge_entry(held, s0, s1, self.edges))
         kind = ARC if entry >> ARC_BITS & masks[held] else STRAIGHT
         left = {held: entry & masks[held] & 0xFFFF}
         if entry & DIRECT:
             return Way(kind, -1, entry >> PAIR_BITS & 63, left)
         return Way(kind, entry >> (FOLD_BITS + 2 * kind) & 3, -1, left)
 
-    def posture(self, stance: Sequence[int]) -> Postures:
-        """Posture of one stance given by point indices, every array with a leading 1."""
-        s = self.find((stance[0], stance[1]))
-        if s < 0:
-            return super().posture(stance)
-        at = slice(s, s + 1)
-        return Postures(
-            self.position[at], self.rotation[at], self.w_m[at], self.w_b[at], self.branch[at], self.mask[at],
-            np.zeros(1, dtype=np.int64),
-        )  # fmt: skip
-
     def row(self, held: int, s: int) -> IntArray:
         """The other stances that limb `held` of stance `s` shares its point with."""
         point = self.points[s, held]
         row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
         return row[row != s]
+
+    def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+        """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
+        limbs, rows = [], []
+        for limb in range(2):
+            held, point = 1 - limb, stance[1 - limb]
+            row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
+            row = row[(self.points[row, limb] != stance[limb]) & (self.mask[row] > 0).all(axis=1)]
+            rows.append(row)
+            limbs.append(np.full(len(row), limb, dtype=np.int64))
+        limb_of, chosen = np.concatenate(limbs), np.concatenate(rows)
+        return limb_of, self.points[chosen, limb_of], self.node_postures(chosen)
 
     def edge_masks(self, held: int, s: int, row: IntArray) -> IntArray:
         """Branches that limb `held` can keep on the steps from `s` to each stance of `row`, joint limits included."""
@@ -281,6 +298,8 @@ class PairGraph(StanceGraph):
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
+        if state.pose is not None:
+            return super().successors(state)
         s = self.find(state.stance)
         if s < 0:
             return Successors(NO_POINTS, NO_POINTS, np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64))

@@ -16,6 +16,7 @@ from mlivr_gym.base_path import LIMIT_TOLERANCE
 from mlivr_gym.dynamics import Physics
 from mlivr_gym.errors import PlanError
 from mlivr_gym.lazy_graph import LazyGraph
+from mlivr_gym.own_pose import own_joints
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.posture import Postures
 from mlivr_gym.recording import Failure
@@ -53,12 +54,13 @@ class PhysicalWalk:
         self._plan: Any = None
         self._done = 0
 
-    def start(self, state: State, plan: Any = None) -> State:
+    def start(self, state: State, plan: Any = None, joints: Any = None) -> State:
         """Take hold of a stance at rest; returns the state with one branch a limb.
 
         Args:
             state: Where to start.
             plan: A plan from this stance; as long as it is followed, its branches, joint angles and swings are used.
+            joints: Joint angles at the start, shape (N, 6) [rad], on the branches of `state`, if they are given.
 
         Raises:
             PlanError: If the plan has no step or does not fit the graph.
@@ -70,12 +72,15 @@ class PhysicalWalk:
         self._plan, self._done = plan, 0
         if plan is not None:
             self.joints = planned_regrasp(graph, plan, 0).joints.copy()
-            self.state = self._on_branches(state.stance, plan.branches[0])
+            self.state = self._on_branches(state, plan.branches[0])
         else:
             for limb in range(graph.limbs):
                 state = self._committed(state, limb)[0]
             self.state = state
             self.joints = graph.configuration(self.state)[2]
+            if joints is not None:
+                turns = np.rint((own_joints(graph, joints) - self.joints) / (2.0 * np.pi))
+                self.joints += 2.0 * np.pi * turns
         position, quaternion, _ = graph.configuration(self.state)
         self.simulation.reset(position, quaternion, self.joints, self.state.stance)
         return self.state
@@ -142,7 +147,7 @@ class PhysicalWalk:
         after = self._after(limb, point)
         joints = self.joints.copy()
         joints[limb] = step.landing
-        landed = self._on_branches(after, plan.branches[self._done], joints)
+        landed = self._on_branches(State(after, ()), plan.branches[self._done], joints)
         masks = tuple(landed.masks[i] if i == limb else self.state.masks[i] for i in range(self.graph.limbs))
         return step, State(after, masks)
 
@@ -181,7 +186,7 @@ class PhysicalWalk:
         return (*self.state.stance[:limb], point, *self.state.stance[limb + 1 :])
 
     def _postures(self, after: tuple[int, ...]) -> Postures:
-        return join(self.graph.posture(self.state.stance), self.graph.posture(after))
+        return join(self.graph.posture_of(self.state), self.graph.posture(after))
 
     def _path(self, limb: int, point: int) -> Regrasp:
         """The step as far as the limbs that hold are concerned."""
@@ -202,16 +207,17 @@ class PhysicalWalk:
         for bit in range(16):
             if state.masks[limb] >> bit & 1:
                 masks = tuple(1 << bit if i == limb else mask for i, mask in enumerate(state.masks))
-                options.append(State(state.stance, masks))
+                options.append(state._replace(masks=masks))
         return sorted(options, key=lambda option: -len(self.graph.successors(option).limb))
 
-    def _on_branches(self, stance: tuple[int, ...], branches: Any, joints: Array | None = None) -> State:
+    def _on_branches(self, state: State, branches: Any, joints: Array | None = None) -> State:
         """The state of limbs on given branches; their joint angles tell the half turn of the tool."""
         joints = self.joints if joints is None else joints
-        plain = State(stance, tuple(1 << int(branch) for branch in branches))
+        plain = state._replace(masks=tuple(1 << int(branch) for branch in branches))
         unturned = self.graph.configuration(plain)[2]
         turned = np.cos(joints[:, 5] - unturned[:, 5]) < 0.0
-        return State(stance, tuple(int(mask) << 8 * int(flip) for mask, flip in zip(plain.masks, turned, strict=True)))
+        masks = tuple(int(mask) << 8 * int(flip) for mask, flip in zip(plain.masks, turned, strict=True))
+        return state._replace(masks=masks)
 
 
 def _branch(mask: int) -> int:

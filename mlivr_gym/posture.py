@@ -23,6 +23,7 @@ the surroundings, the candidates are tried once more in place.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -267,6 +268,37 @@ class PostureSolver:
         given, default = self.settings.thresholds(self.robot.limbs), Settings().thresholds(self.robot.limbs)
         return given[0] or default[0], given[1] or default[1]
 
+    def at(self, stance: Sequence[int], position: Array, rotation: Array, collisions: bool | None = None) -> Postures:
+        """The posture of one stance, given by point indices, at a base pose of the robot's own.
+
+        Thresholds do not apply there, the floor of departures does.
+
+        Args:
+            stance: Point index of each limb.
+            position: Base position [m], shape (3,).
+            rotation: Base rotation, shape (3, 3).
+            collisions: Whether branches that touch something are left out; by default as in the settings.
+        """
+        held, settings = np.array([stance], dtype=np.int64), self.settings
+        collisions = settings.collisions if collisions is None else collisions
+        rotations = self.grasp_map.rotations[held]
+        normals, rails = np.ascontiguousarray(rotations[..., 2]), np.ascontiguousarray(rotations[..., 0])
+        centre = self.points[held].mean(axis=1)
+        away = position - centre[0]
+        height = float(np.linalg.norm(away))
+        up = rotation[:, 2] if height < 1e-9 else away / height
+        frames = (rotation[None].copy(), up[None].copy(), up[None].copy(), np.zeros(1, dtype=np.bool_))
+        candidates = (np.array([height]), np.zeros(1), np.array([height]), np.zeros(1))
+        bodies = self.bodies if collisions else self._alone
+        out = self._run(
+            self.points[held] - centre[:, None], normals, rails, centre, bodies, collisions, collisions, frames, candidates,
+            (0.0, 0.0),
+        )  # fmt: skip
+        out.position[:], out.rotation[:] = position, rotation
+        if collisions and self.point_cause[held].any():
+            out.mask[:] = 0
+        return out
+
     def _solve_in_place(
         self, grasps: Array, normals: Array, rails: Array, centres: Array, bodies: Bodies, avoid: bool
     ) -> Postures:
@@ -274,6 +306,20 @@ class PostureSolver:
 
         With `avoid` the best posture of all is known to touch something.
         """
+        robot, settings = self.robot, self.settings
+        wide_rolls = np.array(geometric_order(2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS))
+        frames = base_frames(grasps, normals, np.ascontiguousarray(rails[:, 0]))
+        candidates = (np.array(robot.heights), np.array(robot.rolls), np.array(OPPOSED_HEIGHTS), wide_rolls)
+        return self._run(
+            grasps, normals, rails, centres, bodies, avoid, settings.collisions, frames, candidates,
+            settings.thresholds(robot.limbs),
+        )  # fmt: skip
+
+    def _run(
+        self, grasps: Array, normals: Array, rails: Array, centres: Array, bodies: Bodies, avoid: bool, collisions: bool,
+        frames: tuple[Any, ...], candidates: tuple[Array, ...], thresholds: tuple[float, float],
+    ) -> Postures:  # fmt: skip
+        """The rule over candidates of heights and rolls (and those between opposite walls) about given frames."""
         robot, settings = self.robot, self.settings
         k, count = grasps.shape[:2]
         tools = np.empty((k, count, 3, 3))
@@ -283,16 +329,12 @@ class PostureSolver:
             np.zeros((k, 3)), np.zeros((k, 3, 3)), np.zeros((k, count)), np.zeros(k),
             np.zeros((k, count), dtype=np.int64), np.zeros((k, count), dtype=np.int64), np.zeros(k, dtype=np.int64),
         )  # fmt: skip
-        w_m_min, w_b_min = settings.thresholds(count)
-        least = min(a / b for a, b in zip((w_m_min, w_b_min), self._scales(), strict=True))
-        wide_rolls = np.array(geometric_order(2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS))
-        frames = base_frames(grasps, normals, np.ascontiguousarray(rails[:, 0]))
+        least = min(a / b for a, b in zip(thresholds, self._scales(), strict=True))
         in_parallel(
             k, solve_geometries, grasps, normals, tools, *frames, self.mount_rotations, self.mount_positions,
-            self.lengths, self.limits, self.full_turn, robot.tool_length, robot.lift,
-            robot.characteristic_length, np.array(robot.heights), np.array(robot.rolls), np.array(OPPOSED_HEIGHTS),
-            wide_rolls, *self._scales(), w_m_min, w_b_min, settings.path_floor, least * (1.0 - 3.0 * TIE), avoid,
-            settings.transitions, settings.collisions, centres, bodies.arrays,
+            self.lengths, self.limits, self.full_turn, robot.tool_length, robot.lift, robot.characteristic_length,
+            *candidates, *self._scales(), *thresholds, settings.path_floor, least * (1.0 - 3.0 * TIE), avoid,
+            settings.transitions, collisions, centres, bodies.arrays,
             out.position, out.rotation, out.w_m, out.w_b, out.branch, out.mask, out.cause,
         )  # fmt: skip
         return out

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from mlivr_gym.compiled import in_parallel, is_cached, second_process
 from mlivr_gym.distance_kernels import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
 from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
 from mlivr_gym.grasp_map import GraspMap, jem_map
+from mlivr_gym.own_pose import masks_of_joints, own_joints, own_pose, own_pose_fault, rotation_of
 from mlivr_gym.posture import FIELDS, Postures, PostureSolver
 from mlivr_gym.posture_kernels import solve_geometries
 from mlivr_gym.robot import RobotSpec, robot_spec
@@ -187,22 +188,61 @@ class StanceGraph(StepChecks):
         node: NDArray[np.bool_] = np.all(postures.mask > 0, axis=1)
         return node
 
-    def state(self, stance: Sequence[str | int]) -> State:
+    def posture_of(self, state: State) -> Postures:
+        """Posture in which a robot stands in a state: that of its stance, or one of its own."""
+        if state.pose is None:
+            return self.posture(state.stance)
+        return self._posture_at(state.stance, state.pose)
+
+    def own_pose_of(self, stance: Sequence[str | int], position: Array, quaternion: Array) -> tuple[float, ...] | None:
+        """A base pose as `state` takes it, None if it is that of the stance's own posture."""
+        posture = self.posture(self.indices(stance))
+        off = (
+            np.abs(posture.position[0] - position).max(),
+            np.abs(posture.rotation[0] - rotation_of((0, 0, 0, *quaternion))).max(),
+        )
+        return None if max(off) < 1e-9 else own_pose((position, quaternion))
+
+    def _posture_at(self, points: tuple[int, ...], pose: tuple[float, ...]) -> Postures:
+        """Posture of a stance at a base pose of the robot's own, present obstacles and occupied points heeded."""
+        posture = self.solver.at(points, np.array(pose[:3]), rotation_of(pose))
+        if self.obstacles:
+            self.clear_of_obstacles(
+                np.arange(1), np.array([points]), posture.position, posture.rotation, posture.branch, posture.mask
+            )
+        if any(point in self.occupied for point in points):
+            posture.mask[:] = 0
+        return posture
+
+    def state(self, stance: Sequence[str | int], pose: Any = None, joints: Any = None) -> State:
         """The state of a robot that takes hold of a stance.
+
+        Args:
+            stance: Point id (or index) of each limb.
+            pose: Base pose, if the robot does not stand in the stance's own posture: x, y, z [m] and quaternion w, x, y, z.
+                The thresholds do not apply there; the robot must reach its points, touch nothing and be able to depart.
+            joints: Joint angles, shape (N, 6) [rad], if the branch of each limb is given.
 
         Raises:
             StanceError: If the stance cannot be held; the message says why.
+            SettingError: If pose or joint angles are no such numbers.
         """
         points = self.indices(stance)
-        posture = self.posture(points)
+        here = None if pose is None else own_pose(pose)
+        angles = None if joints is None else own_joints(self, joints)
+        posture = self.posture(points) if here is None else self._posture_at(points, here)
         if not self.is_node(posture)[0]:
-            raise StanceError(f"stance {self.ids(points)} cannot be held: {self._fault(points, posture)}")
-        return State(points, tuple(int(m) for m in posture.mask[0]))
+            raise StanceError(f"stance {self.ids(points)} cannot be held: {self._fault(points, posture, here)}")
+        if angles is not None:
+            return State(points, masks_of_joints(self, points, posture, angles), here)
+        return State(points, tuple(int(m) for m in posture.mask[0]), here)
 
-    def _fault(self, points: tuple[int, ...], posture: Postures) -> str:
+    def _fault(self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None) -> str:
         taken = [self.grasp_map.ids[p] for p in points if p in self.occupied]
         if taken:
             return f"point {taken[0]!r} is occupied"
+        if pose is not None:
+            return own_pose_fault(self, points, posture)
         cause = int(posture.cause[0])
         if cause:
             return f"every posture that meets the thresholds touches {TOUCHED[cause]}"
@@ -224,7 +264,7 @@ class StanceGraph(StepChecks):
 
         Each limb is on the first branch and flip that its mask allows, with angles in (-pi, pi].
         """
-        posture = self.posture(state.stance)
+        posture = self.posture_of(state)
         here = (posture.position[0], posture.rotation[0])
         joints = np.full((self.limbs, 6), np.nan)
         for i, point in enumerate(state.stance):
@@ -240,8 +280,28 @@ class StanceGraph(StepChecks):
         return here[0], quaternion(here[1]), joints
 
     @abstractmethod
+    def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+        """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
+
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
+        limb, point, postures = self.candidates(state.stance)
+        here = self.posture_of(state)
+        keep, masks = [], []
+        for k in range(len(limb)):
+            after = list(state.stance)
+            after[limb[k]] = int(point[k])
+            step = self.transition(state, after, join(here, postures.take(np.array([k]))))
+            if step is not None:
+                keep.append(k)
+                masks.append(step.masks)
+        chosen = np.array(keep, dtype=np.int64)
+        return Successors(
+            limb[chosen],
+            point[chosen],
+            postures.position[chosen],
+            np.array(masks, dtype=np.int64).reshape(-1, self.limbs),
+        )
 
     @property
     @abstractmethod

@@ -43,6 +43,8 @@ class State(NamedTuple):
     """Point index of each limb."""
     masks: tuple[int, ...]
     """16-bit mask of each limb, bit `branch + 8 * flip`."""
+    pose: tuple[float, ...] | None = None
+    """Base pose x, y, z [m] and quaternion w, x, y, z of a robot that does not stand in the stance's own posture."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,10 @@ class StepChecks(ABC):
     @abstractmethod
     def posture(self, stance: Sequence[int]) -> Postures:
         """Posture of one stance given by point indices, every array with a leading 1."""
+
+    @abstractmethod
+    def posture_of(self, state: State) -> Postures:
+        """Posture in which a robot stands in a state: that of its stance, or one of its own."""
 
     @property
     def checks(self) -> list[tuple[tuple[Any, ...], bool]]:
@@ -257,12 +263,12 @@ class StepChecks(ABC):
                 return 0
         return answer
 
-    def landed(self, stance: tuple[int, ...], limb: int) -> int:
-        """Branches and flips on which a limb may be that has just taken hold."""
-        posture = self.posture(stance)
+    def landed(self, state: State, limb: int) -> int:
+        """Branches and flips on which a limb may be that has just taken hold where the robot stands in `state`."""
+        posture = self.posture_of(state)
         if not self.settings.transitions:
             return int(posture.mask[0, limb])
-        return self.released(stance, posture, limb) & 0xFFFF
+        return self.released(state.stance, posture, limb) & 0xFFFF
 
     def _carry(
         self,

@@ -97,7 +97,7 @@ def sample_task(
 
 
 def _base(graph: StanceGraph, state: State) -> Array:
-    position: Array = graph.posture(state.stance).position[0]
+    position: Array = graph.posture_of(state).position[0]
     return position
 
 

@@ -40,7 +40,9 @@ def holds(points: NDArray[np.int64], limb: int) -> list[tuple[int, int]]:
     return spans
 
 
-def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) -> Assembly:
+def assemble(
+    graph: StanceGraph, states: Sequence[State], postures: Postures, start_joints: Array | None = None
+) -> Assembly:
     """Complete a sequence of states.
 
     For each time a limb holds, the branch is the one left at its end that has the largest least `w_m`
@@ -51,6 +53,7 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
         graph: The stance graph.
         states: K states, each with the branches left.
         postures: Their K postures.
+        start_joints: Joint angles that the limbs have at the start, shape (N, 6) [rad], if they are given.
     """
     count, limbs = len(states), graph.limbs
     checked = graph.settings.transitions
@@ -81,7 +84,7 @@ def assemble(graph: StanceGraph, states: Sequence[State], postures: Postures) ->
     ways = _ways(graph, points, postures, branches + 8 * flips) if checked else []
     if _keep_lines(ways, points, allowed, branches, flips):
         ways = _ways(graph, points, postures, branches + 8 * flips)
-    joints, spans, beyond = _joint_angles(graph, points, pivots, postures, branches, flips, ways)
+    joints, spans, beyond = _joint_angles(graph, points, pivots, postures, branches, flips, ways, start_joints)
     w_m = np.take_along_axis(w, branches[..., None] >> 1, axis=2)[..., 0]
     w_b = np.empty(count)
     base_along(p, z, branches, *mounts, np.empty((limbs, 8, 6, 6)), np.empty((2, 6, 6)), w_b)
@@ -191,11 +194,13 @@ def _joint_angles(
     branches: NDArray[np.int64],
     flips: NDArray[np.int64],
     ways: list[Way],
+    start_joints: Array | None = None,
 ) -> tuple[Array, list[dict[int, tuple[int, Array, Array]]], int | None]:
     """Joint angles at every stance (K, N, 6) [rad], continuous over each hold.
 
-    Also, for each limb and first stance of a hold, its last stance and the fewest and most whole turns that may be added
-    to the angles over it; and the last step of a hold that does not fit inside the limits, if there is one.
+    The first hold of a limb is on the windings of `start_joints`, if they are given. Also, for each limb and first stance
+    of a hold, its last stance and the fewest and most whole turns that may be added to the angles over it; and the last step
+    of a hold that does not fit inside the limits, if there is one.
     """
     solver, limits = graph.solver, graph.robot.limb.limits
     joints = np.empty((len(points), graph.limbs, 6))
@@ -231,6 +236,11 @@ def _joint_angles(
             if ways and (fewest > most).any():
                 beyond = last - 1
             most = np.maximum(fewest, most)
+            if first == 0 and start_joints is not None:
+                given = np.rint((start_joints[limb] - joints[0, limb]) / (2.0 * np.pi))
+                if ways and ((given < fewest) | (given > most)).any():
+                    beyond = last - 1
+                fewest = most = given
             nearest = np.clip(np.rint((before - joints[first, limb]) / (2.0 * np.pi)), fewest, most)
             joints[first : last + 1, limb] += 2.0 * np.pi * nearest
             spans[limb][first] = last, fewest - nearest, most - nearest

@@ -157,6 +157,8 @@ class CostToGo:
 
     Attributes:
         values: Cost from each stance when both limbs have all their branches, shape (n,); inf where there is no way.
+        goal: Goal position [m], shape (3,).
+        tolerance: Radius of the goal region [m].
         is_goal: Which stances are goals, shape (n,).
     """
 
@@ -168,7 +170,7 @@ class CostToGo:
         cost: Cost,
     ) -> None:
         """Search backward from the goal; the steps it wants are checked, once for all goals."""
-        self.graph, self.cost = graph, cost
+        self.graph, self.cost, self.goal, self.tolerance = graph, cost, goal, tolerance
         self.is_goal: NDArray[np.bool_] = np.linalg.norm(graph.position - goal, axis=1) <= tolerance
         self._held = np.full((len(graph), 2, 16), np.inf)
         backward(
@@ -181,17 +183,23 @@ class CostToGo:
 
     def value(self, state: State) -> float:
         """Cost from a state to the goal."""
+        if state.pose is not None:
+            return self._from_own_pose(state)
         s = self.graph.find(state.stance)
         if self.is_goal[s]:
             return 0.0
         leave = self._leave[s] & state.masks
         return float(min(self._held[s, i][_bits(state.masks[i])].min() if leave[1 - i] else np.inf for i in range(2)))
 
+    def _from_own_pose(self, state: State) -> float:
+        if np.linalg.norm(np.array(state.pose)[:3] - self.goal) <= self.tolerance:
+            return 0.0
+        return float(self.action_values(state, self.graph.successors(state)).min(initial=np.inf))
+
     def action_values(self, state: State, successors: Successors) -> Array:
         """Cost of taking each step that leaves a state and going on optimally, shape (k,)."""
-        here = self.graph.find(state.stance)
         out = np.empty(len(successors.limb))
-        shift = np.linalg.norm(successors.position - self.graph.position[here], axis=1)
+        shift = np.linalg.norm(successors.position - self.graph.posture_of(state).position[0], axis=1)
         for k in range(len(out)):
             stance = list(state.stance)
             stance[successors.limb[k]] = int(successors.point[k])

@@ -51,14 +51,15 @@ class Estimates:
     def table(self, target: Array, tolerance: float, cost: Cost, start: int) -> Array:
         """Lower bound of the cost to the goal, exact when steps are not checked where it was settled, shape (n,).
 
-        It is kept if it covers all stances: it stays a lower bound when obstacles come, since they only take steps away.
+        `start` is where plans begin, -1 for anywhere. The table is kept if it covers all stances: it stays a lower bound when
+        obstacles come, since they only take steps away.
         """
         graph, key = self.graph, (*target.tolist(), tolerance, cost)
         if key in self._relaxed:
             self._relaxed.move_to_end(key)
             return self._relaxed[key]
         distance, goal, _ = self.region(target, tolerance)
-        if cost.base_weight == 0.0:
+        if cost.base_weight == 0.0 or start < 0:
             return self.keep(key, unchecked(graph, goal, cost))
         toward = cost.heuristic("consistent", _distances(graph.position, graph.position[start]), 0.0, graph.max_step)
         table = unchecked(graph, goal, cost, start, toward)
@@ -77,17 +78,20 @@ class Estimates:
         return table
 
     def learn(
-        self, goal: NDArray[np.bool_], cost: Cost, start: int, h: Array, limit: int, learnt: bool
+        self, goal: NDArray[np.bool_], cost: Cost, start: int, origin: Array, h: Array, limit: int, learnt: bool
     ) -> tuple[Array, Array]:
         """Two lower bounds closer than `h`, from a search backward from the goal that checks steps, of at most `limit` entries.
 
-        The first holds for plans from `start`, the second from anywhere. Where `h` was `learnt` before and obstacles came, little
+        The first holds for plans from stance `start`, whose base is at `origin` [m], the second from anywhere. A robot that
+        stands in a pose of its own is at no stance, `start` is -1. Where `h` was `learnt` before and obstacles came, little
         is to be mended, and the straight way to the start is estimate enough; else the cost from there is worked out.
         """
         graph, n = self.graph, len(self.graph)
         value = np.full((n, 2, 16), np.inf)
-        if learnt and cost.base_weight:
-            away = cost.heuristic("consistent", _distances(graph.position, graph.position[start]), 0.0, graph.max_step)
+        if start < 0:
+            away = cost.base_weight * _distances(graph.position, origin)
+        elif learnt and cost.base_weight:
+            away = cost.heuristic("consistent", _distances(graph.position, origin), 0.0, graph.max_step)
         else:
             away = unchecked(graph, np.arange(n) == start, cost)
         bound, arrived = backward(

@@ -57,7 +57,7 @@ def lazy_search(
         blocked: Steps not to take, as pairs of stances.
     """
     found = Found(EXHAUSTED, [], [], [], [], 1)
-    first = graph.postures(np.array([start.stance]))
+    first = graph.posture_of(start)
     h0 = float(heuristic(first.position)[0])
     queue: list[tuple[float, float, int]] = [(h0, 0.0, 0)]
     entries: list[tuple[tuple[int, ...], Postures, int]] = [(start.stance, first, -1)]
@@ -78,11 +78,12 @@ def lazy_search(
             if step is None:
                 continue
             state = State(stance, step.masks)
-        seen = closed.setdefault(stance, [])
+        # A pose of the robot's own is left once; its stance is another state.
+        seen = closed.setdefault(stance, []) if state.pose is None else []
         if any(all(m & ~old == 0 for m, old in zip(state.masks, masks, strict=True)) for masks in seen):
             continue
         seen.append(state.masks)
-        if state.masks == tuple(posture.mask[0].tolist()):
+        if state.pose is None and state.masks == tuple(posture.mask[0].tolist()):
             complete.add(stance)
         here = len(found.states)
         found.states.append(state)

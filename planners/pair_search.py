@@ -68,12 +68,27 @@ def _sift_down(heap, size, f, g):
 
 @allocating_kernel
 def search(
-    start, goal, h, base_weight, step_weight, g_weight, limit, check, rows, row_start, row_position, edges, closed, best
+    seeds,
+    seed_costs,
+    goal,
+    h,
+    base_weight,
+    step_weight,
+    g_weight,
+    limit,
+    check,
+    rows,
+    row_start,
+    row_position,
+    edges,
+    closed,
+    best,
 ):
-    """Best-first search from one stance to any goal stance.
+    """Best-first search from one stance, or from those that a first step leads to, to any goal stance.
 
     Args:
-        start: Stance index.
+        seeds: Stance index, limb that moved there (2 if none did) and branches left to the other limb, shape (k, 3).
+        seed_costs: What it cost to get to each, shape (k,).
         goal: Which stances are goals, shape (n,).
         h: Heuristic of each stance, shape (n,).
         base_weight: Weight of the base displacement [1/m].
@@ -90,7 +105,7 @@ def search(
 
     Returns:
         Status, number generated, and for each expanded state `3 * stance + limb moved` (2 at the start), mask
-        of the limb that held, parent, and cost so far. If found, the last one is the goal.
+        of the limb that held, parent (-1 for a seed), and cost so far. If found, the last one is the goal.
     """
     points, position, mask, ready, released = edges[0], edges[5], edges[7], edges[17][1], edges[17][2]
     local, degree, offset, table = edges[1], edges[2], edges[3], edges[4]
@@ -100,8 +115,17 @@ def search(
     size_out = 1 << 10
     out_node, out_mask = np.empty(size_out, np.int64), np.empty(size_out, np.int64)
     out_parent, out_g = np.empty(size_out, np.int64), np.empty(size_out)
-    f[0], g[0], node[0], parent[0], heap[0] = h[start], 0.0, 3 * start + 2, -1, 0
-    used, size, expanded = 1, 1, 0
+    used = size = expanded = 0
+    for k in range(len(seeds)):
+        if used == size_pool:
+            f, g, node, parent, heap = _grown(f), _grown(g), _grown(node), _grown(parent), _grown(heap)
+            size_pool *= 2
+        s = seeds[k, 0]
+        f[used], g[used] = g_weight * seed_costs[k] + h[s], seed_costs[k]
+        node[used], parent[used], heap[size] = 3 * s + seeds[k, 1], -1 - k, used
+        used += 1
+        size += 1
+        _sift_up(heap, size, f, g)
     status = EXHAUSTED
     while size > 0:
         item = heap[0]
@@ -120,14 +144,17 @@ def search(
             if check:
                 if closed[s, moved] & left == left:
                     continue
-                before, last = out_node[above] // 3, out_node[above] % 3
-                left = edge_entry(held, before, s, edges) & 0xFFFF
-                if last == moved:
-                    left &= out_mask[above]
-                elif last == held:
-                    left &= released[before, held]
-                    if not out_mask[above] & released[before, moved] & 0xFFFF:
-                        continue
+                if above < 0:
+                    left = seeds[-1 - above, 2]
+                else:
+                    before, last = out_node[above] // 3, out_node[above] % 3
+                    left = edge_entry(held, before, s, edges) & 0xFFFF
+                    if last == moved:
+                        left &= out_mask[above]
+                    elif last == held:
+                        left &= released[before, held]
+                        if not out_mask[above] & released[before, moved] & 0xFFFF:
+                            continue
             if left & ~closed[s, moved] == 0:
                 continue
             full = left == mask[s, held]
@@ -145,7 +172,7 @@ def search(
             size_out *= 2
         here = expanded
         cost = g[item]
-        out_node[here], out_mask[here], out_parent[here], out_g[here] = 3 * s + moved, left, above, cost
+        out_node[here], out_mask[here], out_parent[here], out_g[here] = 3 * s + moved, left, max(above, -1), cost
         expanded += 1
         if goal[s]:
             status = FOUND

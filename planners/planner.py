@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from mlivr_gym.errors import PlanError, SettingError, StanceError, choice, nonnegative
 from mlivr_gym.lazy_graph import LazyGraph
+from mlivr_gym.own_pose import own_joints
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners.assemble import assemble
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import HEURISTICS, Cost
 from mlivr_gym.planners.estimates import CACHED_TABLES, Estimates, unchecked
 from mlivr_gym.planners.lazy_search import lazy_search
-from mlivr_gym.planners.pair_search import FOUND, LIMIT, search
+from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT, search
 from mlivr_gym.planners.plan import Plan
 from mlivr_gym.posture import Postures
 from mlivr_gym.stance_graph import State, join
@@ -125,6 +126,8 @@ class Planner:
         heuristic: str | None = None,
         inflation: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,
+        start_pose: Sequence[Any] | None = None,
+        start_joints: Sequence[Any] | Array | None = None,
         limit: int = 10_000_000,
         progress: Callable[[int], None] | None = None,
     ) -> PlanningResult:
@@ -141,6 +144,10 @@ class Planner:
             inflation: Factor on the heuristic, at least 1; the plan costs at most this many times the least. By default 1
                 for two limbs, and 2 for more, where the search for the least would take long.
             goal_tolerance: Radius of the goal region [m].
+            start_pose: Base pose at the start, where the robot stands in another than the start stance's own posture:
+                x, y, z [m] and quaternion w, x, y, z. The thresholds do not apply to it.
+            start_joints: Joint angles at the start, shape (N, 6) [rad], within 0.02 rad of those that hold the points at that
+                pose: the plan then keeps their branches and windings for as long as each limb holds.
             limit: Most expansions.
             progress: Called with the number of expansions now and then (more than two limbs).
 
@@ -174,9 +181,10 @@ class Planner:
         began = time.perf_counter()
         points = self.graph.indices(start)
         try:
-            first = self.graph.state(points)
+            first = self.graph.state(points, start_pose, start_joints)
         except StanceError as error:
             return self._failure("start infeasible", str(error), time.perf_counter() - began)
+        joints = None if start_joints is None else own_joints(self.graph, start_joints)
         feasibility = time.perf_counter() - began
         # The order of the queue depends on the ratio of the two weights alone.
         g_weight = 0.0 if method == "greedy" else 1.0 / inflation
@@ -184,8 +192,20 @@ class Planner:
         blocked: list[tuple[tuple[int, ...], tuple[int, ...]]] = []
         while True:
             if isinstance(self.graph, PairGraph):
-                with self.graph.without(blocked):
-                    path = self._pair_path(first, target, tolerance, priced, heuristic, g_weight, limit, not blocked)
+                # From a pose of the robot's own the first step is no edge of the graph.
+                own = [pair for pair in blocked if first.pose is not None and pair[0] == first.stance]
+                with self.graph.without([pair for pair in blocked if pair not in own]):
+                    path = self._pair_path(
+                        first,
+                        target,
+                        tolerance,
+                        priced,
+                        heuristic,
+                        g_weight,
+                        limit,
+                        not blocked,
+                        [pair[1] for pair in own],
+                    )
             else:
                 path = self._lazy_path(
                     self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress, blocked
@@ -193,7 +213,7 @@ class Planner:
             if path is None or path.status != FOUND:
                 break
             found = time.perf_counter()
-            parts = assemble(self.graph, path.states, path.postures)
+            parts = assemble(self.graph, path.states, path.postures, joints)
             began += time.perf_counter() - found
             if parts.beyond is None or len(blocked) == MOST_BLOCKED:
                 break
@@ -209,8 +229,10 @@ class Planner:
         numbers = (path.expanded, path.generated, feasibility, elapsed, path.tree)
         if path.status != FOUND:
             reason = "limit reached" if path.status == LIMIT else "search exhausted"
-            told = f"after {path.expanded} expansions, no way from {self.graph.ids(points)} to {target.tolist()}"
-            return PlanningResult(None, reason, f"{reason} {told}", *numbers)
+            told = f" after {path.expanded} expansions, no way from {self.graph.ids(points)} to {target.tolist()}"
+            if path.generated <= 1:
+                told = f": no step leaves the start {self.graph.ids(points)} on the branches that the limbs may be on"
+            return PlanningResult(None, reason, f"{reason}{told}", *numbers)
         if parts.beyond is not None:
             message = "limbs that hold through several steps would leave their joint limits, or find no way to swing"
             return PlanningResult(None, "joint limits", message, *numbers)
@@ -300,13 +322,19 @@ class Planner:
         return self._estimates
 
     def _pair_path(
-        self, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str, g_weight: float, limit: int, whole: bool
+        self, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str, g_weight: float, limit: int, whole: bool,
+        barred: Sequence[tuple[int, ...]],
     ) -> _Path | None:  # fmt: skip
         estimates = self._two_limbs()
         graph = estimates.graph
-        start = graph.find(first.stance)
+        origin = graph.posture_of(first)
         distance, goal, parts = estimates.region(target, tolerance)
-        if int(graph.components[1][start]) not in parts:
+        start, seeds, seed_costs = _seeds(graph, first, origin, cost, barred)
+        own = not len(seeds) or int(seeds[0, 1]) < 2
+        there = bool(np.linalg.norm(origin.position[0] - target) <= tolerance)
+        if own and (there or not len(seeds)):
+            return _Path(FOUND if there else EXHAUSTED, [first], origin, 0.0, (1, 1), np.zeros((0, 2, 3)))
+        if not set(graph.components[1][seeds[:, 0]].tolist()) & parts:
             return None
         key = (*target.tolist(), tolerance, cost)
         learnt = estimates.has(key)
@@ -320,7 +348,7 @@ class Planner:
         bound, explored, made = h, 0, 0
         while True:
             status, generated, node, mask, parent, g = search(
-                start, goal, h, cost.base_weight, cost.step_weight, g_weight, min(limit - explored, patience),
+                seeds, seed_costs, goal, h, cost.base_weight, cost.step_weight, g_weight, min(limit - explored, patience),
                 graph.settings.transitions, graph.rows, graph.row_start, graph.row_position, graph.edges,
                 np.zeros((len(graph), 2), dtype=np.int64), np.full((len(graph), 2), np.inf),
             )  # fmt: skip
@@ -328,7 +356,7 @@ class Planner:
             if status != LIMIT or explored >= limit:
                 break
             # Many steps that the estimate counts on are impossible: learn from the other end how it is there.
-            h, bound = estimates.learn(goal, cost, start, bound, LEARNING * patience, learnt)
+            h, bound = estimates.learn(goal, cost, start, origin.position[0], bound, LEARNING * patience, learnt)
             if whole:
                 estimates.keep(key, bound)
             patience *= 4
@@ -343,13 +371,13 @@ class Planner:
                     masks[moved[k]] = int(released[stance[k], moved[k]]) & 0xFFFF
             a, b = graph.points[stance[k]].tolist()
             states.append(State((a, b), (masks[0], masks[1])))
-        path = stance[chain]
-        postures = Postures(
-            graph.position[path], graph.rotation[path], graph.w_m[path], graph.w_b[path], graph.branch[path],
-            graph.mask[path], np.zeros(len(path), dtype=np.int64),
-        )  # fmt: skip
-        tree = np.stack([graph.position[stance[parent[1:]]], graph.position[stance[1:]]], axis=1)
-        return _Path(int(status), states, postures, float(g[-1]), (explored, int(made)), tree)
+        postures = graph.node_postures(stance[chain])
+        before = np.where(parent[:, None] >= 0, graph.position[stance[parent]], origin.position[0])
+        tree = np.stack([before, graph.position[stance]], axis=1)
+        if not own:
+            return _Path(int(status), states, postures, float(g[-1]), (explored, int(made)), tree[1:])
+        counts = (explored + 1, int(made) + 1)
+        return _Path(int(status), [first, *states], join(origin, postures), float(g[-1]), counts, tree)
 
     def _lazy_path(
         self, graph: LazyGraph, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
@@ -375,6 +403,28 @@ class Planner:
         tree = np.stack([position[parents], position[1:]], axis=1)
         states = [found.states[k] for k in chain]
         return _Path(found.status, states, postures, found.costs[-1], (len(found.states), found.generated), tree)
+
+
+def _seeds(
+    graph: PairGraph, first: State, origin: Postures, cost: Cost, barred: Sequence[tuple[int, ...]]
+) -> tuple[int, NDArray[np.int64], Array]:
+    """Where a search begins: index of the start, -1 if the robot stands in a pose of its own; seeds and their costs.
+
+    From a pose of its own, or on branches of its own, these are the stances that a first step leads to, but for those that
+    are `barred`.
+    """
+    start = graph.find(first.stance) if first.pose is None else -1
+    if start >= 0 and first.masks == tuple(graph.mask[start].tolist()):
+        return start, np.array([[start, 2, 0]]), np.zeros(1)
+    steps, rows, costs = graph.successors(first), [], []
+    for limb, point, position, masks in zip(
+        steps.limb.tolist(), steps.point.tolist(), steps.position, steps.masks, strict=True
+    ):
+        after = (*first.stance[:limb], point, *first.stance[limb + 1 :])
+        if after not in barred:
+            rows.append((graph.find(after), limb, int(masks[1 - limb])))
+            costs.append(cost.base_weight * float(np.linalg.norm(position - origin.position[0])) + cost.step_weight)
+    return start, np.array(rows, dtype=np.int64).reshape(-1, 3), np.array(costs)
 
 
 def _chain(parent: NDArray[np.int64]) -> list[int]:
