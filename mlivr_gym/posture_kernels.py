@@ -271,7 +271,7 @@ def _solve(
                     forget(status, pairs)
                     for axis in range(3):
                         world_position[axis] = centres[g, axis] + origins[c, axis]
-                    if body_against_boxes(world_position, 0.0, body, world, clearance) != CLEAR:
+                    if body_against_boxes(world_position, turned[c], 0.0, 0.0, body, world, clearance) != CLEAR:
                         continue
                 for i in range(count):
                     for b in range(8):
