@@ -19,6 +19,7 @@ from mlivr_gym.collision_kernels import (
     against_body,
     against_boxes,
     against_limb,
+    body_against_boxes,
     frames_of_angles,
     place,
     to_world,
@@ -44,12 +45,12 @@ def check_all(
     out: Any,
 ) -> None:
     """Whether each of many configurations of a two-limb robot touches something; grippers are compared with all boxes."""
-    shapes, _, _, fixed, world, clearance, _ = bodies
+    shapes, _, _, fixed, world, clearance, body = bodies
     count = len(shapes[0])
     ends, moved, still = np.empty((2, count, 2, 3)), np.empty((count, 2, 3)), np.zeros((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.zeros((5, 4)), np.zeros((5, 7))
     for k in range(len(positions)):
-        found = 0
+        found = body_against_boxes(positions[k], rotations[k], 0.0, 0.0, body, world, clearance)
         for i in range(2):
             frames_of_angles(joints[k, i], lengths, frames)
             place(frames, shapes, mounts[i], places[i], ends[i])

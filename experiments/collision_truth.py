@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ from mlivr_gym.stance_graph import join
 from mlivr_gym.swept_kernels import departure_free
 from mlivr_gym.swing import Hold, SwingFinder
 from mlivr_gym.tasks import sample_task
+from mlivr_gym.uncompared import NOT_COMPARED
 
 SAMPLED_PAIRS = 2
 """Pairs of postures between which the sampling planner looks for a swing of a blocked step."""
@@ -81,42 +83,50 @@ class Judge:
         return found
 
     def least_distance(self, configuration: Configuration, points: list[tuple[int, int]]) -> float:
-        """Coal's least distance between limbs and boxes and between the limbs [m], grippers at a grasp left out."""
+        """Coal's least distance of limbs, body and mounts to boxes and between limbs [m], grippers at a grasp left out."""
         ends = capsule_ends(self.robot, self.shapes, configuration)
+        base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
         radius = self.shapes.arrays[2]
-        request, result = coal.DistanceRequest(), coal.DistanceResult()
-        least = np.inf
-
-        def capsule(i: int, c: int) -> tuple[Any, Any]:
-            start, end = ends[i, c]
-            along = end - start
-            length = float(np.linalg.norm(along))
-            if length < 1e-9:
-                return coal.Sphere(float(radius[c])), coal.Transform3s(np.eye(3), start)
-            z = np.array([0.0, 0.0, 1.0])
-            turn = Rotation.align_vectors([along / length], [z])[0].as_matrix()
-            return coal.Capsule(float(radius[c]), length), coal.Transform3s(turn, 0.5 * (start + end))
-
-        placed = [[capsule(i, c) for c in range(len(self.shapes))] for i in range(self.robot.limbs)]
+        mounts, mount_radius, half, _ = self.shapes.fixed
         at_grasp = {i for i, _ in points}
-        for i in range(self.robot.limbs):
-            for c, (shape, pose) in enumerate(placed[i]):
-                low, high = ends[i, c].min(axis=0), ends[i, c].max(axis=0)
-                for box in self.graph.grasp_map.boxes:
-                    if c >= self.shapes.first_gripper and i in at_grasp:
-                        continue
-                    gap = np.maximum(box.bounds[0] - high, low - box.bounds[1]).max() - radius[c]
-                    if gap > min(least, 0.1):
-                        continue
+        limbs = [
+            [_capsule(*axis, r) for axis, r in zip(limb, radius, strict=True)] for limb in ends
+        ]  # fmt: skip
+        with_boxes = [
+            _capsule(*(configuration[0] + axis @ base.T), r) for axis, r in zip(mounts, mount_radius, strict=True)
+        ]
+        with_boxes.append((coal.Box(*(2.0 * half)), coal.Transform3s(base, configuration[0])))
+        for i, limb in enumerate(limbs):
+            with_boxes += limb[: self.shapes.first_gripper] if i in at_grasp else limb
+        least = min(
+            (_distance(a, b) for first, second in combinations(limbs, 2) for a in first for b in second), default=np.inf
+        )
+        for shape, pose in with_boxes:
+            # The smallest sphere about a shape's middle that holds it tells the boxes that it cannot come near.
+            shape.computeLocalAABB()
+            middle = pose.getTranslation()
+            for box in self.graph.grasp_map.boxes:
+                away = np.maximum(np.maximum(box.bounds[0] - middle, middle - box.bounds[1]), 0.0)
+                if np.linalg.norm(away) - shape.aabb_radius < min(least, 0.1):
                     solid = coal.Box(*(2.0 * np.array(box.half)))
                     where = coal.Transform3s(np.array(box.rotation), np.array(box.centre))
-                    result.clear()
-                    least = min(least, coal.distance(shape, pose, solid, where, request, result))
-                for k in range(i + 1, self.robot.limbs):
-                    for other, there in placed[k]:
-                        result.clear()
-                        least = min(least, coal.distance(shape, pose, other, there, request, result))
+                    least = min(least, _distance((shape, pose), (solid, where)))
         return float(least)
+
+
+def _capsule(start: NDArray[np.float64], end: NDArray[np.float64], radius: float) -> tuple[Any, Any]:
+    """A capsule for coal, and where it is."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    if length < 1e-9:
+        return coal.Sphere(float(radius)), coal.Transform3s(np.eye(3), start)
+    turn = Rotation.align_vectors([along / length], [[0.0, 0.0, 1.0]])[0].as_matrix()
+    return coal.Capsule(float(radius), length), coal.Transform3s(turn, 0.5 * (start + end))
+
+
+def _distance(first: tuple[Any, Any], second: tuple[Any, Any]) -> float:
+    """Coal's distance of two placed shapes [m]."""
+    return float(coal.distance(*first, *second, coal.DistanceRequest(), coal.DistanceResult()))
 
 
 def configuration_of(graph: PairGraph, s: int, rng: np.random.Generator) -> tuple[Configuration, list[tuple[int, int]]]:
@@ -379,6 +389,7 @@ def markdown(data: dict[str, Any]) -> str:
     s, t, p = data["stances"], data["steps"], data["plans"]
     because = ", ".join(f"{name} {count}" for name, count in sorted(t["blocked_because"].items()))
     lost = sum(t["blocked_because"].get(name, 0) for name in (DIRECT, SAMPLED)) / t["blocked"]
+    rows = "\n".join(f"| {row.first} | {row.second} | {row.whose} | {row.reason} |" for row in NOT_COMPARED)
     return f"""# Collision checks against MuJoCo and coal
 
 Made by `experiments/collision_truth.py`. The MuJoCo scene holds the shapes that the planner checks. Clearance {data["clearance"]:g} m.
@@ -389,7 +400,8 @@ Made by `experiments/collision_truth.py`. The MuJoCo scene holds the shapes that
 | random steps called free, sampled | {t["free"]} ({t["configurations"]} configurations) | {t["penetrating"]} |
 | random plans, sampled | {p["plans"]} ({p["steps"]} steps, {p["configurations"]} configurations) | {p["penetrating"]} |
 
-Least distance of limbs to boxes and to each other over the free stances by coal: {1000 * s["free_least_distance"]:.2f} mm.
+Least distance of limbs, body and mounts to boxes and of limbs to each other over the free stances by coal:
+{1000 * s["free_least_distance"]:.2f} mm.
 
 **What is called blocked.** {s["left_out"]} stances meet the thresholds but are left out; the best posture of
 {s["left_out_nearer_than_clearance"]} of them lies nearer than the clearance to something, that of {s["left_out_penetrating"]}
@@ -400,6 +412,12 @@ angles: {because}. So {100 * lost:.1f} % of the steps called blocked could be ma
 
 Swings of the plans: {", ".join(f"{name} {count}" for name, count in sorted(p["swings"].items()))}. Outcomes:
 {", ".join(f"{name} {count}" for name, count in sorted(p["outcomes"].items()))}.
+
+**What is not compared** (`mlivr_gym/uncompared.py`); everything else is.
+
+| shape | with | of | because |
+|---|---|---|---|
+{rows}
 """
 
 

@@ -26,9 +26,9 @@ class Bodies:
 
     @cached_property
     def arrays(self) -> tuple[Any, ...]:
-        """Shapes of a limb, first capsules of gripper and hand, what is fixed to the body, boxes, clearance, body radius."""
+        """Shapes of a limb, first capsules of gripper and hand, what limbs meet on the body, boxes, clearance, body and mounts."""
         shapes = self.shapes
         return (
             shapes.arrays, shapes.first_gripper, shapes.hand, shapes.fixed, self.world.arrays, self.clearance,
-            shapes.body_radius,
+            shapes.body,
         )  # fmt: skip

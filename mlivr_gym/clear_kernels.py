@@ -68,7 +68,7 @@ def clear_of_world(
     grip, approach, normal = floats(3), floats(3), floats(3)
     for n in range(start, stop):
         k = chosen[n]
-        found = body_against_boxes(position[k], 0.0, body, world, clearance)
+        found = body_against_boxes(position[k], rotation[k], 0.0, 0.0, body, world, clearance)
         if found != CLEAR:
             cause[k] = found
             for i in range(points.shape[1]):

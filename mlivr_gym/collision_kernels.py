@@ -249,15 +249,27 @@ def _behind(boxes, b, point, normal):
 
 
 @kernel
-def body_against_boxes(position, travel, radius, world, clearance):
-    """The sphere round the body at `position` against the boxes, which may travel so far [m]; an answer."""
-    middle, motion, ball = floats(1, 2, 3), floats(1, 2), floats(1)
-    ball[0] = radius
-    for e in range(2):
-        motion[0, e] = travel
-        for k in range(3):
-            middle[0, e, k] = position[k]
-    return against_boxes(middle, motion, EVERY, len(ball), ball, world, len(ball), position, position, clearance)[0]
+def body_against_boxes(position, rotation, travel, swing, body, world, clearance):
+    """The body and the mounts of all limbs against the boxes, at a base pose and round it; an answer.
+
+    Args:
+        position: Base position [m], shape (3,).
+        rotation: Base rotation, shape (3, 3).
+        travel: How far the base may travel from there [m].
+        swing: How far it may turn [rad].
+        body: `LimbShapes.body`.
+        world: `BoxWorld.arrays`.
+        clearance: Least distance [m].
+    """
+    local, radius = body
+    count = len(radius)
+    ends, motion = floats(count, 2, 3), floats(count, 2)
+    to_world(local, position, rotation, ends)
+    for c in range(count):
+        for e in range(2):
+            rho = np.sqrt(local[c, e, 0] ** 2 + local[c, e, 1] ** 2 + local[c, e, 2] ** 2)
+            motion[c, e] = travel + swing * rho
+    return against_boxes(ends, motion, EVERY, count, radius, world, count, position, position, clearance)[0]
 
 
 @kernel

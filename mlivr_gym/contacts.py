@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,15 @@ from mlivr_gym.distance_kernels import segment_box_apart, segments_apart
 from mlivr_gym.limb_shapes import LimbShapes
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.shapes import Box
+from mlivr_gym.uncompared import BODY
 
 Array = NDArray[np.float64]
 
 Configuration = tuple[Array, Array, Array]
 """Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad]."""
+
+Pair = tuple[str, str, float]
+"""Names of two shapes and the distance of their surfaces [m]."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,7 @@ class Contact:
     Attributes:
         first: A shape of the robot, as the scene names it: `"limb0/forearm/0"` or `"body"`.
         second: Another of its shapes, or the id of a box.
-        distance: Distance of the surfaces [m], negative where they overlap.
+        distance: Distance of the surfaces [m], negative where a capsule overlaps, 0 where the body does.
     """
 
     first: str
@@ -57,7 +62,8 @@ def contacts(
 ) -> list[Contact]:
     """Every pair of shapes that is compared and nearer than the clearance, the nearest first.
 
-    Against boxes the body is the sphere round it.
+    All pairs but those of `uncompared.NOT_COMPARED`. The body is the box that it is; the compiled checks take capsules that
+    contain it where they compare it with boxes, see `limb_shapes.round_cube`.
 
     Args:
         robot: The robot.
@@ -68,44 +74,88 @@ def contacts(
     """
     shapes = LimbShapes(robot)
     ends = capsule_ends(robot, shapes, configuration)
-    radius, names = shapes.arrays[2], _names(shapes)
     base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
-    local = (ends - configuration[0]) @ base
-    mounts, mount_radius, half, least = shapes.fixed
-    per_limb = len(mount_radius) // robot.limbs
     at_grasp = {limb: (point, normal) for limb, point, normal in grasps}
-    found = []
+    found = [
+        *_among_themselves(robot, shapes, (ends - configuration[0]) @ base),
+        *_limbs_with_boxes(shapes, boxes, ends, at_grasp),
+        *_base_with_boxes(robot, shapes, boxes, (configuration[0], base), clearance),
+    ]
+    near = [Contact(first, second, float(apart)) for first, second, apart in found if apart < clearance]
+    return sorted(near, key=lambda contact: contact.distance)
+
+
+def _among_themselves(robot: RobotSpec, shapes: LimbShapes, local: Array) -> Iterator[Pair]:
+    """Distances of the robot's shapes from each other; capsule ends in the body frame, shape (N, c, 2, 3)."""
+    radius, names = shapes.arrays[2], _names(shapes)
+    mounts, mount_radius, half, least = shapes.fixed
     for i in range(robot.limbs):
         for c in range(len(shapes)):
             name = f"limb{i}/{names[c]}"
             p, u = axis_of(local[i], c)
             if shapes.arrays[0][c] >= 2:
-                found.append((name, "body", np.sqrt(segment_box_apart(p, u, tuple(half))) - radius[c]))
-                for m in range(len(mount_radius)):
+                yield name, BODY, np.sqrt(segment_box_apart(p, u, tuple(half))) - radius[c]
+                for m, mount in enumerate(_mount_names(robot, shapes)):
                     if shapes.arrays[0][c] >= least[i, m]:
-                        apart = np.sqrt(segments_apart(p, u, *axis_of(mounts, m))) - radius[c] - mount_radius[m]
-                        found.append((name, f"limb{m // per_limb}/base/{m % per_limb}", apart))
+                        apart = np.sqrt(segments_apart(p, u, *axis_of(mounts, m)))
+                        yield name, mount, apart - radius[c] - mount_radius[m]
             for d, j in shapes.arrays[3].tolist():
                 if d == c:
-                    apart = np.sqrt(segments_apart(p, u, *axis_of(local[i], j))) - radius[c] - radius[j]
-                    found.append((name, f"limb{i}/{names[j]}", apart))
+                    apart = np.sqrt(segments_apart(p, u, *axis_of(local[i], j)))
+                    yield name, f"limb{i}/{names[j]}", apart - radius[c] - radius[j]
             for k in range(i + 1, robot.limbs):
                 for j in range(len(shapes)):
-                    apart = np.sqrt(segments_apart(p, u, *axis_of(local[k], j))) - radius[c] - radius[j]
-                    found.append((name, f"limb{k}/{names[j]}", apart))
+                    apart = np.sqrt(segments_apart(p, u, *axis_of(local[k], j)))
+                    yield name, f"limb{k}/{names[j]}", apart - radius[c] - radius[j]
+
+
+def _limbs_with_boxes(
+    shapes: LimbShapes, boxes: Sequence[Box], ends: Array, at_grasp: dict[int, tuple[Array, Array]]
+) -> Iterator[Pair]:
+    """Distances of the limbs' moving capsules from boxes."""
+    radius, names = shapes.arrays[2], _names(shapes)
+    for i, limb in enumerate(ends):
+        for c, axis in enumerate(limb):
             for box in boxes:
                 if c >= shapes.first_gripper and i in at_grasp and _behind(box, *at_grasp[i]):
                     continue
-                turned = np.array(box.rotation)
-                start, end = (ends[i, c] - np.array(box.centre)) @ turned
-                apart = np.sqrt(segment_box_apart(tuple(start), tuple(end - start), box.half)) - radius[c]
-                found.append((name, box.id, apart))
+                yield f"limb{i}/{names[c]}", box.id, _to_box(axis, box) - radius[c]
+
+
+def _base_with_boxes(
+    robot: RobotSpec, shapes: LimbShapes, boxes: Sequence[Box], base: tuple[Array, Array], clearance: float
+) -> Iterator[Pair]:
+    """Distances of the body and the mounts from boxes; the body only from those that its corners' sphere comes near."""
+    position, rotation = base
+    mounts, mount_radius, half, _ = shapes.fixed
+    body = Box(BODY, "obstacle", tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation))
     for box in boxes:
-        start = (configuration[0] - np.array(box.centre)) @ np.array(box.rotation)
-        apart = np.sqrt(segment_box_apart(tuple(start), (0.0, 0.0, 0.0), box.half)) - shapes.body_radius
-        found.append(("body", box.id, apart))
-    near = [Contact(first, second, float(apart)) for first, second, apart in found if apart < clearance]
-    return sorted(near, key=lambda contact: contact.distance)
+        if _to_box(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
+            # Two boxes are nearest, or first overlap, at an edge of one of them.
+            edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
+            yield BODY, box.id, min(_to_box(*pair) for pair in edges)
+        for name, axis, radius in zip(_mount_names(robot, shapes), mounts, mount_radius, strict=True):
+            yield name, box.id, _to_box(position + axis @ rotation.T, box) - radius
+
+
+def _to_box(axis: Array, box: Box) -> float:
+    """Distance of a segment, shape (2, 3), from a box [m]; 0 where it reaches into it."""
+    start, end = (axis - np.array(box.centre)) @ np.array(box.rotation)
+    return float(np.sqrt(segment_box_apart(tuple(start), tuple(end - start), box.half)))
+
+
+def _edges(box: Box) -> Array:
+    """The twelve edges of a box, shape (12, 2, 3) [m]."""
+    corners = np.array(list(product((-1.0, 1.0), repeat=3)))
+    ends = [(a, b) for a, b in combinations(corners, 2) if (a != b).sum() == 1]
+    return np.array(box.centre) + (np.array(ends) * box.half) @ np.array(box.rotation).T
+
+
+def _mount_names(robot: RobotSpec, shapes: LimbShapes) -> list[str]:
+    """Names of the capsules fixed to the body, limb by limb."""
+    count = len(shapes.fixed[1])
+    per_limb = max(count // robot.limbs, 1)
+    return [f"limb{m // per_limb}/base/{m % per_limb}" for m in range(count)]
 
 
 def _names(shapes: LimbShapes) -> list[str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.shapes import LINKS, Array, Capsule
+from mlivr_gym.uncompared import BODY, not_compared
 
 NEVER_NEARER = {(3, 5): 2, (4, 6): 1}
 """Links that are two joints apart and the axis of the first, y or z, along which the second stays on one side.
@@ -20,6 +21,8 @@ which the flange axis lies by d5.
 class LimbShapes:
     """Capsules of one limb, the pairs of them that can meet, and what is fixed to the body.
 
+    Pairs that are left out stand in `uncompared.NOT_COMPARED`.
+
     Attributes:
         arrays: Link of each capsule (c,), ends in the link frame (c, 2, 3) [m], radii (c,) [m], pairs of capsules that
             can meet (k, 2), and for each end the anchor its motion is bounded from (c, 2) and the distance to it
@@ -29,7 +32,8 @@ class LimbShapes:
             the posture.
         fixed: Ends (k, 2, 3) and radii (k,) of the capsules fixed to the body, in its frame [m], half edges of the body
             (3,) [m], and the first link of each limb that can meet each of those capsules (N, k).
-        body_radius: Radius of the sphere round the body [m].
+        body: Ends (4 + k, 2, 3) and radii (4 + k,) of capsules in the body frame that contain all that moves with the
+            base, for comparison with boxes [m]: four round the body, see `round_cube`, and the mounts of `fixed`.
     """
 
     def __init__(self, robot: RobotSpec) -> None:
@@ -47,7 +51,7 @@ class LimbShapes:
             (i, j)
             for i in range(len(moving))
             for j in range(i + 1, len(moving))
-            if _can_meet(robot, int(link[i]), int(link[j]), ends[i], ends[j], float(radius[i] + radius[j]))
+            if _can_meet(robot, moving[i], moving[j])
         ]
         anchors = np.empty((len(moving), 2), dtype=np.int64)
         arms = np.empty((len(moving), 2))
@@ -70,14 +74,17 @@ class LimbShapes:
             np.array(mounts).reshape(-1, 2, 3), np.array(mount_radius), half,
             np.array(least, dtype=np.int64).reshape(-1, robot.limbs).T.copy(),
         )  # fmt: skip
-        self.body_radius = float(np.linalg.norm(half))
+        round_ends, round_radius = round_cube(float(half[0]))
+        self.body = (
+            np.concatenate([round_ends, self.fixed[0]]), np.concatenate([round_radius, self.fixed[1]]),
+        )  # fmt: skip
 
     def never(self, limb: int) -> list[tuple[str, str]]:
         """Pairs of a limb's links, the body among them, that are not compared: neighbours, and those that cannot meet."""
-        names = ("body", *LINKS)
+        names = (BODY, *LINKS)
         compared = {(self.names[i], self.names[j]) for i, j in self.arrays[3].tolist()}
         meets_own_base = {name for name in self.names if LINKS.index(name) >= int(self.fixed[3][limb].max(initial=2))}
-        compared |= {("body", name) for name in self.names if LINKS.index(name) >= 2}
+        compared |= {(BODY, name) for name in self.names if LINKS.index(name) >= 2}
         compared |= {("base", name) for name in meets_own_base}
         return [(a, b) for k, a in enumerate(names) for b in names[k + 1 :] if (a, b) not in compared]
 
@@ -86,19 +93,29 @@ class LimbShapes:
         return len(self.names)
 
 
-def _can_meet(robot: RobotSpec, a: int, b: int, first: Array, second: Array, touching: float) -> bool:
-    """Whether capsules on links `a` < `b` can touch: not on one link or neighbours, nor where an offset keeps them apart."""
-    if b - a < 2:
-        return False
-    axis = NEVER_NEARER.get((a, b))
-    if axis is None:
-        return True
-    limb = robot.limb
-    if axis == 2:
-        gap = limb.d4 - first[:, 2].max() - np.linalg.norm(second, axis=1).max()
+def round_cube(half: float) -> tuple[Array, Array]:
+    """Four capsules that together contain a cube of half edge `half` [m]: ends (4, 2, 3) and radii (4,) [m].
+
+    Each holds a quarter of it, whose eighths lie in the spheres about their middles. They stand out beyond the faces by
+    0.37 half edges, the sphere round the cube by 0.73.
+    """
+    at = 0.5 * half
+    ends = np.array([[[x, y, -at], [x, y, at]] for x in (-at, at) for y in (-at, at)])
+    return ends, np.full(4, np.sqrt(3.0) * at)
+
+
+def _can_meet(robot: RobotSpec, first: Capsule, second: Capsule) -> bool:
+    """Whether two capsules of a limb, in the order of `LINKS`, are compared, see `uncompared`."""
+    row = not_compared(first.link, second.link)
+    if row is None or not row.checked:
+        return row is None
+    limb, links = robot.limb, (LINKS.index(first.link), min(LINKS.index(second.link), 6))
+    if NEVER_NEARER[links] == 2:
+        reach = max(float(np.linalg.norm(end)) for end in (second.start, second.end))
+        gap = limb.d4 - max(first.start[2], first.end[2]) - reach
     else:
-        gap = first[:, 1].min() + limb.d5
-    return bool(gap < touching)
+        gap = min(first.start[1], first.end[1]) + limb.d5
+    return gap < first.radius + second.radius
 
 
 def _on_flange_axis(capsule: Capsule) -> bool:

@@ -115,13 +115,14 @@ def _enter(c, floor, look, poses, centre, normals, arm, scale_m, checker, room):
     Returns:
         Whether the candidate may be looked at.
     """
-    p, z, w, origins, _ = poses
+    p, z, w, origins, turned = poses
     mount_rotations, mount_positions, lengths, l_c = arm
     information, _, _, status, pairs, _, position = room
     forget(status, pairs)
     for axis in range(3):
         position[axis] = centre[axis] + origins[c, axis]
-    if look and body_against_boxes(position, 0.0, checker[6], checker[4], checker[5]) != CLEAR:
+    world, clearance, body = checker[4], checker[5], checker[6]
+    if look and body_against_boxes(position, turned[c], 0.0, 0.0, body, world, clearance) != CLEAR:
         return False
     for i in range(normals.shape[0]):
         for b in range(8):

@@ -107,7 +107,7 @@ def folding(
     limb, free, q, position, rotation, others, folds, limits, mount_rotation, mount_position, lengths, bodies, inside, before
 ):  # fmt: skip
     """The answer of `release` from those of the branches in `free`, with angles `q` (8, 6), that can fold; 0 if none can."""
-    shapes, _, _, fixed, world, clearance, _ = bodies
+    shapes, _, _, fixed, world, clearance, body = bodies
     start, target = floats(6), floats(6)
     path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
     for root in range(len(folds)):
@@ -124,7 +124,7 @@ def folding(
             if fold_near(folds[other], start, limits, target):
                 found = swing_free(
                     limb, path, 0.0, 0.0, start, target, lengths, mount_rotation, mount_position, others, shapes, fixed,
-                    world, clearance, inside, 0.0,
+                    world, clearance, inside, body,
                 )  # fmt: skip
                 if found == CLEAR:
                     together |= np.int64(1) << other
@@ -138,7 +138,7 @@ def folding(
                 if fold_near(folds[fold], q[b], limits, target):
                     found = swing_free(
                         limb, path, 0.0, 0.0, q[b], target, lengths, mount_rotation, mount_position, others, shapes, fixed,
-                        world, clearance, inside, 0.0,
+                        world, clearance, inside, body,
                     )  # fmt: skip
                     if found == CLEAR:
                         folded |= 0x0101 << b
@@ -157,7 +157,7 @@ def linked(
 
     If `single`, the first branch alone.
     """
-    shapes, _, _, fixed, world, clearance, _ = bodies
+    shapes, _, _, fixed, world, clearance, body = bodies
     target, group = floats(6), integers(8)
     for a in range(8):
         group[a] = a
@@ -171,7 +171,7 @@ def linked(
             if free & (0x0101 << b) and group[a] != group[b] and line_end(q[a], q[b], limits, target) < np.inf:
                 found = swing_free(
                     limb, path, 0.0, 0.0, q[a], target, lengths, mount_rotation, mount_position, others, shapes, fixed,
-                    world, clearance, inside, 0.0,
+                    world, clearance, inside, body,
                 )  # fmt: skip
                 if found == CLEAR:
                     gone = group[b]

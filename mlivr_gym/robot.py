@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, RobotError
-from mlivr_gym.shapes import Capsule
+from mlivr_gym.shapes import LINKS, Capsule
 
 LIMB_COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
 """Colour of each limb, in the scene and in figures."""
@@ -191,8 +191,14 @@ class RobotSpec:
     @property
     def extent(self) -> float:
         """An upper bound of the distance of any part of the robot from the body's middle [m]."""
-        thickest = max(capsule.radius for capsule in self.shapes)
-        return self.mount_radius + self.limb.reach + self.tool_length + thickest
+        d1, a2, a3, d4, d5, d6 = np.abs(self.limb.lengths).tolist()
+        # Distance of each link's origin from the limb's base at most, in the order of `LINKS`.
+        origins = np.cumsum([0.0, d1, 0.0, a2, a3 + d4, d5, d6, 0.0]).tolist()
+        far = [self.limb.reach + self.tool_length]
+        for capsule in self.shapes:
+            end = max(float(np.linalg.norm(end)) for end in (capsule.start, capsule.end))
+            far.append(origins[LINKS.index(capsule.link)] + end + capsule.radius)
+        return max(self.mount_radius + max(far), np.sqrt(0.75) * self.body_size)
 
     @cached_property
     def shapes(self) -> tuple[Capsule, ...]:

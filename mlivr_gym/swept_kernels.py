@@ -204,7 +204,7 @@ def swing_free(
         world: `BoxWorld.arrays`.
         clearance: Least distance [m].
         inside: Whether the robot's own shapes are looked at, not the boxes alone.
-        body: Radius of a sphere round the body that is checked against the boxes [m], or 0.
+        body: `LimbShapes.body`, compared with the boxes if the base moves; at rest the stance has been.
 
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
@@ -225,8 +225,8 @@ def swing_free(
     travel = shift[0, 3] + speed + spin_rate
     pieces = min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), 1 << DEPTH)
     stack_s, stack_half, todo = floats(DEPTH + 2), floats(DEPTH + 2), integers(DEPTH + 2, 3)
-    # The sphere round the body counts as one capsule more.
-    round_body = bit(count)
+    # The body and the mounts count as one capsule more.
+    on_body = bit(count)
     piece = top = 0
     shortest = 0.5 ** (DEPTH + 1)
     while top > 0 or piece < pieces:
@@ -253,12 +253,14 @@ def swing_free(
             )
             if answer > UNDECIDED:
                 return answer
-            if body > 0.0 and boxes & round_body:
-                answer = body_against_boxes(position, speed * half, body, world, clearance)
+            if u0 != u1 and boxes & on_body:
+                answer = body_against_boxes(
+                    position, rotation, speed * half, spin_rate * half, body, world, clearance
+                )  # fmt: skip
                 if answer > UNDECIDED:
                     return answer
                 if answer == UNDECIDED:
-                    left |= round_body
+                    left |= on_body
             boxes = left
         if inside and own:
             answer, own = against_body(limb, ends, motion, own, shift, spin, half, shapes, fixed, clearance)
