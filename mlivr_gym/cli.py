@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     query.add_argument("--goal", nargs=3, type=float, metavar=("X", "Y", "Z"), help="goal position of the base [m]")
     query.add_argument("--cost", default="base", help="base, steps or weighted (default: %(default)s)")
     query.add_argument("--regrasp-price", type=float, metavar="M", help="metres charged for a regrasp, with weighted")
-    query.add_argument("--method", default="astar", help="astar, dijkstra or greedy (default: %(default)s)")
+    query.add_argument("--method", default="astar", help="astar, dijkstra, greedy or algorithm1 (default: %(default)s)")
     query.add_argument("--heuristic", help="cost_to_go, consistent, paper or zero")
     query.add_argument(
         "--inflation",

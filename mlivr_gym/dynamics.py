@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import RobotError, SettingError
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.robot import RobotSpec, ur5e_data
 from mlivr_gym.scene import ROBOT, SURROUNDINGS, scene_spec
@@ -32,6 +32,9 @@ Array = NDArray[np.float64]
 
 FIRST_GRIPPER_BIT = 2
 """Bit of `contype` that stands for the gripper of limb 0; those of the other limbs follow."""
+
+SAME_LENGTH = 1e-3
+"""Limbs whose lengths differ by less are the same arm [m]; so do two of them when calibrated."""
 
 AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 """Axes of a grasp, in the order of its actuators and sensors."""
@@ -57,6 +60,8 @@ class Physics:
         limit_margin: A joint farther beyond its limits than this has failed [rad]; the manufacturer's controller stops there.
         feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward to the PD controller, see
             `feedforward.feedforward`; the paper's controller does without.
+        assume_ur5e_masses: Whether a robot with limbs of other lengths is simulated all the same,
+            with the masses, inertias and torque limits of the UR5e; see `check_masses`.
     """
 
     timestep: float = 0.002
@@ -73,18 +78,38 @@ class Physics:
     saturation_time: float = 0.1
     limit_margin: float = float(np.deg2rad(3.0))
     feedforward: bool = True
+    assume_ur5e_masses: bool = False
 
     def __post_init__(self) -> None:
         """Check that every figure is finite and above zero."""
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name != "feedforward" and not (np.isfinite(value) and value > 0.0):
+            if field.type != "bool" and not (np.isfinite(value) and value > 0.0):
                 raise SettingError(f"{field.name} is {value!r}; it must be finite and above 0")
 
 
 def torque_limits() -> Array:
     """Largest torque of each joint of a limb [N m], shape (6,), from the manufacturer."""
     return np.array(ur5e_data()["joint_limits"]["torque"], dtype=np.float64)
+
+
+def check_masses(robot: RobotSpec, physics: Physics) -> None:
+    """Refuse a robot whose masses are not known: another arm's would be wrong without a word.
+
+    Raises:
+        RobotError: If a length of its limbs is not the UR5e's, unless `assume_ur5e_masses` is set.
+    """
+    known = {name: value for name, value in ur5e_data()["dh"].items() if isinstance(value, float)}
+    found = {name: getattr(robot.limb, name) for name in known}
+    other = [name for name in known if abs(found[name] - known[name]) > SAME_LENGTH]
+    if other and not physics.assume_ur5e_masses:
+        told = ", ".join(f"{name} {found[name]:g} m (UR5e {known[name]:g} m)" for name in other)
+        raise RobotError(
+            f"robot {robot.name!r} cannot be simulated: masses, inertias and torque limits are "
+            f"known for the UR5e only, and its limbs differ in {told}; to simulate it with the "
+            "UR5e's all the same, set Physics(assume_ur5e_masses=True), on the command line "
+            "--assume-ur5e-masses"
+        )
 
 
 def dynamics_spec(
@@ -101,8 +126,12 @@ def dynamics_spec(
         robot: The robot.
         physics: Figures; by default those of `Physics`.
         obstacles: Boxes in the way.
+
+    Raises:
+        RobotError: If the robot's masses are not known, see `check_masses`.
     """
     physics = physics or Physics()
+    check_masses(robot, physics)
     spec = scene_spec(grasp_map, robot, obstacles)
     spec.modelname += "-dynamics"
     spec.option.timestep = physics.timestep

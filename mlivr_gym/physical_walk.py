@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.base_path import LIMIT_TOLERANCE
-from mlivr_gym.dynamics import Physics
+from mlivr_gym.dynamics import Physics, check_masses
 from mlivr_gym.errors import PlanError
 from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.own_pose import own_joints
@@ -48,7 +48,12 @@ class PhysicalWalk:
     joints: Array
 
     def __init__(self, graph: PairGraph | LazyGraph, durations: Durations, physics: Physics) -> None:
-        """Prepare walks; `start` begins one."""
+        """Prepare walks; `start` begins one.
+
+        Raises:
+            RobotError: If the robot's masses are not known, see `dynamics.check_masses`.
+        """
+        check_masses(graph.robot, physics)
         self.graph, self.durations, self.physics = graph, durations, physics
         self._version = -1
         self._plan: Any = None

@@ -59,6 +59,7 @@ def scene_spec(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] =
     """
     spec = mujoco.MjSpec()
     spec.modelname = f"{grasp_map.name}-{robot.name}"
+    spec.compiler.degree = False  # MuJoCo would take the ranges of joints for degrees
     spec.option.gravity = [0.0, 0.0, 0.0]
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]

@@ -22,6 +22,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--timestep", type=float, default=0.002, metavar="S", help="time step [s] (default: %(default)s)"
     )
     parser.add_argument("--no-feedforward", action="store_true", help="PD control alone, as in the paper")
+    parser.add_argument(
+        "--assume-ur5e-masses", action="store_true",
+        help="simulate a robot with other limbs with the UR5e's masses, inertias and torque limits",
+    )  # fmt: skip
     parser.add_argument("--out", default="walk", metavar="FOLDER", help="where results go (default: %(default)s)")
     parser.add_argument("--film", default="walk.gif", metavar="NAME", help=".gif or .mp4 (default: %(default)s)")
     parser.add_argument("--no-film", action="store_true", help="do without a film")
@@ -31,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
     """Carry `plan` out, print and save what was measured; 0 if it succeeded, 1 if it failed."""
-    from mlivr_gym.dynamics import Physics
+    from mlivr_gym.dynamics import Physics, check_masses
     from mlivr_gym.film import check_kind
     from mlivr_gym.planners.execution import execute
     from mlivr_gym.planners.motion import plan_trajectory
@@ -45,7 +49,12 @@ def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
     if not args.no_film:
         check_kind(args.film)
     out, durations = Path(args.out), Durations.of_step(args.duration)
-    physics = Physics(timestep=args.timestep, feedforward=not args.no_feedforward)
+    physics = Physics(
+        timestep=args.timestep,
+        feedforward=not args.no_feedforward,
+        assume_ur5e_masses=args.assume_ur5e_masses,
+    )
+    check_masses(plan.robot, physics)  # before anything is written
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -111,6 +111,7 @@ def execute(
 
     Raises:
         PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.
+        RobotError: If the robot's masses are not known, see `dynamics.check_masses`.
 
     Example:
         >>> execution = execute(graph, plan)

@@ -15,6 +15,7 @@ from mlivr_gym.errors import PlanError, SettingError, StanceError, choice, nonne
 from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.own_pose import own_joints
 from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.assemble import assemble
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import HEURISTICS, Cost
@@ -28,7 +29,7 @@ from mlivr_gym.transitions import quaternion
 
 Array = NDArray[np.float64]
 
-METHODS = ("astar", "dijkstra", "greedy")
+METHODS = ("astar", "dijkstra", "greedy", "algorithm1")
 """Names of the search methods."""
 
 GOAL_TOLERANCE = 0.2
@@ -138,18 +139,21 @@ class Planner:
             goal: x, y, z in the JEM frame [m].
             cost: `"base"` (displacement), `"steps"` or `"weighted"` (displacement plus a price a step).
             regrasp_price: Metres charged for a regrasp, with `cost="weighted"`.
-            method: `"astar"` (optimal), `"dijkstra"` (optimal, no heuristic) or `"greedy"` (best-first by heuristic).
+            method: `"astar"` (optimal), `"dijkstra"` (optimal, no heuristic), `"greedy"` (best-first by heuristic) or
+                `"algorithm1"` (as `"astar"`, in plain Python: slow, to read and to compare with).
             heuristic: `"cost_to_go"` (exact cost when steps are not checked; default for two limbs), `"consistent"`
-                (default for more), `"paper"` (may lose optimality; default of `"greedy"`) or `"zero"`.
+                (default for more and of `"algorithm1"`), `"paper"` (may lose optimality; default
+                of `"greedy"`) or `"zero"`.
             inflation: Factor on the heuristic, at least 1; the plan costs at most this many times the least. By default 1
-                for two limbs, and 2 for more, where the search for the least would take long.
+                for two limbs and `"algorithm1"`, else 2, as the search for the least takes long.
             goal_tolerance: Radius of the goal region [m].
             start_pose: Base pose at the start, where the robot stands in another than the start stance's own posture:
                 x, y, z [m] and quaternion w, x, y, z. The thresholds do not apply to it.
             start_joints: Joint angles at the start, shape (N, 6) [rad], within 0.02 rad of those that hold the points at that
                 pose: the plan then keeps their branches and windings for as long as each limb holds.
             limit: Most expansions.
-            progress: Called with the number of expansions now and then (more than two limbs).
+            progress: Called with the number of expansions now and then (`"algorithm1"`, or more
+                than two limbs).
 
         Returns:
             The plan, or why there is none. A start that cannot be held is such a reason; ids that do not
@@ -161,9 +165,11 @@ class Planner:
         pair = isinstance(self.graph, PairGraph)
         priced = Cost.named(cost, regrasp_price)
         choice("method", method, METHODS)
+        plain = method == "algorithm1"
         if heuristic is None:
             # Greedy search needs an estimate without plateaus, and loses nothing by overestimates.
-            heuristic = "paper" if method == "greedy" else "cost_to_go" if pair else "consistent"
+            tables = pair and not plain
+            heuristic = "paper" if method == "greedy" else "cost_to_go" if tables else "consistent"
         choice("heuristic", heuristic, HEURISTICS)
         if method == "dijkstra":
             heuristic = "zero"
@@ -171,9 +177,11 @@ class Planner:
             raise SettingError("method 'greedy' needs a heuristic other than 'zero'")
         if heuristic == "cost_to_go" and not pair:
             raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {self.graph.robot.name!r} has more")
+        if heuristic == "cost_to_go" and plain:
+            raise SettingError("method 'algorithm1' needs a heuristic other than 'cost_to_go'")
         if limit < 1:
             raise SettingError(f"limit is {limit!r}; it must be at least 1")
-        inflation = (1.0 if pair else 2.0) if inflation is None else inflation
+        inflation = (1.0 if pair or plain else 2.0) if inflation is None else inflation
         if not 1.0 <= inflation < float("inf"):
             raise SettingError(f"inflation is {inflation!r}; it must be finite and at least 1")
         tolerance = nonnegative("goal_tolerance", goal_tolerance)
@@ -191,20 +199,17 @@ class Planner:
         began = time.perf_counter()
         blocked: list[tuple[tuple[int, ...], tuple[int, ...]]] = []
         while True:
-            if isinstance(self.graph, PairGraph):
+            if plain:
+                path = self._algorithm1_path(
+                    first, target, tolerance, priced, heuristic, inflation, limit, progress, blocked
+                )
+            elif isinstance(self.graph, PairGraph):
                 # From a pose of the robot's own the first step is no edge of the graph.
                 own = [pair for pair in blocked if first.pose is not None and pair[0] == first.stance]
+                barred = [pair[1] for pair in own]
                 with self.graph.without([pair for pair in blocked if pair not in own]):
                     path = self._pair_path(
-                        first,
-                        target,
-                        tolerance,
-                        priced,
-                        heuristic,
-                        g_weight,
-                        limit,
-                        not blocked,
-                        [pair[1] for pair in own],
+                        first, target, tolerance, priced, heuristic, g_weight, limit, not blocked, barred
                     )
             else:
                 path = self._lazy_path(
@@ -403,6 +408,24 @@ class Planner:
         tree = np.stack([position[parents], position[1:]], axis=1)
         states = [found.states[k] for k in chain]
         return _Path(found.status, states, postures, found.costs[-1], (len(found.states), found.generated), tree)
+
+    def _algorithm1_path(
+        self, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
+        inflation: float, limit: int, progress: Callable[[int], None] | None,
+        blocked: list[tuple[tuple[int, ...], tuple[int, ...]]],
+    ) -> _Path | None:  # fmt: skip
+        found = algorithm1(
+            self.graph, first, target, tolerance, cost, heuristic,
+            inflation=inflation, limit=limit, blocked=blocked, progress=progress,
+        )  # fmt: skip
+        states = [found.states[k] for k in _chain(np.array(found.parents))]
+        postures = self.graph.posture_of(states[0])
+        for state in states[1:]:
+            postures = join(postures, self.graph.posture(state.stance))
+        position, parents = np.array(found.positions), np.array(found.parents[1:], dtype=np.int64)
+        tree = np.stack([position[parents], position[1:]], axis=1)
+        counts = len(found.states), found.generated
+        return _Path(found.status, states, postures, found.costs[-1], counts, tree)
 
 
 def _seeds(

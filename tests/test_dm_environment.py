@@ -13,6 +13,7 @@ from dm_env import test_utils
 
 from mlivr_gym.dm_environment import MlivrDmEnvironment
 from mlivr_gym.planners import Planner
+from mlivr_gym.scene import scene_spec
 
 
 @cache
@@ -60,6 +61,12 @@ def test_the_exported_model_loads_and_steps_in_dm_control(jem, limbs):
     physics = Physics.from_xml_string(spec.to_xml())
     assert (physics.model.nv, physics.model.nu) == (model.nv, model.nu)
     assert physics.model.ngeom == model.ngeom
+    full_turn = np.tile([-2 * np.pi, 2 * np.pi], (6 * limbs, 1))
+    names = [f"limb{i}/joint{k}" for i in range(limbs) for k in range(1, 7)]
+    scene = Physics.from_xml_string(scene_spec(jem, robot_spec(f"mlivr{limbs}")).to_xml())
+    for loaded in (physics, scene):
+        ranges = [loaded.named.model.jnt_range[name] for name in names]
+        np.testing.assert_allclose(ranges, full_turn, atol=1e-4)
     physics.data.qpos[0] = 4.0
     for _ in range(10):
         physics.step()

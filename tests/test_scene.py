@@ -1,10 +1,14 @@
+import itertools
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import robot_spec, stance_graph
+from mlivr_gym import Limb, robot_spec, stance_graph
+from mlivr_gym.dynamics import dynamics_spec
 from mlivr_gym.errors import RenderError
 from mlivr_gym.rendering import SceneRenderer, SceneWindow
 from mlivr_gym.scene import scene_spec, set_configuration
@@ -66,6 +70,37 @@ def test_exported_scene_loads_again(jem, model):
     spec.compile()
     again = mujoco.MjModel.from_xml_string(spec.to_xml())
     assert (again.nbody, again.ngeom, again.nsite) == (model.nbody, model.ngeom, model.nsite)
+
+
+LIMITS = (
+    ((-2 * np.pi, 2 * np.pi),) * 6,
+    ((-6.2, 6.2), (-3.1, 0.5), (-2.8, 2.8), (-1, 3), (0.1, 3.1), (-9, 9)),
+)
+"""Those of the UR5e, and a robot's own [rad]."""
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("make_spec", [scene_spec, dynamics_spec])
+def test_joint_limits_are_the_robots_in_radians_also_after_export(jem, make_spec, limits):
+    robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=limits))
+    spec = make_spec(jem, robot)
+    model = spec.compile()
+    for found in (model, mujoco.MjModel.from_xml_string(spec.to_xml())):
+        for limb, k in itertools.product(range(2), range(6)):
+            joint = found.joint(f"limb{limb}/joint{k + 1}")
+            np.testing.assert_allclose(joint.range, limits[k], atol=1e-4)
+            assert found.jnt_limited[joint.id] == (make_spec is scene_spec)
+
+
+def test_a_joint_meets_a_stop_only_beyond_the_robots_limits(jem):
+    robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=((-2.0, 2.0),) * 6))
+    model = scene_spec(jem, robot).compile()
+    data = mujoco.MjData(model)
+    straight = np.array([4.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
+    for angle, stops in ((1.99, 0), (-1.99, 0), (2.01, 12), (-2.01, 12)):
+        set_configuration(model, data, *straight, np.full((2, 6), angle))
+        limit = mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
+        assert np.count_nonzero(data.efc_type == limit) == stops
 
 
 def test_a_users_own_map_has_a_scene(ladder):

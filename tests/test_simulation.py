@@ -1,3 +1,4 @@
+import argparse
 from dataclasses import replace
 
 import mujoco
@@ -7,15 +8,18 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import Box, robot_spec
+from mlivr_gym import Box, Limb, Settings, robot_spec
+from mlivr_gym.cli import main
 from mlivr_gym.dynamics import Physics, dynamics_spec, torque_limits
-from mlivr_gym.errors import PlanError, SettingError, SimulationError
+from mlivr_gym.env import MlivrEnv
+from mlivr_gym.errors import PlanError, RobotError, SettingError, SimulationError
 from mlivr_gym.failures import FailureWatch, Measured
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.execution import execute
 from mlivr_gym.planners.motion import step_trajectory
 from mlivr_gym.robot import ur5e_data
 from mlivr_gym.scene import set_configuration
+from mlivr_gym.simulate_command import add_arguments
 from mlivr_gym.simulation import Simulation
 from mlivr_gym.trajectory import FREE, Durations
 
@@ -268,6 +272,55 @@ def test_divergence_is_a_failure(checked_graph, plan, jem, tmp_path, monkeypatch
     simulation.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     failure = execute(checked_graph, plan, simulation=simulation).failure
     assert failure is not None and failure.kind == "divergence"
+
+
+UR10E = Limb(d1=0.1807, a2=-0.6127, a3=-0.57155, d4=0.17415, d5=0.11985, d6=0.11655)
+"""Lengths published by the manufacturer; its links weigh 32 kg and not the UR5e's 18 kg."""
+
+
+def test_another_arm_is_not_simulated_with_masses_of_the_ur5e(
+    jem, checked_graph, plan, tmp_path, capsys
+):  # fmt: skip
+    robot = replace(plan.robot, name="ur10e", limb=UR10E)
+    told = r"'ur10e'.*a2 -0\.6127 m \(UR5e -0\.425 m\).*assume_ur5e_masses"
+    refused = pytest.raises(RobotError, match=told)
+    with refused:
+        execute(checked_graph, replace(plan, robot=robot))
+    with refused:
+        dynamics_spec(jem, robot)
+    with refused:
+        MlivrEnv(robot, dynamics="mujoco", collisions=False)
+    path, out = tmp_path / "plan.json", tmp_path / "walk"
+    replace(plan, robot=robot, settings=Settings(collisions=False)).save(path)
+    assert main(["simulate", "--plan", str(path), "--out", str(out)]) == 2
+    assert "robot 'ur10e' cannot be simulated" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_another_arm_is_simulated_where_that_is_asked_for(jem):
+    robot = replace(robot_spec("mlivr2"), name="ur10e", limb=UR10E)
+    simulation = Simulation(jem, robot, Physics(assume_ur5e_masses=True))
+    assert simulation.mass == pytest.approx(20.0 + 2 * (17.70 + 0.5))
+    how = {"dynamics": "mujoco", "collisions": False, "physics": Physics(assume_ur5e_masses=True)}
+    MlivrEnv(robot, **how).reset(seed=0)
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    assert parser.parse_args(["--assume-ur5e-masses"]).assume_ur5e_masses
+    assert not parser.parse_args([]).assume_ur5e_masses
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"limbs": 4, "body_mass": 8.0, "body_size": 0.3, "tool_length": 0.08, "mount_radius": 0.15},
+        {"limb": Limb(joint_limits=((-3.0, 3.0),) * 6)},
+        {"limb": Limb(a2=-0.42512, a3=-0.39198)},  # as calibrated
+    ],
+)
+def test_robots_with_limbs_of_the_ur5e_are_simulated(jem, changes):
+    robot = replace(robot_spec("mlivr2"), name="own", **changes)
+    mass = robot.body_mass + robot.limbs * (17.70 + robot.gripper_mass)
+    assert Simulation(jem, robot).mass == pytest.approx(mass)
 
 
 def measured(count, **changes):

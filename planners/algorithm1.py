@@ -1,0 +1,127 @@
+"""Algorithm 1 of the paper in plain Python: best-first search over stances.
+
+This is the search to read first, and what the compiled ones (`pair_search`, `lazy_search`) are
+compared with. It asks a stance graph for nothing but `posture_of`, `successors` and `max_step`, so it
+serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
+`heuristic="paper"` nodes, edges and estimate are the paper's. Where steps are checked, a node is a
+`State`: a stance together with the branches that are left to each limb.
+
+The numbers of the lines are this file's own, not those of the paper's listing:
+
+    1   open <- {start}, g(start) <- 0, closed <- {}
+    2   while open is not empty:
+    3       s <- the entry of open with the least f; of equal ones the largest g, then the oldest
+    4       if s is in closed: go on with the next; closed <- closed + {s}
+    5       if the base at s lies within the tolerance of the goal: return the way to s
+    6       for each limb and each point that it can step to, which leads to s':
+    7           g' <- g(s) + cost(s, s')
+    8           if s' is not in closed and g' < g(s'): g(s') <- g', parent(s') <- s
+    9               open <- open + {s'} with f(s') = g' + h(s')
+    10  return failure
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
+from mlivr_gym.stance_graph import StanceGraph, State
+
+Array = NDArray[np.float64]
+BlockedStep = tuple[tuple[int, ...], tuple[int, ...]]
+"""Stances before and after a step that must not be taken."""
+
+
+@dataclass
+class Explored:
+    """The tree of a search: its expanded states in order, the goal last if it was found."""
+
+    status: int = EXHAUSTED
+    """`FOUND`, `EXHAUSTED` or `LIMIT` of `pair_search`."""
+    states: list[State] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    """Index of the state that each one was reached from, -1 at the start."""
+    costs: list[float] = field(default_factory=list)
+    """Cost from the start."""
+    positions: list[Array] = field(default_factory=list)
+    """Base position of each state [m], shape (3,)."""
+    generated: int = 1
+    """States that were put into the queue, the start included."""
+
+
+def algorithm1(
+    graph: StanceGraph,
+    start: State,
+    goal: Array,
+    tolerance: float,
+    cost: Cost,
+    heuristic: str = "consistent",
+    *,
+    inflation: float = 1.0,
+    limit: int = 10_000_000,
+    blocked: Collection[BlockedStep] = (),
+    progress: Callable[[int], None] | None = None,
+) -> Explored:
+    """Search from a state to any stance whose base lies within a ball.
+
+    Args:
+        graph: The stance graph, of any number of limbs.
+        start: Where to start, for example `graph.state(stance)`.
+        goal: Centre of the goal region [m], shape (3,).
+        tolerance: Its radius [m].
+        cost: Cost of a step.
+        heuristic: `"consistent"`, `"paper"` or `"zero"`, see `Cost.heuristic`.
+        inflation: Factor on the heuristic; with 1 and a consistent one the way costs the least.
+        limit: Most expansions.
+        blocked: Steps not to take.
+        progress: Called with the number of expansions now and then.
+    """
+
+    def estimate(positions: Array) -> Array:
+        distance = np.linalg.norm(positions - goal, axis=-1)
+        return inflation * cost.heuristic(heuristic, distance, tolerance, graph.max_step)
+
+    explored = Explored()
+    origin = graph.posture_of(start).position[0]
+    # An entry: f, minus g, its age, the state, its base position, the index of its parent.
+    queue = [(float(estimate(origin)), 0.0, 0, start, origin, -1)]  # line 1
+    least, closed = {start: 0.0}, set()
+    while queue:  # line 2
+        _, minus_g, _, state, here, parent = heapq.heappop(queue)  # line 3
+        if state in closed:  # line 4
+            continue
+        closed.add(state)
+        index = len(explored.states)
+        explored.states.append(state)
+        explored.parents.append(parent)
+        explored.costs.append(-minus_g)
+        explored.positions.append(here)
+        if np.linalg.norm(here - goal) <= tolerance:  # line 5
+            explored.status = FOUND
+            return explored
+        if index + 1 >= limit:
+            explored.status = LIMIT
+            return explored
+        if progress is not None and index % 100 == 0:
+            progress(index)
+        steps = graph.successors(state)  # line 6
+        away = np.linalg.norm(steps.position - here, axis=1)
+        g = -minus_g + cost.base_weight * away + cost.step_weight  # line 7
+        f = g + estimate(steps.position)
+        for k, (limb, point) in enumerate(zip(steps.limb, steps.point, strict=True)):
+            stance = (*state.stance[:limb], int(point), *state.stance[limb + 1 :])
+            after = State(stance, tuple(steps.masks[k].tolist()))
+            if (state.stance, stance) in blocked:
+                continue
+            if after not in closed and g[k] < least.get(after, np.inf):  # line 8
+                least[after] = float(g[k])
+                entry = (float(f[k]), -float(g[k]), explored.generated)
+                heapq.heappush(queue, (*entry, after, steps.position[k], index))  # line 9
+                explored.generated += 1
+    return explored  # line 10
