@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from mlivr_gym.actions import action_number
 from mlivr_gym.errors import SettingError, StanceError, choice, nonnegative
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.moves import GraphMoves, Place, TableMoves, branch_bits
@@ -19,6 +20,7 @@ from mlivr_gym.recording import Failure
 from mlivr_gym.reliability import failure_probabilities
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import CLEARANCE, Settings
+from mlivr_gym.shapes import Box
 from mlivr_gym.stance_graph import State, Successors, stance_graph
 from mlivr_gym.step_tables import step_tables
 from mlivr_gym.tasks import sample_task
@@ -215,6 +217,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         self._state: State | None = None
         self._measures: dict[str, Any] = {}
         self._viewer: Any = None
+        self._drawn: tuple[Box, ...] = ()
 
     @property
     def moves(self) -> GraphMoves | TableMoves:
@@ -281,19 +284,26 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             self.render()
         return self._observation(), self._info(False)
 
-    def step(self, action: np.int64 | int) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
-        """Move limb `action // m` to point `action % m`."""
+    def step(self, action: Any) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+        """Move limb `action // m` to point `action % m`.
+
+        Args:
+            action: A whole number: an int, or an integer array or tensor without axes.
+
+        Raises:
+            gymnasium.error.ResetNeeded: Before the first reset, and after a step that failed.
+            SettingError: If the action is not in the action space.
+        """
         state, n = self.state, int(self.action_space.n)  # type: ignore[attr-defined]
         if self._measures.get("failure"):
             raise gymnasium.error.ResetNeeded("the last step failed: call reset()")
-        if not isinstance(action, (int, np.integer)) or not 0 <= action < n:
-            raise SettingError(f"action {action!r} is not in {self.action_space}")
-        limb, point = divmod(int(action), n // self.graph.limbs)
+        action = action_number(action, n)
+        limb, point = divmod(action, n // self.graph.limbs)
         before, moved, failed = self._potential() if self.shaping else 0.0, self.graph.max_step, False
         self.steps += 1
         allowed = bool(self._mask[action])
         if allowed:
-            after = self.moves.take(state, int(action))
+            after = self.moves.take(state, action)
             place = self.moves.place(after.stance)
             moved = math.dist(place.position, self._place.position)
             risk = self.failure_probability[point]
@@ -337,7 +347,13 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         return state
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """Which actions are possible, shape (N m,)."""
+        """Which actions are possible, shape (N m,).
+
+        Raises:
+            gymnasium.error.ResetNeeded: Before the first reset.
+        """
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded("call reset() before action_masks()")
         return self._mask.copy()
 
     def successors(self) -> Successors:
@@ -382,7 +398,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         }
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Picture of the scene, shape (height, width, 3), or the scene in a window.
+        """Picture of the scene with the obstacles of now, shape (height, width, 3), or the scene in a window.
 
         Raises:
             RenderError: If there is no GL library.
@@ -390,18 +406,20 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         if self.render_mode is None:
             gymnasium.logger.warn("render() was called without a render_mode; give one to gymnasium.make")
             return None
-        configuration = self.graph.configuration(self.state) if self._walk is None else self._walk.configuration
-        if self.render_mode == "human":
-            from mlivr_gym.rendering import SceneWindow
+        graph = self.graph
+        configuration = graph.configuration(self.state) if self._walk is None else self._walk.configuration
+        if self._viewer is None or self._drawn != graph.obstacles:
+            from mlivr_gym.rendering import SceneRenderer, SceneWindow
 
-            if self._viewer is None:
-                self._viewer = SceneWindow(self.graph.grasp_map, self.graph.robot)
+            self.close()
+            if self.render_mode == "human":
+                self._viewer = SceneWindow(graph.grasp_map, graph.robot, graph.obstacles)
+            else:
+                self._viewer = SceneRenderer(graph.grasp_map, graph.robot, *self._size, graph.obstacles)
+            self._drawn = graph.obstacles
+        if self.render_mode == "human":
             self._viewer.show(*configuration)
             return None
-        from mlivr_gym.rendering import SceneRenderer
-
-        if self._viewer is None:
-            self._viewer = SceneRenderer(self.graph.grasp_map, self.graph.robot, *self._size, self.graph.obstacles)
         picture: NDArray[np.uint8] = self._viewer.render(*configuration)
         return picture
 
