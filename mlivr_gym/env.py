@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from mlivr_gym.actions import action_number
 from mlivr_gym.errors import SettingError, StanceError, choice, nonnegative
-from mlivr_gym.grasp_map import GraspMap, jem_map
+from mlivr_gym.grasp_map import GraspMap, as_map
 from mlivr_gym.moves import GraphMoves, Place, TableMoves, branch_bits
 from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.plain_data import plain_spec
 from mlivr_gym.recording import Failure
 from mlivr_gym.reliability import failure_probabilities
 from mlivr_gym.robot import RobotSpec, robot_spec
@@ -111,11 +113,12 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 2}
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
-        robot: str | RobotSpec = "mlivr2",
-        map: str | Path | GraspMap | None = None,
+        robot: str | RobotSpec | dict[str, Any] = "mlivr2",
+        map: str | Path | GraspMap | dict[str, Any] | None = None,
         manipulability: bool = True,
         transitions: bool = True,
         limb_threshold: float = 0.1,
@@ -129,7 +132,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         discount: float = 0.99,
         dynamics: str = "kinematic",
         step_duration: float = 50.0,
-        physics: Physics | None = None,
+        physics: Physics | dict[str, Any] | None = None,
         grasp_failure: float | NDArray[np.float64] = 0.0,
         grasp_failure_seed: int = 0,
         precompute: bool = False,
@@ -140,8 +143,10 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         """Build the stance graph and the spaces.
 
         Args:
-            robot: Name, path of a JSON file, or description of the robot.
-            map: Path of a map file, or a map; by default the measured JEM.
+            robot: Name, path of a JSON file, or description of the robot, also as plain data
+                (`RobotSpec.to_dict`).
+            map: Path of a map file, or a map, also as plain data (`GraspMap.to_dict`); by default
+                the measured JEM.
             manipulability: Whether stances must meet both thresholds.
             transitions: Whether steps must be shown to be possible.
             limb_threshold: Least limb manipulability.
@@ -155,7 +160,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             discount: Discount used by the shaping.
             dynamics: `"kinematic"`: the step of the stance graph; `"mujoco"`: carried out in simulation.
             step_duration: Duration of a step that is carried out [s].
-            physics: Controller, grasps and failures of steps that are carried out.
+            physics: Controller, grasps and failures of steps that are carried out, also as plain
+                data (`Physics.from_dict`).
             grasp_failure: Mean probability that an attempt to take hold of a point fails, or one for each point, see
                 `failure_probabilities`; with `dynamics="kinematic"` only.
             grasp_failure_seed: Seed of the probabilities; whether an attempt fails is drawn from the environment's own.
@@ -180,7 +186,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             raise SettingError(f"discount is {discount!r}; it must be above 0 and at most 1")
         self.discount = float(discount)
         self.render_mode, self._size = render_mode, (int(width), int(height))
-        grasp_map = map if isinstance(map, GraspMap) else jem_map() if map is None else GraspMap.load(map)
+        grasp_map = as_map(map)
         settings = Settings(
             manipulability, transitions, limb_threshold, base_threshold, collisions=collisions, clearance=clearance
         )
@@ -207,7 +213,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             from mlivr_gym.dynamics import Physics
             from mlivr_gym.physical_walk import PhysicalWalk
 
-            self._walk = PhysicalWalk(self.graph, Durations.of_step(step_duration), physics or Physics())
+            physics = physics if isinstance(physics, Physics) else Physics.from_dict(physics or {})
+            self._walk = PhysicalWalk(self.graph, Durations.of_step(step_duration), physics)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         self.precompute = bool(precompute)
         self._moves: GraphMoves | TableMoves | None = None
@@ -218,6 +225,15 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         self._measures: dict[str, Any] = {}
         self._viewer: Any = None
         self._drawn: tuple[Box, ...] = ()
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What made the environment, its arguments as plain data; None without `gymnasium.make`."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec)
 
     @property
     def moves(self) -> GraphMoves | TableMoves:

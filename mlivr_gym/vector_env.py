@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.errors import SettingError, StanceError, choice
+from mlivr_gym.plain_data import plain_spec
 from mlivr_gym.step_tables import StepTables
 from mlivr_gym.table_kernels import advance, draw_tasks, legal_actions
 
@@ -42,6 +44,8 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         steps: Steps since reset, shape (k,).
         base_translation: Sum of base displacements since reset [m], shape (k,).
     """
+
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -87,6 +91,15 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         self.base_translation: Array = np.zeros(num_envs)
         self._ended = np.ones(num_envs, dtype=np.bool_)
         self._all = np.ones(num_envs, dtype=np.bool_)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What made the environment, its arguments as plain data; None without `make_vec`."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec)
 
     def reset(
         self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
