@@ -56,5 +56,5 @@ def action_numbers(actions: Any, copies: int, count: int) -> NDArray[np.int64]:
     elif not fault and ((array < 0) | (array >= count)).any():
         fault = f"one is {array[(array < 0) | (array >= count)][0]}"
     if fault:
-        raise SettingError(f"actions must be {copies} integers from 0 to {count - 1}: {fault}")
+        raise SettingError(f"actions must be {copies} numbers of Discrete({count}), in integers: {fault}")
     return array.astype(np.int64)
