@@ -74,8 +74,9 @@ def evaluate(
         policy: The policy.
         episodes: Number of episodes, or their tasks.
         seed: Seed of the first episode.
-        max_steps: Steps after which an episode counts as failed. One whose policy takes an action that is not possible counts as
-            failed at once: the policy would only repeat it.
+        max_steps: Steps after which an episode counts as failed. One whose policy takes an action that
+            is not possible counts as failed at once (the policy would only repeat it), and so does one
+            in which a simulated step fails.
         progress: Called with the number of episodes done.
         execute: Carries a walk out, for example in MuJoCo; given the environment and the states of each successful episode, tells
             whether it could be, None if it was not tried.
@@ -115,21 +116,23 @@ def _episode(
     options = {} if task is None else {"start": task.start, "goal": task.goal}
     observation, info = env.reset(seed=seed, options=options)
     states, failed, spent, first = [env.state], 0, 0.0, 0.0
-    done = bool(info["is_success"])
-    while not done and info["steps"] < max_steps and not info["invalid_action"]:
+    ended = success = bool(info["is_success"])
+    while not ended and info["steps"] < max_steps and not info["invalid_action"]:
         asked = time.perf_counter()
         action = policy.act(env, observation, env.action_masks())
         now = time.perf_counter()
         spent += now - asked
         first = first or now - began
-        observation, _, done, _, info = env.step(action)
+        observation, _, ended, _, info = env.step(action)
+        # A simulated step that fails ends the episode too.
+        success = bool(info["is_success"])
         failed += info["grasp_failed"]
-        if not info["grasp_failed"] and not info["invalid_action"]:
+        if not (info["grasp_failed"] or info["invalid_action"] or info.get("failure")):
             states.append(env.state)
-    answer = execute(env, tuple(states)) if done and execute is not None else None
+    answer = execute(env, tuple(states)) if success and execute is not None else None
     carried = math.nan if answer is None else float(answer)
     steps = int(info["steps"])
-    return done, steps, float(info["base_translation"]), first, spent / max(steps, 1), failed, carried
+    return success, steps, float(info["base_translation"]), first, spent / max(steps, 1), failed, carried
 
 
 def bootstrap(values: Array, statistic: Callable[[Array], float] = np.mean, seed: int = 0) -> tuple[float, float]:

@@ -179,10 +179,12 @@ class Imitation:
         goals = np.zeros((settings.goals, 3))
         drawn = (np.zeros(settings.goals, dtype=np.int64), np.zeros((settings.goals, 2), dtype=np.int64))
         grasp_map, cost = env.graph.grasp_map, Cost.named(env.reward)
-        if not draw_tasks(
-            np.ones(settings.goals, dtype=np.bool_), grasp_map.positions, grasp_map.cabin, env.goal_tolerance, tables,
+        every = np.ones(settings.goals, dtype=np.bool_)
+        missing = draw_tasks(
+            every, ~every, grasp_map.positions, grasp_map.cabin, env.goal_tolerance, tables,
             self._streams, *drawn, goals,
-        ):  # fmt: skip
+        )  # fmt: skip
+        if missing >= 0:
             return _nothing(self.m), 1.0
         if len(self._held_out):
             goals = goals[np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1) > SAME_GOAL]

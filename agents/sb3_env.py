@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
@@ -81,7 +82,7 @@ class TableVecEnv(VecEnv):
                     "terminal_observation": {name: array[k] for name, array in seen.items()},
                     "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
                     "episode": {"r": float(self._return[k]), "l": int(self._info["steps"][k]), "t": 0.0},
-                    "is_success": bool(terminated[k]),
+                    "is_success": bool(self._info["is_success"][k]),
                 }
             self._return[done] = 0.0
             own, self._info = self.copies.reset(options={"reset_mask": done})
@@ -89,7 +90,13 @@ class TableVecEnv(VecEnv):
         return seen, reward.astype(np.float32), done, infos
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """Which actions are possible, shape (k, N m)."""
+        """Which actions are possible, shape (k, N m).
+
+        Raises:
+            gymnasium.error.ResetNeeded: Before the first reset.
+        """
+        if not self._info:
+            raise gymnasium.error.ResetNeeded("call reset() before action_masks()")
         mask: NDArray[np.int8] = self._info["action_mask"]
         return mask.view(np.bool_)
 

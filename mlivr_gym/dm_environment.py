@@ -49,7 +49,7 @@ class MlivrDmEnvironment(dm_env.Environment):
         """Take an action; after the end of an episode, and at first, start one."""
         if self._ended:
             return self.reset()
-        observation, reward, terminated, _, self.info = self.env.step(int(action))
+        observation, reward, terminated, _, self.info = self.env.step(action)
         truncated = self.info["steps"] >= self._limit
         self._ended = terminated or truncated
         if terminated:

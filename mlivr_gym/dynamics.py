@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -86,6 +87,22 @@ class Physics:
             value = getattr(self, field.name)
             if field.type != "bool" and not (np.isfinite(value) and value > 0.0):
                 raise SettingError(f"{field.name} is {value!r}; it must be finite and above 0")
+
+    @classmethod
+    def from_dict(cls, data: Any) -> Physics:
+        """The figures of a dictionary, the others as they are by default.
+
+        Raises:
+            SettingError: If it names a figure that there is not, or one is no number above 0.
+        """
+        known = [field.name for field in fields(cls)]
+        if not isinstance(data, dict) or set(data) - set(known):
+            what = sorted(map(str, set(data) - set(known)))[0] if isinstance(data, dict) else data
+            raise SettingError(f"unknown figure of physics {what!r}; valid are {', '.join(known)}")
+        for name, value in data.items():
+            if not isinstance(value, int | float):
+                raise SettingError(f"{name} is {value!r}; it must be a number")
+        return cls(**data)
 
 
 def torque_limits() -> Array:

@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
+from mlivr_gym.actions import action_number
 from mlivr_gym.errors import SettingError, StanceError, choice, nonnegative
-from mlivr_gym.grasp_map import GraspMap, jem_map
+from mlivr_gym.grasp_map import GraspMap, as_map
 from mlivr_gym.moves import GraphMoves, Place, TableMoves, branch_bits
 from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.plain_data import plain_spec
 from mlivr_gym.recording import Failure
 from mlivr_gym.reliability import failure_probabilities
 from mlivr_gym.robot import RobotSpec, robot_spec
 from mlivr_gym.settings import CLEARANCE, Settings
+from mlivr_gym.shapes import Box
 from mlivr_gym.stance_graph import State, Successors, stance_graph
 from mlivr_gym.step_tables import step_tables
 from mlivr_gym.tasks import sample_task
@@ -114,11 +118,12 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 2}
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
-        robot: str | RobotSpec = "mlivr2",
-        map: str | Path | GraspMap | None = None,
+        robot: str | RobotSpec | dict[str, Any] = "mlivr2",
+        map: str | Path | GraspMap | dict[str, Any] | None = None,
         manipulability: bool = True,
         transitions: bool = True,
         limb_threshold: float = 0.1,
@@ -132,7 +137,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         discount: float = 0.99,
         dynamics: str = "kinematic",
         step_duration: float = 50.0,
-        physics: Physics | None = None,
+        physics: Physics | dict[str, Any] | None = None,
         grasp_failure: float | NDArray[np.float64] = 0.0,
         grasp_failure_seed: int = 0,
         precompute: bool = False,
@@ -143,8 +148,10 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         """Build the stance graph and the spaces.
 
         Args:
-            robot: Name, path of a JSON file, or description of the robot.
-            map: Path of a map file, or a map; by default the measured JEM.
+            robot: Name, path of a JSON file, or description of the robot, also as plain data
+                (`RobotSpec.to_dict`).
+            map: Path of a map file, or a map, also as plain data (`GraspMap.to_dict`); by default
+                the measured JEM.
             manipulability: Whether stances must meet both thresholds.
             transitions: Whether steps must be shown to be possible.
             limb_threshold: Least limb manipulability.
@@ -158,7 +165,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             discount: Discount used by the shaping.
             dynamics: `"kinematic"`: the step of the stance graph; `"mujoco"`: carried out in simulation.
             step_duration: Duration of a step that is carried out [s].
-            physics: Controller, grasps and failures of steps that are carried out.
+            physics: Controller, grasps and failures of steps that are carried out, also as plain
+                data (`Physics.from_dict`).
             grasp_failure: Mean probability that an attempt to take hold of a point fails, or one for each point, see
                 `failure_probabilities`; with `dynamics="kinematic"` only.
             grasp_failure_seed: Seed of the probabilities; whether an attempt fails is drawn from the environment's own.
@@ -183,7 +191,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             raise SettingError(f"discount is {discount!r}; it must be above 0 and at most 1")
         self.discount = float(discount)
         self.render_mode, self._size = render_mode, (int(width), int(height))
-        grasp_map = map if isinstance(map, GraspMap) else jem_map() if map is None else GraspMap.load(map)
+        grasp_map = as_map(map)
         settings = Settings(
             manipulability, transitions, limb_threshold, base_threshold, collisions=collisions, clearance=clearance
         )
@@ -210,7 +218,8 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             from mlivr_gym.dynamics import Physics
             from mlivr_gym.physical_walk import PhysicalWalk
 
-            self._walk = PhysicalWalk(self.graph, Durations.of_step(step_duration), physics or Physics())
+            physics = physics if isinstance(physics, Physics) else Physics.from_dict(physics or {})
+            self._walk = PhysicalWalk(self.graph, Durations.of_step(step_duration), physics)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         self.precompute = bool(precompute)
         self._moves: GraphMoves | TableMoves | None = None
@@ -220,6 +229,16 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         self._state: State | None = None
         self._measures: dict[str, Any] = {}
         self._viewer: Any = None
+        self._drawn: tuple[Box, ...] = ()
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What made the environment, its arguments as plain data; None without `gymnasium.make`."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec)
 
     @property
     def moves(self) -> GraphMoves | TableMoves:
@@ -290,19 +309,26 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             self.render()
         return self._observation(), self._info(False)
 
-    def step(self, action: np.int64 | int) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
-        """Move limb `action // m` to point `action % m`."""
+    def step(self, action: Any) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+        """Move limb `action // m` to point `action % m`.
+
+        Args:
+            action: A whole number: an int, or an integer array or tensor without axes.
+
+        Raises:
+            gymnasium.error.ResetNeeded: Before the first reset, and after a step that failed.
+            SettingError: If the action is not in the action space.
+        """
         state, n = self.state, int(self.action_space.n)  # type: ignore[attr-defined]
         if self._measures.get("failure"):
             raise gymnasium.error.ResetNeeded("the last step failed: call reset()")
-        if not isinstance(action, (int, np.integer)) or not 0 <= action < n:
-            raise SettingError(f"action {action!r} is not in {self.action_space}")
-        limb, point = divmod(int(action), n // self.graph.limbs)
+        action = action_number(action, n)
+        limb, point = divmod(action, n // self.graph.limbs)
         before, moved, failed = self._potential() if self.shaping else 0.0, self.graph.max_step, False
         self.steps += 1
         allowed = bool(self._mask[action])
         if allowed:
-            after = self.moves.take(state, int(action))
+            after = self.moves.take(state, action)
             place = self.moves.place(after.stance)
             moved = math.dist(place.position, self._place.position)
             risk = self.failure_probability[point]
@@ -346,7 +372,13 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         return state
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """Which actions are possible, shape (N m,)."""
+        """Which actions are possible, shape (N m,).
+
+        Raises:
+            gymnasium.error.ResetNeeded: Before the first reset.
+        """
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded("call reset() before action_masks()")
         return self._mask.copy()
 
     def successors(self) -> Successors:
@@ -391,7 +423,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         }
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Picture of the scene, shape (height, width, 3), or the scene in a window.
+        """Picture of the scene with the obstacles of now, shape (height, width, 3), or the scene in a window.
 
         Raises:
             RenderError: If there is no GL library.
@@ -399,18 +431,20 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         if self.render_mode is None:
             gymnasium.logger.warn("render() was called without a render_mode; give one to gymnasium.make")
             return None
-        configuration = self.graph.configuration(self.state) if self._walk is None else self._walk.configuration
-        if self.render_mode == "human":
-            from mlivr_gym.rendering import SceneWindow
+        graph = self.graph
+        configuration = graph.configuration(self.state) if self._walk is None else self._walk.configuration
+        if self._viewer is None or self._drawn != graph.obstacles:
+            from mlivr_gym.rendering import SceneRenderer, SceneWindow
 
-            if self._viewer is None:
-                self._viewer = SceneWindow(self.graph.grasp_map, self.graph.robot)
+            self.close()
+            if self.render_mode == "human":
+                self._viewer = SceneWindow(graph.grasp_map, graph.robot, graph.obstacles)
+            else:
+                self._viewer = SceneRenderer(graph.grasp_map, graph.robot, *self._size, graph.obstacles)
+            self._drawn = graph.obstacles
+        if self.render_mode == "human":
             self._viewer.show(*configuration)
             return None
-        from mlivr_gym.rendering import SceneRenderer
-
-        if self._viewer is None:
-            self._viewer = SceneRenderer(self.graph.grasp_map, self.graph.robot, *self._size, self.graph.obstacles)
         picture: NDArray[np.uint8] = self._viewer.render(*configuration)
         return picture
 

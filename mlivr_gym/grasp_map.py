@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -187,6 +187,19 @@ class GraspMap:
             digest.update((np.round(array, 9) + 0.0).tobytes())
         return digest.hexdigest()[:16]
 
+    def to_dict(self) -> dict[str, Any]:
+        """The map as plain data for JSON: `from_dict` makes the same map of it, to the last digit."""
+        return {
+            "name": self.name, "ids": list(self.ids), "faces": list(self.faces),
+            "positions": self.positions.tolist(), "rotations": self.rotations.tolist(),
+            "cabin": self.cabin.tolist(),
+            "segments": [asdict(segment) for segment in self.segments],
+            "handrails": [
+                {name: v for name, v in asdict(rail).items() if v is not None} for rail in self.handrails
+            ],
+            "boxes": [box.to_dict() for box in self.boxes],
+        }  # fmt: skip
+
     @classmethod
     def load(cls, path: str | Path, spacing: float | None = None, clearance: float | None = None) -> GraspMap:
         """Read a map from a JSON file; see `from_dict` for its fields.
@@ -215,7 +228,8 @@ class GraspMap:
         of `id`, `face`, `min`, `max`), `clearance` round handrails inside which
         points are left out (0.03), `cabin` (`min`, `max`; by default the points'
         bounding box), `boxes` (whatever else the robot must not touch, see `Box.from_dict`), `name`.
-        A point of a segment counts with the rail's width.
+        A point of a segment counts with the rail's width. What `to_dict` returns is known by its
+        `ids` and taken as it is.
 
         Args:
             data: The parsed JSON object.
@@ -225,6 +239,8 @@ class GraspMap:
         """
         if not isinstance(data, dict):
             raise MapError("a map is a JSON object with 'points' or 'segments'")
+        if "ids" in data:
+            return _map_of_fields(data)
         spacing = _number(data, "spacing", 0.2) if spacing is None else float(spacing)
         if not 0.0 < spacing < float("inf"):
             raise SettingError(f"spacing is {spacing!r}; it must be finite and above 0")
@@ -269,6 +285,48 @@ class GraspMap:
 def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
     """Measured seat tracks of the JEM: 331 points with the default arguments."""
     return GraspMap.load(asset_path("jem.json"), spacing, clearance)
+
+
+def as_map(given: str | Path | GraspMap | dict[str, Any] | None) -> GraspMap:
+    """A map as it is, from plain data or a file, or the measured JEM for None.
+
+    Raises:
+        MapError: If the file or the data are faulty.
+    """
+    if given is None:
+        return jem_map()
+    if isinstance(given, dict):
+        return GraspMap.from_dict(given)
+    return given if isinstance(given, GraspMap) else GraspMap.load(given)
+
+
+_FIELDS = ("name", "ids", "faces", "positions", "rotations", "cabin", "segments", "handrails", "boxes")
+"""What `GraspMap.to_dict` writes."""
+
+
+def _map_of_fields(data: dict[str, Any]) -> GraspMap:
+    """The inverse of `GraspMap.to_dict`."""
+    for name in (*_FIELDS, *data):
+        if (name in data) != (name in _FIELDS):
+            fault = "is missing" if name in _FIELDS else "is unknown"
+            raise MapError(f"field {name!r} of the map {fault}; a map with 'ids' has {', '.join(_FIELDS)}")
+    ids, faces = tuple(_list(data, "ids")), tuple(_list(data, "faces"))
+    if not all(isinstance(name, str) for name in (*ids, *faces)):
+        raise MapError("ids and faces must be lists of strings")
+    if len(ids) != len(faces):
+        raise MapError(f"the map has {len(ids)} ids but {len(faces)} faces")
+    arrays: dict[str, NDArray[np.float64]] = {}
+    for name in ("positions", "rotations", "cabin"):
+        try:
+            arrays[name] = np.array(data[name], dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            raise MapError(f"{name} must be numbers in equal rows") from None
+    return GraspMap(
+        ids=ids, faces=faces, positions=arrays["positions"], rotations=arrays["rotations"],
+        cabin=arrays["cabin"], name=str(data["name"]), boxes=boxes_from(data["boxes"], "panel"),
+        segments=tuple(_segment(entry, i) for i, entry in enumerate(_list(data, "segments"))),
+        handrails=tuple(_handrail(entry, i) for i, entry in enumerate(_list(data, "handrails"))),
+    )  # fmt: skip
 
 
 _Row = tuple[str, str, NDArray[np.float64], NDArray[np.float64], float]

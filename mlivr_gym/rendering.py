@@ -120,7 +120,7 @@ def _forget(error: BaseException) -> None:
 class SceneWindow:
     """Shows configurations in MuJoCo's viewer."""
 
-    def __init__(self, grasp_map: GraspMap, robot: RobotSpec) -> None:
+    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()) -> None:
         """Open the window.
 
         Raises:
@@ -134,7 +134,7 @@ class SceneWindow:
             import mujoco
             import mujoco.viewer
 
-            self.model = scene_spec(grasp_map, robot).compile()
+            self.model = scene_spec(grasp_map, robot, obstacles).compile()
             self.data = mujoco.MjData(self.model)
             self._viewer: Any = mujoco.viewer.launch_passive(self.model, self.data)
         except Exception as error:  # window systems raise errors of many kinds

@@ -282,14 +282,16 @@ ROBOTS = {f"mlivr{n}": replace(MLIVR2, name=f"mlivr{n}", limbs=n) for n in (2, 3
 """The robots that ship with the package."""
 
 
-def robot_spec(robot: str | RobotSpec) -> RobotSpec:
-    """A robot by name, by path of a JSON file, or as it is.
+def robot_spec(robot: str | RobotSpec | dict[str, Any]) -> RobotSpec:
+    """A robot by name, by path of a JSON file, from plain data (`RobotSpec.to_dict`), or as it is.
 
     Raises:
-        RobotError: If the name is unknown and no such file exists.
+        RobotError: If the name is unknown and no such file exists, or the plain data are faulty.
     """
     if isinstance(robot, RobotSpec):
         return robot
+    if isinstance(robot, dict):
+        return RobotSpec.from_dict(robot)
     if robot in ROBOTS:
         return ROBOTS[robot]
     if isinstance(robot, str) and Path(robot).is_file():

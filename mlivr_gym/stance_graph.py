@@ -150,7 +150,7 @@ class StanceGraph(StepChecks):
         Raises:
             StanceError: If the number of points, an id, or the points' distance is wrong.
         """
-        if isinstance(stance, str) or len(stance) != self.limbs:
+        if isinstance(stance, str) or not np.iterable(stance) or len(stance) != self.limbs:
             raise StanceError(
                 f"stance {stance!r} must name {self.limbs} points, one for each limb of {self.robot.name!r}"
             )

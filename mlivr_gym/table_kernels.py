@@ -107,18 +107,33 @@ def advance(actions, skip, failure, max_step, stance_at, tables, streams, stance
 
 
 @kernel
-def draw_tasks(which, targets, cabin, tolerance, tables, streams, stances, masks, goals):
-    """Draw starts and goals as `tasks.sample_task` does; False if none is found.
+def any_step(s, mask0, mask1, tables):
+    """Whether a step leaves stance `s` with its limbs on these branches."""
+    for moving in range(2):
+        mine, own = (mask0, mask1) if moving == 1 else (mask1, mask0)
+        if own & tables.land[s, moving]:
+            for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
+                if tables.left[e] & mine:
+                    return True
+    return False
+
+
+@kernel
+def draw_tasks(which, given, targets, cabin, tolerance, tables, streams, stances, masks, goals):
+    """Draw starts and goals as `tasks.sample_task` does, number for number of the same stream.
+
+    Returns the index of the first state for which none was found, or -1.
 
     Args:
         which: States to draw, shape (k,).
+        given: Those of them whose start is given by `stances` and `masks`, shape (k,).
         targets: Positions of the points [m], shape (m, 3).
         cabin: Lower and upper corner of where goals may lie [m], shape (2, 3).
         tolerance: Goals nearer to the start than this are drawn again [m].
         tables: `StepTables`.
         streams: States of the random numbers, shape (k,).
-        stances: Shape (k,), written.
-        masks: Shape (k, 2), written.
+        stances: Shape (k,), written where not given.
+        masks: Shape (k, 2), written where not given.
         goals: Shape (k, 3) [m], written.
     """
     start, after, left, position = tables.start, tables.after, tables.left, tables.position
@@ -128,12 +143,15 @@ def draw_tasks(which, targets, cabin, tolerance, tables, streams, stances, masks
             continue
         found = False
         for _ in range(TRIES):
-            s = random_below(streams, k, n)
-            if start[2 * s] == start[2 * s + 2] or tables.masks[s, 0] == 0 or tables.masks[s, 1] == 0:
-                continue
+            if not given[k]:
+                s = random_below(streams, k, n)
+                mask0, mask1 = tables.masks[s]
+                if mask0 == 0 or mask1 == 0 or not any_step(s, mask0, mask1, tables):
+                    continue
+                stances[k], masks[k, 0], masks[k, 1] = s, mask0, mask1
+            s, mask0, mask1 = stances[k], masks[k, 0], masks[k, 1]
+            here = s
             target = targets[random_below(streams, k, len(targets))]
-            stances[k], masks[k, 0], masks[k, 1] = s, tables.masks[s, 0], tables.masks[s, 1]
-            here, mask0, mask1 = s, masks[k, 0], masks[k, 1]
             nearest = 0.0
             for axis in range(3):
                 nearest += (position[s, axis] - target[axis]) ** 2
@@ -167,8 +185,8 @@ def draw_tasks(which, targets, cabin, tolerance, tables, streams, stances, masks
                 found = True
                 break
         if not found:
-            return False
-    return True
+            return k
+    return -1
 
 
 @kernel

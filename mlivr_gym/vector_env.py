@@ -6,16 +6,21 @@ the mask and the observation that it returns.
 
 from __future__ import annotations
 
+import operator
 from typing import Any
 
+import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from mlivr_gym.actions import action_numbers
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.errors import SettingError, StanceError, choice
+from mlivr_gym.plain_data import plain_spec
 from mlivr_gym.step_tables import StepTables
 from mlivr_gym.table_kernels import advance, draw_tasks, legal_actions
 
@@ -28,11 +33,18 @@ MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DI
 class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
     """A batch of `MlivrEnv`s with two limbs and kinematic steps.
 
-    Spaces, rewards and arguments are those of `MlivrEnv`, batched. `info` holds arrays: `action_mask` (k, N m) int8,
-    `base_position` (k, 3), `base_translation`, `steps`, `limb_manipulability` (k, N), `base_manipulability`, `is_success`,
-    `invalid_action` and `grasp_failed`, each (k,) if not said otherwise. Start and goal are drawn as `MlivrEnv` does, from a stream
-    of random numbers of each copy's own. By default a copy whose episode has ended starts anew on the next step, whose action it
-    ignores; with `autoreset_mode="Disabled"` call `reset(options={"reset_mask": ...})`.
+    Spaces, rewards and arguments are those of `MlivrEnv`, batched. `info` holds arrays: `stance`
+    (k, N) point ids, `action_mask` (k, N m) int8, `base_position` (k, 3), `base_translation`,
+    `steps`, `limb_manipulability` (k, N), `base_manipulability`, `is_success`, `invalid_action` and
+    `grasp_failed`, each (k,) if not said otherwise.
+
+    Start and goal are drawn by the rule of `MlivrEnv`, hence with the same probabilities, but each
+    copy draws from a stream of random numbers of another kind (splitmix64): equal seeds give equal
+    episodes of this class, not those of a `MlivrEnv` with that seed. Failed grasps are drawn from
+    the same streams.
+
+    By default a copy whose episode has ended starts anew on the next step, whose action it ignores;
+    with `autoreset_mode="Disabled"` call `reset(options={"reset_mask": ...})`.
 
     Attributes:
         tables: The steps.
@@ -42,6 +54,8 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         steps: Steps since reset, shape (k,).
         base_translation: Sum of base displacements since reset [m], shape (k,).
     """
+
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -79,7 +93,10 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._stance_at, self._looks = moves.stance_at, moves.observations
         self._w_m, self._w_b = moves.graph.w_m, moves.graph.w_b
+        self._ids = np.array(self.env.graph.grasp_map.ids, dtype=np.object_)[self.tables.points]
         self._streams = np.zeros(num_envs, dtype=np.uint64)
+        self._seeded = np.zeros(num_envs, dtype=np.bool_)
+        self._started = np.zeros(num_envs, dtype=np.bool_)
         self.goals: Array = np.zeros((num_envs, 3))
         self.stances: IntArray = np.zeros(num_envs, dtype=np.int64)
         self.masks: IntArray = np.zeros((num_envs, 2), dtype=np.int64)
@@ -88,51 +105,121 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         self._ended = np.ones(num_envs, dtype=np.bool_)
         self._all = np.ones(num_envs, dtype=np.bool_)
 
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What made the environment, its arguments as plain data; None without `make_vec`."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec)
+
     def reset(
-        self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | list[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Start every copy anew, or those of `options["reset_mask"]`, shape (k,).
+        """Start every copy anew, or those of `options["reset_mask"]`, bool of shape (k,).
 
         Args:
-            seed: Copy i draws from seed + i, or from its own seed of a list.
-            options: `reset_mask`; `start`, point ids or indices of each copy's stance, shape (k, N); `goal`, shape (k, 3).
+            seed: Copy i draws from seed + i, or from its own seed of a list of k; where that is
+                None it goes on with its stream.
+            options: `reset_mask`; `start`, point ids or indices of each copy's stance, (k, N);
+                `goal`, shape (k, 3) [m]. What is not given is drawn such that a walk of possible
+                steps joins start and goal.
+
+        Raises:
+            MlivrError: If seed or options cannot be used, or no goal can be reached from a start;
+                no copy has moved then.
         """
         given = dict(options or {})
-        which = np.array(given.pop("reset_mask", self._all), dtype=np.bool_)
-        if seed is not None or not self._streams.any():
-            base = int(self.np_random.integers(2**31)) if seed is None else seed
-            seeds = [base + i for i in range(self.num_envs)] if isinstance(base, int) else list(base)
-            states = [np.random.SeedSequence(s).generate_state(1, np.uint64)[0] for s in seeds]
-            self._streams[:] = np.array(states, dtype=np.uint64)
-        starts, goals = given.pop("start", None), given.pop("goal", None)
+        which = self._chosen(given.pop("reset_mask", self._all))
+        starts = self._rows("start", given.pop("start", None))
+        goals = self._rows("goal", given.pop("goal", None))
         if given:
-            raise SettingError(
-                f"unknown reset option {sorted(given)[0]!r}; valid options are 'start', 'goal', 'reset_mask'"
-            )
-        if starts is None or goals is None:
-            self._draw(which)
+            choice("reset option", sorted(given)[0], ("start", "goal", "reset_mask"))
+        self._seed(seed, which)
+        new = (self.stances.copy(), self.masks.copy(), self.goals.copy())
         graph = self.env.graph
-        for k in np.flatnonzero(which):
-            if starts is not None:
+        if starts is not None:
+            for k in np.flatnonzero(which):
                 state = graph.state(starts[k])
-                self.stances[k], self.masks[k] = self._stance_at[state.stance], state.masks
-            if goals is not None:
-                self.goals[k] = graph.grasp_map.check_goal(goals[k])
+                new[0][k], new[1][k] = self._stance_at[state.stance], state.masks
+            stuck = which & ~self._legal(*new[:2]).any(axis=1)
+            if stuck.any():
+                stance = tuple(self._ids[new[0][stuck.argmax()]])
+                raise StanceError(f"no step leaves the start stance {stance}")
+        if starts is None or goals is None:
+            self._draw(which, starts is not None, *new)
+        if goals is not None:
+            for k in np.flatnonzero(which):
+                new[2][k] = graph.grasp_map.check_goal(goals[k])
+        self.stances[:], self.masks[:], self.goals[:] = new
         self._begin(which)
-        return self._observation(), self._info(np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_))
+        nothing = np.zeros(self.num_envs, np.bool_)
+        return self._observation(), self._info(nothing, nothing.copy())
+
+    def _chosen(self, mask: Any) -> NDArray[np.bool_]:
+        which = np.asarray(mask)
+        if which.shape != (self.num_envs,) or which.dtype != np.bool_:
+            raise SettingError(
+                f"reset_mask is of shape {which.shape} and {which.dtype}; it must be {self.num_envs} bools"
+            )
+        return which.copy()
+
+    def _rows(self, name: str, rows: Any) -> Any:
+        """What an option gives for each copy."""
+        try:
+            count = self.num_envs if rows is None else len(rows)
+        except TypeError:
+            count = -1
+        if count != self.num_envs:
+            found = repr(rows) if count < 0 else f"of {count} rows"
+            raise SettingError(
+                f"reset option {name!r} is {found}; it must have {self.num_envs} rows, one for each copy"
+            )
+        return rows
+
+    def _seed(self, seed: Any, which: NDArray[np.bool_]) -> None:
+        """Give the chosen copies their streams."""
+        if isinstance(seed, (list, tuple, np.ndarray)):
+            seeds = list(seed)
+            if len(seeds) != self.num_envs:
+                raise SettingError(
+                    f"seed is a list of {len(seeds)} for {self.num_envs} copies; give one seed for each copy"
+                )
+        else:
+            seeds = [seed if seed is None else _whole(seed) + i for i in range(self.num_envs)]
+        numbers = [one if one is None else _whole(one) for one in seeds]
+        for k in np.flatnonzero(which):
+            if (number := numbers[k]) is None:
+                if self._seeded[k]:
+                    continue
+                number = int(self.np_random.integers(2**63))
+            self._streams[k] = np.random.SeedSequence(number).generate_state(1, np.uint64)[0]
+            self._seeded[k] = True
 
     def step(
-        self, actions: NDArray[np.integer]
+        self, actions: Any
     ) -> tuple[dict[str, NDArray[Any]], Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Take one action in each copy."""
-        actions = np.asarray(actions, dtype=np.int64)
-        if actions.shape != (self.num_envs,) or ((actions < 0) | (actions >= self.single_action_space.n)).any():  # type: ignore[attr-defined]
-            raise SettingError(f"actions must be {self.num_envs} numbers of {self.single_action_space}")
+        """Take one action in each copy.
+
+        Args:
+            actions: Integers, shape (k,).
+
+        Raises:
+            gymnasium.error.ResetNeeded: If a copy was never reset.
+            SettingError: If the actions are not in the action space, or a copy's episode has ended
+                and copies do not start anew by themselves.
+        """
+        self._need_reset()
+        actions = action_numbers(actions, self.num_envs, 2 * len(self._stance_at))
         env, restart = self.env, self._ended.copy()
         if restart.any():
             if self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
                 raise SettingError(f"episode {int(np.flatnonzero(restart)[0])} has ended; reset it first")
-            self._draw(restart)
+            self._draw(restart, False, self.stances, self.masks, self.goals)
             self._begin(restart)
         before = self._potential() if env.shaping else None
         moved, outcome = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=np.int64)
@@ -154,22 +241,39 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         return self._observation(), reward, terminated, truncated, self._info(invalid, failed)
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """Which actions are possible, shape (k, N m)."""
+        """Which actions are possible, shape (k, N m).
+
+        Raises:
+            gymnasium.error.ResetNeeded: If a copy was never reset.
+        """
+        self._need_reset()
+        return self._legal(self.stances, self.masks)
+
+    def _need_reset(self) -> None:
+        if not self._started.all():
+            first = int(np.argmin(self._started))
+            raise gymnasium.error.ResetNeeded(f"copy {first} was never reset: call reset()")
+
+    def _legal(self, stances: IntArray, masks: IntArray) -> NDArray[np.bool_]:
         out = np.zeros((self.num_envs, 2 * len(self._stance_at)), dtype=np.bool_)
-        legal_actions(self.stances, self.masks, self.tables, out.view(np.int8))
+        legal_actions(stances, masks, self.tables, out.view(np.int8))
         return out
 
-    def _draw(self, which: NDArray[np.bool_]) -> None:
+    def _draw(self, which: NDArray[np.bool_], given: bool, stances: IntArray, masks: IntArray, goals: Array) -> None:
+        """Draw goals, and starts if they are not given, into the arrays."""
         grasp_map = self.env.graph.grasp_map
-        done = draw_tasks(
-            which, grasp_map.positions, grasp_map.cabin, self.env.goal_tolerance, self.tables, self._streams,
-            self.stances, self.masks, self.goals,
+        missing = draw_tasks(
+            which, which & given, grasp_map.positions, grasp_map.cabin, self.env.goal_tolerance,
+            self.tables, self._streams, stances, masks, goals,
         )  # fmt: skip
-        if not done:
-            raise StanceError(f"no start and goal that a walk joins were found on map {grasp_map.name!r}")
+        if missing >= 0:
+            what = f"goal that a walk joins with start {tuple(self._ids[stances[missing]])} was"
+            what = what if given else "start and goal that a walk joins were"
+            raise StanceError(f"no {what} found on map {grasp_map.name!r}")
 
     def _begin(self, which: NDArray[np.bool_]) -> None:
         self.steps[which], self.base_translation[which], self._ended[which] = 0, 0.0, False
+        self._started[which] = True
 
     def _distance(self) -> Array:
         away = self.tables.position[self.stances] - self.goals
@@ -193,14 +297,25 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _info(self, invalid: NDArray[np.bool_], failed: NDArray[np.bool_]) -> dict[str, Any]:
         info: dict[str, Any] = {
+            "stance": self._ids[self.stances],
             "base_position": self.tables.position[self.stances],
             "base_translation": self.base_translation.copy(),
             "steps": self.steps.copy(),
             "limb_manipulability": self._w_m[self.stances],
             "base_manipulability": self._w_b[self.stances],
-            "action_mask": self.action_masks().view(np.int8),
+            "action_mask": self._legal(self.stances, self.masks).view(np.int8),
             "is_success": self._success(),
             "invalid_action": invalid,
             "grasp_failed": failed,
         }
         return info | {f"_{name}": self._all.copy() for name in info}
+
+
+def _whole(seed: Any) -> int:
+    try:
+        number = operator.index(seed)
+    except TypeError:
+        number = -1
+    if number < 0:
+        raise SettingError(f"seed is {seed!r}; it must be a whole number of at least 0")
+    return number

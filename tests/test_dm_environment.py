@@ -5,6 +5,7 @@ import pytest
 
 from mlivr_gym.dynamics import dynamics_spec
 from mlivr_gym.env import MlivrEnv
+from mlivr_gym.errors import SettingError
 
 pytest.importorskip("dm_control")
 
@@ -48,6 +49,9 @@ def test_the_mask_is_observed_and_the_discount_tells_goal_from_step_limit():
     mask = timestep.observation["action_mask"]
     timestep = short.step(int(np.flatnonzero(mask == 0)[0]))
     assert timestep.last() and timestep.discount == 1.0
+    short.reset()
+    with pytest.raises(SettingError, match=r"action 2\.7"):
+        short.step(2.7)
 
 
 @pytest.mark.parametrize("limbs", [2, 3])

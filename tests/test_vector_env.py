@@ -1,14 +1,18 @@
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.vector import AutoresetMode
+from scipy.stats import ks_2samp
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.env import MlivrEnv
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import GoalError, SettingError, StanceError, UnknownPointError
 from mlivr_gym.pair_graph import fill_rows
+from mlivr_gym.planners import Planner
 from mlivr_gym.reliability import failure_probabilities
 from mlivr_gym.step_tables import CACHE_VARIABLE, cache_file, step_tables, without_points
+from mlivr_gym.tasks import random_state, sample_task
 from mlivr_gym.vector_env import MlivrVectorEnv
 
 
@@ -155,8 +159,195 @@ def test_bad_input_is_named(small_map):
     copies.reset(seed=0)
     with pytest.raises(SettingError, match="actions must be 2 numbers"):
         copies.step(np.array([0, 10**6]))
-    with pytest.raises(SettingError, match="unknown reset option 'begin'"):
+    with pytest.raises(SettingError, match="reset option is 'begin'"):
         copies.reset(options={"begin": 1})
+
+
+class SplitMix:
+    """splitmix64 (Steele, Lea and Flood, 2014) in whole numbers of Python, with the interface of a generator."""
+
+    def __init__(self, seed):
+        self.state = int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
+
+    def integers(self, bound):
+        self.state = (self.state + 0x9E3779B97F4A7C15) % 2**64
+        z = self.state
+        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 % 2**64
+        z = (z ^ z >> 27) * 0x94D049BB133111EB % 2**64
+        return (z ^ z >> 31) * bound // 2**64
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_tasks_are_drawn_as_the_single_environment_draws_them(small_map, given):
+    """Number for number: `sample_task` over the graph, fed with the stream of each copy."""
+    copies = MlivrVectorEnv(200, map=small_map, collisions=False)
+    graph, m = copies.env.graph, len(small_map)
+    starts = None
+    if given:
+        copies.reset(seed=1000)
+        starts = copies.tables.points[copies.stances].tolist()
+    observations, infos = copies.reset(seed=7, options={"start": starts} if given else None)
+    for k in range(200):
+        start = graph.state(starts[k]) if given else None
+        state, goal = sample_task(graph, SplitMix(7 + k), copies.env.goal_tolerance, start)
+        assert tuple(observations["stance"][k].tolist()) == state.stance
+        assert tuple(copies.masks[k].tolist()) == state.masks
+        np.testing.assert_allclose(copies.goals[k], goal, atol=1e-12)
+        away = np.linalg.norm(infos["base_position"][k] - copies.goals[k])
+        assert away > copies.env.goal_tolerance and not infos["is_success"][k]
+    assert len({tuple(row) for row in observations["stance"].tolist()}) > 100 and m > 30
+
+
+def test_goals_can_be_reached_from_the_starts_that_are_given(single):
+    """A plan of the planner joins each pair; without a start the goal alone may be given."""
+    copies = MlivrVectorEnv(60, env=single)
+    graph, rng = single.graph, np.random.default_rng(3)
+    starts = [graph.ids(random_state(graph, rng).stance) for _ in range(60)]
+    _, infos = copies.reset(seed=11, options={"start": starts})
+    planner = Planner(graph)
+    assert [tuple(row) for row in infos["stance"]] == starts
+    for k in range(60):
+        assert tuple(copies.masks[k].tolist()) == graph.state(starts[k]).masks
+        assert planner.plan(starts[k], copies.goals[k].tolist(), "steps").plan is not None
+    goals = copies.goals[::-1].copy()
+    observations, infos = copies.reset(options={"goal": goals})
+    np.testing.assert_array_equal(copies.goals, goals)
+    assert infos["action_mask"].any(axis=1).all() and not (infos["stance"] == np.array(starts)).all()
+    both = {"start": np.array(starts), "goal": goals.tolist()}
+    _, infos = copies.reset(options=both)
+    assert [tuple(row) for row in infos["stance"]] == starts and (copies.goals == goals).all()
+
+
+def test_tasks_are_as_far_as_those_of_the_single_environment(small_map):
+    """Distances of 400 tasks each: the two-sample Kolmogorov-Smirnov test does not tell them apart."""
+    copies = MlivrVectorEnv(400, map=small_map, collisions=False)
+    _, infos = copies.reset(seed=0)
+    ours = np.linalg.norm(infos["base_position"] - copies.goals, axis=1)
+    single, theirs = copies.env, []
+    for seed in range(400):
+        _, info = single.reset(seed=seed)
+        theirs.append(np.linalg.norm(info["base_position"] - single.goal))
+    assert ks_2samp(ours, theirs).pvalue > 0.001
+    assert ks_2samp(ours, np.array(theirs) * 1.2).pvalue < 0.001
+
+
+def test_info_names_the_stance_as_the_single_environment_does(small_map):
+    copies = MlivrVectorEnv(3, map=small_map, collisions=False)
+    observations, infos = copies.reset(seed=2)
+    for _ in range(3):
+        assert infos["stance"].shape == (3, 2) and infos["_stance"].all()
+        for row, points in zip(infos["stance"], observations["stance"], strict=True):
+            assert tuple(row) == tuple(small_map.ids[p] for p in points) and type(row[0]) is str
+        observations, *_, infos = copies.step(infos["action_mask"].argmax(axis=1))
+
+
+def test_nothing_goes_before_the_first_reset(small_map):
+    """Not even where one task is all there is."""
+    for mode in ("NextStep", "Disabled"):
+        copies = MlivrVectorEnv(2, autoreset_mode=mode, map=small_map, collisions=False)
+        for call in (copies.action_masks, lambda c=copies: c.step(np.zeros(2, dtype=int))):
+            with pytest.raises(gymnasium.error.ResetNeeded, match="copy 0 was never reset"):
+                call()
+        copies.reset(seed=0, options={"reset_mask": np.array([True, False])})
+        with pytest.raises(gymnasium.error.ResetNeeded, match="copy 1 was never reset"):
+            copies.step(np.zeros(2, dtype=int))
+        copies.reset(options={"reset_mask": np.array([False, True])})
+        copies.step(copies.action_masks().argmax(axis=1))
+
+
+def test_seeds(small_map):
+    copies = MlivrVectorEnv(3, map=small_map, collisions=False)
+
+    def drawn(seed, options=None):
+        copies.reset(seed=seed, options=options)
+        return [(*s, *g) for s, g in zip(copies.tables.points[copies.stances].tolist(), copies.goals, strict=True)]
+
+    one = drawn(5)
+    assert drawn(np.int64(5)) == drawn([5, 6, 7]) == drawn(np.array([5, 6, 7])) == one
+    assert drawn([7, np.int32(6), 5]) == one[::-1]
+    assert len(set(one)) == 3 and drawn(None) != one
+    drawn(5)
+    later = drawn(None)
+    drawn(5)
+    assert drawn([None, 9, None])[::2] == later[::2]  # None goes on with the stream
+    # Only the copies that start anew take their seeds.
+    drawn(5)
+    drawn([1, 2, 3], {"reset_mask": np.array([True, False, False])})
+    assert drawn(None)[1:] == later[1:]
+    for words, seed in (
+        ("list of 1 for 3 copies", [7]),
+        ("list of 4 for 3 copies", [1, 2, 3, 4]),
+        ("seed is 1.5", 1.5),
+        ("seed is -1", -1),
+        ("seed is 'a'", "a"),
+        ("seed is 2.0", [1, 2.0, 3]),
+    ):
+        with pytest.raises(SettingError, match=words):
+            copies.reset(seed=seed)
+    fresh = [MlivrVectorEnv(2, map=small_map, collisions=False) for _ in range(2)]
+    for env in fresh:
+        env.reset()
+    assert (fresh[0].goals != fresh[1].goals).any()
+
+
+def test_faulty_options_are_named_and_change_nothing(small_map):
+    copies = MlivrVectorEnv(2, map=small_map, collisions=False)
+    observations, infos = copies.reset(seed=0)
+    good, goal = infos["stance"].tolist(), copies.goals.tolist()
+    far = [small_map.ids[0], small_map.ids[-1]]
+    for error, words, options in (
+        (SettingError, "'start' is of 1 rows.*2 rows", {"start": good[:1]}),
+        (SettingError, "'goal' is of 3 rows.*2 rows", {"goal": goal[0]}),
+        (SettingError, "'goal' is 3", {"goal": 3}),
+        (StanceError, "must name 2 points", {"start": [3, 4]}),
+        (UnknownPointError, "'Z'", {"start": [good[0], ["Z", good[1][0]]]}),
+        (StanceError, "m apart", {"start": [good[0], far]}),
+        (GoalError, "outside the cabin", {"start": good, "goal": [goal[0], [60, 0, 0]]}),
+        (SettingError, "reset_mask is of shape", {"reset_mask": np.array([True])}),
+        (SettingError, "reset_mask .* 2 bools", {"reset_mask": [0, 1]}),
+    ):
+        with pytest.raises(error, match=words):
+            copies.reset(options=options)
+        assert copies.stances.tolist() == [copies._stance_at[tuple(p)] for p in observations["stance"].tolist()]
+        assert copies.goals.tolist() == goal and copies.steps.tolist() == [0, 0]
+
+
+def test_a_start_from_which_nothing_is_reached_is_named(small_map):
+    """With a tolerance as long as the module no goal is far enough."""
+    copies = MlivrVectorEnv(2, map=small_map, collisions=False)
+    _, infos = copies.reset(seed=0)
+    copies.env.goal_tolerance = 20.0
+    with pytest.raises(StanceError, match=f"no goal that a walk joins with start .*{infos['stance'][0][0]}"):
+        copies.reset(options={"start": infos["stance"]})
+    with pytest.raises(StanceError, match="no start and goal that a walk joins"):
+        copies.reset()
+
+
+@pytest.mark.parametrize(
+    "actions",
+    [
+        [0.0, 1.0],
+        np.zeros(2),
+        np.array([0.7, 1.2]),
+        [0],
+        0,
+        [0, -1],
+        [True, False],
+        ["0", "1"],
+        [[0, 1]],
+        [[0], [0, 1]],
+        None,
+    ],
+    ids=repr,
+)
+def test_a_batch_holds_integers_of_the_action_space(small_map, actions):
+    copies = MlivrVectorEnv(2, map=small_map, collisions=False)
+    copies.reset(seed=0)
+    with pytest.raises(SettingError, match=r"actions must be 2 numbers of Discrete\(76\), in integers"):
+        copies.step(actions)
+    assert copies.steps.tolist() == [0, 0]
+    for good in ([0, 1], np.array([0, 1], dtype=np.uint8), torch.tensor([0, 1]), copies.action_space.sample()):
+        copies.step(good)
 
 
 @pytest.mark.parametrize("vector", [False, True])
