@@ -57,7 +57,7 @@ def compiled_cost(graph, start, goal, cost):
     away = np.linalg.norm(graph.position - goal, axis=1)
     h = cost.heuristic("consistent", away, 0.2, graph.max_step)
     status, *_, costs = search(
-        graph.find(start), away <= 0.2, h, cost.base_weight, cost.step_weight, 1.0, 10**6, True,
+        np.array([[graph.find(start), 2, 0]]), np.zeros(1), away <= 0.2, h, cost.base_weight, cost.step_weight, 1.0, 10**6, True,
         graph.rows, graph.row_start, graph.row_position, graph.edges,
         np.zeros((len(graph), 2), dtype=np.int64), np.full((len(graph), 2), np.inf),
     )  # fmt: skip

@@ -128,7 +128,7 @@ def moving_base(graph, rng):
         stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
         left = [0xFFFF, 0xFFFF]
         left[held] = int(masks[0])
-        way = graph.way(*stances, 1 - held, None, left)
+        way = graph.way(*stances, 1 - held, graph.node_postures(np.array([s0, s1])), left)
         if way.kind == STRAIGHT and way.fold >= 0:
             path = (
                 graph.position[s0],

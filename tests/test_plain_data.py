@@ -22,7 +22,7 @@ def remade(env):
 
 def test_an_environment_of_objects_is_made_again_from_json(small_map):
     robot = RobotSpec(name="own", heights=(0.62, 0.7), limb=Limb(a2=-0.43), body_mass=np.float64(21.0))
-    physics = Physics(kp=120.0, feedforward=False)
+    physics = Physics(kp=120.0, feedforward=False, assume_ur5e_masses=True)
     env = gymnasium.make(
         "MLIVR-JEM-v0", map=small_map, robot=robot, physics=physics, dynamics="mujoco", collisions=np.bool_(False),
         clearance=np.float64(0.025),

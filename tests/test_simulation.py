@@ -16,7 +16,7 @@ from mlivr_gym.errors import PlanError, RobotError, SettingError, SimulationErro
 from mlivr_gym.failures import FailureWatch, Measured
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.execution import execute
-from mlivr_gym.planners.motion import step_trajectory
+from mlivr_gym.planners.motion import step_motion, step_trajectory
 from mlivr_gym.robot import ur5e_data
 from mlivr_gym.scene import set_configuration
 from mlivr_gym.simulate_command import add_arguments
@@ -251,13 +251,11 @@ def test_a_lost_hold_and_a_limb_at_its_torque_limit_are_failures(checked_graph, 
 
 
 def test_a_collision_is_a_failure_that_names_what_touches(checked_graph, plan, jem):
-    step = plan.steps[0]
-    knot = np.array(step.knots)[1]
+    step, motion = plan.steps[0], step_motion(checked_graph, plan, 0, 41)
+    swinging = np.flatnonzero(motion.phase == 1)
+    k = int(swinging[len(swinging) // 2])
     robot = Simulation(jem, plan.robot)
-    middle = 0.5 * (plan.base_positions[0] + plan.base_positions[1])
-    joints = plan.joint_positions[0].copy()
-    joints[step.limb] = knot[1:]
-    robot.reset(middle, plan.base_quaternions[0], joints, [FREE, FREE])
+    robot.reset(motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k], [FREE, FREE])
     place = robot.data.site(f"limb{step.limb}/grasp").xpos
     box = Box.between("tool bag", "obstacle", place - 0.05, place + 0.05)
     failure = execute(checked_graph, replace(plan, obstacles=(box,))).failure
