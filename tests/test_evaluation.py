@@ -65,6 +65,8 @@ def test_reaching_the_goal_is_a_success_and_the_walk_is_told(env):
             limb, point = plan.actions[env.steps]
             return limb * len(env.graph.grasp_map) + env.graph.grasp_map.index(point)
 
-    result = evaluate(env, Follow(), [Task(plan.stances[0], plan.goal)], execute=lambda env, states: walks.append(states))
+    result = evaluate(
+        env, Follow(), [Task(plan.stances[0], plan.goal)], execute=lambda env, states: walks.append(states)
+    )
     assert result.success.all() and result.steps.tolist() == [len(plan.steps)]
     assert [env.graph.ids(state.stance) for state in walks[0]] == list(plan.stances)
