@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import warnings
 from collections.abc import Callable
+from pathlib import PurePosixPath
 from typing import Any
 
 import gymnasium
@@ -13,6 +15,16 @@ from mlivr_gym import __version__
 from mlivr_gym.agents.policies import ExpertPolicy
 from mlivr_gym.env import ActionMaskObservation, MlivrEnv
 from mlivr_gym.errors import SettingError
+from mlivr_gym.settings import GRAPH_RULES, check_rules
+
+NEEDED = ("minari", "h5py", "jax")
+"""Packages of the extra [data]: Minari, its file format, and what it puts episodes together with."""
+
+EXAMPLE = "mlivr/jem/astar-v0"
+"""Id of a data set as it should be."""
+
+RULES = "graph_rules"
+"""Name in the metadata of the number of the stance graph's rules."""
 
 
 def write_dataset(
@@ -24,7 +36,7 @@ def write_dataset(
 ) -> Any:
     """Write episodes of the optimal expert; episode k starts from `reset(seed=seed + k)`.
 
-    The data set rebuilds its environment: `minari.load_dataset(id).recover_environment()`.
+    The data set rebuilds its environment: `load_dataset(id).recover_environment()`.
 
     Args:
         dataset_id: Id, for example `"mlivr/jem/astar-v0"`.
@@ -37,19 +49,23 @@ def write_dataset(
         The `minari.MinariDataset`.
 
     Raises:
-        SettingError: If there is no episode, or there is a data set of that id already.
+        SettingError: If there is no episode, the id is no id of Minari or taken, or the extra [data] is
+            not installed; all before the first episode.
     """
+    _need_minari()
     import minari
 
     if episodes < 1:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
-    if dataset_id in minari.list_local_datasets():
-        raise SettingError(f"there is a data set {dataset_id!r} already; delete it with minari.delete_dataset")
+    _check_id(dataset_id)
     masked = ActionMaskObservation(gymnasium.make("mlivr_gym:MLIVR-JEM-v0", **(env_arguments or {})))
     env = masked.unwrapped
     assert isinstance(env, MlivrEnv)
     expert = ExpertPolicy()
-    collector = minari.DataCollector(masked, record_infos=False)
+    try:
+        collector = minari.DataCollector(masked, record_infos=False)
+    except OSError as error:
+        raise SettingError(f"data set {dataset_id!r} cannot be written: {error}") from None
     for k in range(episodes):
         observation, _ = collector.reset(seed=seed + k)
         done = False
@@ -60,7 +76,8 @@ def write_dataset(
         if progress is not None:
             progress(k + 1)
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*is set to None")  # author and link are the user's to add
+        # Author and link are the user's to add.
+        warnings.filterwarnings("ignore", message=".*is set to None")
         # Minari leaves its temporary folders to the garbage collector.
         warnings.filterwarnings("ignore", message="Implicitly cleaning up", category=ResourceWarning)
         dataset = collector.create_dataset(
@@ -69,6 +86,53 @@ def write_dataset(
             description="Optimal walks of a two-limb robot through the Japanese Experiment Module, with action masks.",
             requirements=[f"mlivr-gym=={__version__}"],
         )
+        dataset.storage.update_metadata({RULES: GRAPH_RULES})
         collector.close()
         del collector
     return dataset
+
+
+def load_dataset(dataset_id: str) -> Any:
+    """A data set of `write_dataset`, a `minari.MinariDataset`.
+
+    Raises:
+        SettingError: If there is none of this id, its walks were made under other rules of the stance
+            graph, or the extra [data] is not installed.
+    """
+    _need_minari()
+    import minari
+
+    try:
+        dataset = minari.load_dataset(dataset_id)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SettingError(f"cannot load data set {dataset_id!r}: {error}") from None
+    found = dataset.storage.metadata.get(RULES)
+    check_rules(f"data set {dataset_id!r}", found, "write it anew with write_dataset", SettingError)
+    return dataset
+
+
+def _need_minari() -> None:
+    for package in NEEDED:
+        if importlib.util.find_spec(package) is None:
+            raise SettingError(f"data sets need the package {package!r}: pip install 'mlivr-gym[data]'")
+
+
+def _check_id(dataset_id: str) -> None:
+    """Refuse an id that Minari would refuse, or that is taken, when everything is collected."""
+    from minari.dataset.minari_dataset import parse_dataset_id
+    from minari.storage.datasets_root_dir import get_dataset_path
+
+    try:
+        parse_dataset_id(dataset_id)
+        fault = "" if PurePosixPath(dataset_id).as_posix() == dataset_id else "it has an empty part"
+    except (ValueError, TypeError):
+        fault = "it must be names of letters, digits, - and _, joined by /, with a version at the end"
+    if fault:
+        raise SettingError(f"data set id {dataset_id!r} is not valid: {fault}, for example {EXAMPLE!r}")
+    try:
+        get_dataset_path(dataset_id).lstat()
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise SettingError(f"data set {dataset_id!r} cannot be written: {error}") from None
+    raise SettingError(f"there is a data set {dataset_id!r} already; delete it with minari.delete_dataset")

@@ -18,6 +18,7 @@ from mlivr_gym.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.files import write_whole
+from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.stance_graph import State
 
 PRETRAINED = "pointer"
@@ -125,11 +126,13 @@ def save_policy(path: str | Path, policy: Any, config: dict[str, Any]) -> None:
     Args:
         path: Path without suffix.
         policy: The policy.
-        config: Everything it was trained with; `network` and `sizes` are needed to load it.
+        config: Everything it was trained with; `network` and `sizes` are needed to load it. The
+            number of the graph's rules is added.
     """
     buffer = io.BytesIO()
     torch.save(policy.state_dict(), buffer)
     path = Path(path)
+    config = config | {"rules": GRAPH_RULES}
     write_whole(path.with_suffix(".json"), json.dumps(config, indent=1) + "\n")
     write_whole(path.with_suffix(".pt"), buffer.getvalue())
 
@@ -142,11 +145,13 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
         env: The environment; the pointer policy fits every map and number of limbs.
 
     Raises:
-        CheckpointError: If the files cannot be read or the network does not fit the environment.
+        CheckpointError: If the files cannot be read, the network does not fit the environment, or
+            it was trained under other rules of the stance graph.
     """
     file = asset_path(PRETRAINED) if str(path) == "pretrained" else Path(path)
     try:
         config = json.loads(file.with_suffix(".json").read_text(encoding="utf-8"))
+        check_rules(f"checkpoint {str(path)!r}", config.get("rules"), "train it anew", CheckpointError)
         weights = torch.load(file.with_suffix(".pt"), map_location="cpu", weights_only=True)
         policy = make_policy(env, config["network"], config["sizes"])
         policy.load_state_dict(weights)

@@ -16,6 +16,7 @@ from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import write_whole
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.planners import Planner
+from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.tasks import random_state
 
 SPLITS = ("same", "half", "dense", "occupied")
@@ -48,20 +49,24 @@ def load_test_set(path: str | Path | None = None) -> list[World]:
     """The worlds of the test set that ships with the package, or of another file.
 
     Raises:
-        MlivrError: If the file cannot be read.
+        MlivrError: If the file cannot be read, or its tasks were drawn under other rules of the
+            stance graph.
     """
     file = asset_path("test_set.json") if path is None else Path(path)
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
-        return [
+        rules = data.get("rules")
+        worlds = [
             World(
                 w["split"], w["spacing"], w["sparse_seed"],
                 tuple(Task(tuple(t["start"]), tuple(t["goal"]), tuple(t["occupied"])) for t in w["tasks"]),
             )
             for w in data["worlds"]
         ]  # fmt: skip
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise MlivrError(f"cannot read test set {str(file)!r}: {error}") from None
+    check_rules(f"test set {str(file)!r}", rules, "draw it anew with freeze_test_set")
+    return worlds
 
 
 def held_out_goals() -> NDArray[np.float64]:
@@ -83,7 +88,7 @@ def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[
         worlds.append(_draw(World("half", 0.2, seed + k, ()), sizes["half"] // 4, rng))
     worlds.append(_draw(World("dense", 0.1, None, ()), sizes["dense"], rng))
     worlds.append(_draw(World("occupied", 0.2, None, ()), sizes["occupied"], rng, groups=10))
-    data: dict[str, Any] = {"seed": seed, "worlds": []}
+    data: dict[str, Any] = {"seed": seed, "rules": GRAPH_RULES, "worlds": []}
     for world in worlds:
         data["worlds"].append(world._asdict() | {"tasks": [task._asdict() for task in world.tasks]})
     write_whole(path, json.dumps(data) + "\n")

@@ -200,6 +200,7 @@ def _dataset(args: argparse.Namespace) -> int:
         args.id, args.episodes, args.seed, environment_arguments(args), progress=lambda k: show(k, args.episodes, "")
     )  # fmt: skip
     print(
-        f"{args.id}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; load with minari.load_dataset({args.id!r})"
+        f"{args.id}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; "
+        f"load with mlivr_gym.agents.dataset.load_dataset({args.id!r})"
     )
     return 0

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mlivr_gym.errors import nonnegative
+from mlivr_gym.errors import MlivrError, nonnegative
+
+GRAPH_RULES = 2
+"""Number of the rules by which postures and steps are chosen; 1 was version 0.1.0.
+
+Raised whenever the same map and robot give other postures or steps: plans, checkpoints, data sets,
+test sets and tables of other rules do not fit and are refused.
+"""
 
 LIMB_THRESHOLD = 0.1
 """The paper's least limb manipulability."""
@@ -22,6 +29,26 @@ CLEARANCE = 0.02
 def base_threshold(limbs: int) -> float:
     """Default threshold of `w_b`: `||qdot||` is shared among more joints as N grows, so it falls as `N^-3`."""
     return BASE_THRESHOLD * (2.0 / limbs) ** 3
+
+
+def check_rules(what: str, found: object, remedy: str, error: type[MlivrError] = MlivrError) -> None:
+    """Refuse what was made by other rules of the stance graph.
+
+    Args:
+        what: What it is, the first words of the message.
+        found: The number it carries; None if it carries none, as in version 0.1.0.
+        remedy: What to do, the last words of the message.
+        error: Class of the error.
+
+    Raises:
+        MlivrError: One of class `error`, if the number is not `GRAPH_RULES`.
+    """
+    found = 1 if found is None else found
+    if found != GRAPH_RULES:
+        raise error(
+            f"{what} was made by rules {found!r} of the stance graph, and this version has rules "
+            f"{GRAPH_RULES}: {remedy}"
+        )
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import io
+import logging
 import os
 import sys
+import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -23,6 +26,7 @@ from mlivr_gym.compiled import kernel
 from mlivr_gym.errors import SettingError
 from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.pair_graph import PairGraph, fill_rows
+from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.stance_graph import StanceGraph, State, Successors
 
 Array = NDArray[np.float64]
@@ -30,10 +34,13 @@ Array = NDArray[np.float64]
 CACHE_VARIABLE = "MLIVR_GYM_CACHE"
 """Environment variable that names another cache directory; empty: nothing is kept."""
 
+FORMAT = 2
+"""Version of the file format; the files of version 0.1.0 carry none."""
+
 NOT_IN_KEY = {
-    "_headless.py", "cli.py", "cli_agents.py", "dm_environment.py", "dynamics.py", "env.py", "failures.py", "feedforward.py",
-    "figures.py", "film.py", "moves.py", "path_kernels.py", "physical_walk.py", "planner_kernels.py", "recording.py", "regrasp.py",
-    "reliability.py",
+    "_headless.py", "actions.py", "cli.py", "cli_agents.py", "dm_environment.py", "dynamics.py", "env.py", "failures.py", "feedforward.py",
+    "figures.py", "film.py", "moves.py", "path_kernels.py", "physical_walk.py", "plain_data.py", "planner_kernels.py",
+    "recording.py", "regrasp.py", "reliability.py",
     "rendering.py", "sampling.py", "scene.py", "simulate_command.py", "simulation.py", "simulation_figure.py", "swing.py",
     "table1.py", "table_kernels.py", "tasks.py", "trajectory.py", "vector_env.py",
 }  # fmt: skip
@@ -201,7 +208,10 @@ def _write(graph: PairGraph, path: Path) -> None:
     """Keep a filled graph; a cache that cannot be written is no error."""
     ready, released = graph.edges[17][1:3]
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, points=graph.points, table=graph.table, mask=graph.mask, ready=ready, released=released)
+    np.savez_compressed(
+        buffer, format=FORMAT, rules=GRAPH_RULES, points=graph.points, table=graph.table,
+        mask=graph.mask, ready=ready, released=released,
+    )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, buffer.getvalue())
@@ -210,13 +220,21 @@ def _write(graph: PairGraph, path: Path) -> None:
 
 
 def _read(graph: PairGraph, path: Path) -> bool:
-    """Fill a graph from the cache; False if there is no usable file."""
+    """Fill a graph from the cache; False if there is no usable file, with a word if it is an old one."""
     ready, released = graph.edges[17][1:3]
     into = {"table": graph.table, "mask": graph.mask, "ready": ready, "released": released}
     try:
-        with np.load(path) as data:
+        # np.load does not close a file that is no archive.
+        with path.open("rb") as stream, np.load(stream) as data:
+            made = tuple(int(data[name]) if name in data else 1 for name in ("format", "rules"))
+            if made != (FORMAT, GRAPH_RULES):
+                logging.getLogger(__name__).warning(
+                    "step tables %s are of format %d and rules %d, this version needs format %d and "
+                    "rules %d: they are worked out anew", path, *made, FORMAT, GRAPH_RULES,
+                )  # fmt: skip
+                return False
             found = {name: data[name] for name in (*into, "points")}
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         return False
     if not np.array_equal(found["points"], graph.points) or any(found[k].shape != a.shape for k, a in into.items()):
         return False

@@ -14,7 +14,7 @@ from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.robot import RobotSpec
-from mlivr_gym.settings import Settings
+from mlivr_gym.settings import GRAPH_RULES, Settings, check_rules
 from mlivr_gym.shapes import Box, boxes_from
 
 Array = NDArray[np.float64]
@@ -126,7 +126,7 @@ class Plan:
 
     def to_dict(self) -> dict[str, Any]:
         """The plan as plain data for JSON."""
-        data: dict[str, Any] = {"format": FORMAT}
+        data: dict[str, Any] = {"format": FORMAT, "rules": GRAPH_RULES}
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
             data[name] = value.tolist() if isinstance(value, np.ndarray) else value
@@ -152,11 +152,13 @@ class Plan:
             grasp_map: If given, the plan must have been made on this map.
 
         Raises:
-            PlanError: If a field is missing or faulty, or the plan belongs to another map.
+            PlanError: If a field is missing or faulty, or the plan belongs to another map or to
+                other rules of the stance graph.
         """
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             given = data.get("format") if isinstance(data, dict) else type(data).__name__
             raise PlanError(f"not a plan of format {FORMAT}: found format {given!r}")
+        check_rules("the plan", data.get("rules"), "plan it anew", PlanError)
         try:
             values = {name: data[name] for name in cls.__dataclass_fields__}
             for name in ("base_positions", "base_quaternions", "joint_positions", "w_m", "w_b"):

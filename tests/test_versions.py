@@ -1,0 +1,125 @@
+"""Files of another version of the stance graph's rules are refused in one sentence, and nothing is written without its number."""
+
+import json
+import logging
+
+import numpy as np
+import pytest
+
+from mlivr_gym import stance_graph
+from mlivr_gym.agents.learned import CheckpointError, load_policy, save_policy
+from mlivr_gym.agents.networks import make_policy
+from mlivr_gym.agents.test_set import SPLITS, freeze_test_set, load_test_set
+from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.errors import MlivrError, PlanError
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.plan import Plan
+from mlivr_gym.settings import GRAPH_RULES
+from mlivr_gym.step_tables import CACHE_VARIABLE, FORMAT, cache_file, step_tables
+
+OTHERS = (None, 1, GRAPH_RULES + 1, str(GRAPH_RULES))
+
+
+def tamper(data, rules):
+    """The same data with another number of rules, or none."""
+    assert data["rules"] == GRAPH_RULES
+    return {**data, "rules": rules} if rules is not None else {k: v for k, v in data.items() if k != "rules"}
+
+
+def sentence(what, rules, remedy):
+    found = 1 if rules is None else rules
+    return f"{what} was made by rules {found!r} of the stance graph, and this version has rules {GRAPH_RULES}: {remedy}"
+
+
+@pytest.fixture(scope="module")
+def env(small_map):
+    return MlivrEnv(map=small_map, collisions=False)
+
+
+@pytest.mark.parametrize("rules", OTHERS)
+def test_plans(env, tmp_path, rules):
+    env.reset(seed=0)
+    plan = Planner(env.graph).plan(env.state.stance, env.goal.tolist(), "steps").unwrap()
+    file = tmp_path / "plan.json"
+    plan.save(file)
+    assert Plan.load(file).to_dict() == plan.to_dict()
+    file.write_text(json.dumps(tamper(json.loads(file.read_text()), rules)))
+    with pytest.raises(PlanError) as caught:
+        Plan.load(file)
+    assert str(caught.value) == sentence("the plan", rules, "plan it anew")
+
+
+@pytest.mark.parametrize("rules", OTHERS)
+def test_checkpoints(env, tmp_path, rules):
+    path = tmp_path / "policy"
+    config = {"network": "mlp", "sizes": {}}
+    save_policy(path, make_policy(env, "mlp", {}), config)
+    assert "rules" not in config and load_policy(path, env).config["rules"] == GRAPH_RULES
+    file = path.with_suffix(".json")
+    file.write_text(json.dumps(tamper(json.loads(file.read_text()), rules)))
+    with pytest.raises(CheckpointError) as caught:
+        load_policy(path, env)
+    assert str(caught.value) == sentence(f"checkpoint {str(path)!r}", rules, "train it anew")
+
+
+@pytest.mark.parametrize("rules", OTHERS)
+def test_test_sets(tmp_path, rules):
+    data = json.loads(asset_path("test_set.json").read_text())
+    file = tmp_path / "set.json"
+    file.write_text(json.dumps(tamper(data, rules)))
+    with pytest.raises(MlivrError) as caught:
+        load_test_set(file)
+    assert str(caught.value) == sentence(f"test set {str(file)!r}", rules, "draw it anew with freeze_test_set")
+
+
+def test_a_new_test_set_carries_its_number(tmp_path, monkeypatch):
+    monkeypatch.setattr("mlivr_gym.agents.test_set._draw", lambda world, *_, **__: world)
+    file = tmp_path / "set.json"
+    worlds = freeze_test_set(file, 0, dict.fromkeys(SPLITS, 0))
+    assert json.loads(file.read_text())["rules"] == GRAPH_RULES and load_test_set(file) == worlds
+
+
+def test_what_ships_is_of_this_version(env):
+    assert load_policy("pretrained", env).config["rules"] == GRAPH_RULES and load_test_set()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"rules": GRAPH_RULES + 1}, f"of format {FORMAT} and rules {GRAPH_RULES + 1},"),
+        ({"format": FORMAT + 1}, f"of format {FORMAT + 1} and rules {GRAPH_RULES},"),
+        ({"rules": None, "format": None}, "of format 1 and rules 1,"),
+    ],
+)
+def test_step_tables(small_map, tmp_path, monkeypatch, caplog, change, said):
+    """Those of another format or other rules are worked out anew, with one line that says so."""
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    world = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
+    first = step_tables(stance_graph(world))
+    file = cache_file(stance_graph(world))
+    with np.load(file) as data:
+        kept = {name: data[name] for name in data}
+    wrong = {**kept, "table": np.zeros_like(kept["table"])} | change
+    np.savez_compressed(file, **{name: value for name, value in wrong.items() if value is not None})
+    with caplog.at_level(logging.WARNING):
+        second = step_tables(stance_graph(world))
+    (record,) = caplog.records
+    assert said in record.getMessage() and str(file) in record.getMessage() and "\n" not in record.getMessage()
+    for ours, theirs in zip(first, second, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    with np.load(file) as data:
+        assert (int(data["format"]), int(data["rules"])) == (FORMAT, GRAPH_RULES)
+
+
+@pytest.mark.parametrize("cut", [10, 0.5, 0.95])
+def test_step_tables_that_were_cut_off_are_worked_out_anew(small_map, tmp_path, monkeypatch, cut):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    world = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
+    first = step_tables(stance_graph(world))
+    file = cache_file(stance_graph(world))
+    whole = file.read_bytes()
+    file.write_bytes(whole[: cut if cut > 1 else int(cut * len(whole))])
+    second = step_tables(stance_graph(world))
+    np.testing.assert_array_equal(first.after, second.after)
+    assert len(file.read_bytes()) == len(whole)
