@@ -1,12 +1,19 @@
-"""What a wheel and an sdist hold, and that an installed wheel works. Symlinked folders make this worth guarding."""
+"""What a wheel and an sdist hold, what they need, and that an installed wheel works.
 
+Symlinked folders make this worth guarding.
+"""
+
+import ast
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
 
 ROOT = Path(__file__).parent.parent
 
@@ -75,3 +82,77 @@ def test_bare_folders_refuse_to_be_imported(name):
     )
     assert done.returncode != 0
     assert done.stderr.strip().splitlines()[-1].startswith(f"ImportError: import mlivr_gym.{name}:")
+
+
+TRUTH = {"coal", "pinocchio"}
+"""What results are compared with in tests and experiments, and what nothing else may need."""
+
+EVERYTHING = f"""
+import sys
+for name in {sorted(TRUTH)}:
+    sys.modules[name] = None
+import importlib, pkgutil
+import mlivr_gym
+for module in pkgutil.walk_packages(mlivr_gym.__path__, "mlivr_gym."):
+    try:
+        importlib.import_module(module.name)
+    except ModuleNotFoundError as error:
+        if error.name.split(".")[0] in {sorted(TRUTH)} + ["mlivr_gym"]:
+            raise
+from mlivr_gym import stance_graph
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.execution import execute
+from mlivr_gym.trajectory import Durations
+graph = stance_graph()
+start = ("D2a:4", "D2b:4")
+goal = graph.successors(graph.state(start)).position[-1]
+plan = Planner(graph).plan(start, goal.tolist(), "steps", goal_tolerance=0.01).unwrap()
+execution = execute(graph, plan, Durations.of_step(20.0))
+assert len(execution.captures) == len(plan.steps) > 0 and execution.failure is None
+"""
+
+
+def requirements(names):
+    return {requirement.name: requirement for requirement in map(Requirement, names)}
+
+
+@pytest.fixture(scope="module")
+def project():
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def test_the_core_is_light_and_takes_any_newer_mujoco(project):
+    core = requirements(project["dependencies"])
+    heavy = {"pin", "coal", "torch", "dm-control", "stable-baselines3", "sb3-contrib", "minari"}
+    assert not heavy & set(core)
+    assert {s.operator for s in core["mujoco"].specifier} == {">="}
+    assert Version("4.0.0") in core["mujoco"].specifier
+    assert Version("3.16.0") not in core["mujoco"].specifier
+
+
+def test_extras_bring_what_they_need(project):
+    extras = {name: requirements(e) for name, e in project["optional-dependencies"].items()}
+    # dm-control 1.0.50 does not work with MuJoCo 4.
+    assert Version("3.17.0") in extras["dm"]["mujoco"].specifier
+    assert Version("4.0.0") not in extras["dm"]["mujoco"].specifier
+    assert Version("2.7.1") not in extras["agents"]["torch"].specifier
+    assert {"pin", "coal"} <= set(extras["dev"])
+
+
+def test_nothing_but_tests_and_experiments_imports_the_truth():
+    for folder in ("mlivr_gym", "planners", "agents", "envs_assets"):
+        for path in (ROOT / folder).glob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text())):
+                names = []
+                if isinstance(node, ast.Import):
+                    names = [alias.name for alias in node.names]
+                elif isinstance(node, ast.ImportFrom):
+                    names = [node.module or ""]
+                assert not TRUTH & {name.split(".")[0] for name in names}, path
+
+
+def test_everything_imports_plans_and_simulates_without_the_truth():
+    done = subprocess.run(
+        [sys.executable, "-c", EVERYTHING], cwd=ROOT, capture_output=True, text=True, check=False
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
