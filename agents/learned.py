@@ -17,7 +17,7 @@ from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.files import write_whole
+from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.stance_graph import State
 
 PRETRAINED = "pointer"
@@ -146,7 +146,7 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
     """
     file = asset_path(PRETRAINED) if str(path) == "pretrained" else Path(path)
     try:
-        config = json.loads(file.with_suffix(".json").read_text(encoding="utf-8"))
+        config = read_json(file.with_suffix(".json"), "checkpoint", MlivrError)
         weights = torch.load(file.with_suffix(".pt"), map_location="cpu", weights_only=True)
         policy = make_policy(env, config["network"], config["sizes"])
         policy.load_state_dict(weights)

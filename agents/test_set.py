@@ -13,7 +13,7 @@ from mlivr_gym.agents.evaluation import Task
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.files import write_whole
+from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.planners import Planner
 from mlivr_gym.tasks import random_state
@@ -51,8 +51,8 @@ def load_test_set(path: str | Path | None = None) -> list[World]:
         MlivrError: If the file cannot be read.
     """
     file = asset_path("test_set.json") if path is None else Path(path)
+    data = read_json(file, "test set", MlivrError)
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
         return [
             World(
                 w["split"], w["spacing"], w["sparse_seed"],
@@ -60,7 +60,7 @@ def load_test_set(path: str | Path | None = None) -> list[World]:
             )
             for w in data["worlds"]
         ]  # fmt: skip
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise MlivrError(f"cannot read test set {str(file)!r}: {error}") from None
 
 

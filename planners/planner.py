@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.errors import PlanError, SettingError, StanceError, choice, nonnegative
+from mlivr_gym.errors import NoPlanError, SettingError, StanceError, choice, nonnegative
 from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners.assemble import assemble
@@ -79,10 +80,10 @@ class PlanningResult:
         """The plan.
 
         Raises:
-            PlanError: If there is none; the message says why.
+            NoPlanError: If there is none; the message says why.
         """
         if self.plan is None:
-            raise PlanError(self.message)
+            raise NoPlanError(self.message)
         return self.plan
 
 
@@ -166,6 +167,7 @@ class Planner:
             raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {self.graph.robot.name!r} has more")
         if limit < 1:
             raise SettingError(f"limit is {limit!r}; it must be at least 1")
+        limit = min(limit, sys.maxsize)  # no search is that long, and the compiled one takes 64 bits
         inflation = (1.0 if pair else 2.0) if inflation is None else inflation
         if not 1.0 <= inflation < float("inf"):
             raise SettingError(f"inflation is {inflation!r}; it must be finite and at least 1")
