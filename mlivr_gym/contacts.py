@@ -13,7 +13,7 @@ from mlivr_gym.collision_kernels import FLUSH, axis_of, frames_of_angles, place
 from mlivr_gym.distance_kernels import segment_box_apart, segments_apart
 from mlivr_gym.limb_shapes import LimbShapes
 from mlivr_gym.robot import RobotSpec
-from mlivr_gym.shapes import Box
+from mlivr_gym.shapes import BOX, Box, scene_name
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ class Contact:
 
     Attributes:
         first: A shape of the robot, as the scene names it: `"limb0/forearm/0"` or `"body"`.
-        second: Another of its shapes, or the id of a box.
+        second: Another of its shapes, or a box: `"box/{id}"`.
         distance: Distance of the surfaces [m], negative where they overlap.
     """
 
@@ -99,11 +99,11 @@ def contacts(
                 turned = np.array(box.rotation)
                 start, end = (ends[i, c] - np.array(box.centre)) @ turned
                 apart = np.sqrt(segment_box_apart(tuple(start), tuple(end - start), box.half)) - radius[c]
-                found.append((name, box.id, apart))
+                found.append((name, scene_name(BOX, box.id), apart))
     for box in boxes:
         start = (configuration[0] - np.array(box.centre)) @ np.array(box.rotation)
         apart = np.sqrt(segment_box_apart(tuple(start), (0.0, 0.0, 0.0), box.half)) - shapes.body_radius
-        found.append(("body", box.id, apart))
+        found.append(("body", scene_name(BOX, box.id), apart))
     near = [Contact(first, second, float(apart)) for first, second, apart in found if apart < clearance]
     return sorted(near, key=lambda contact: contact.distance)
 
