@@ -17,7 +17,7 @@ from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.files import write_whole
+from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.stance_graph import State
 
@@ -150,7 +150,7 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
     """
     file = asset_path(PRETRAINED) if str(path) == "pretrained" else Path(path)
     try:
-        config = json.loads(file.with_suffix(".json").read_text(encoding="utf-8"))
+        config = read_json(file.with_suffix(".json"), "checkpoint", MlivrError)
         check_rules(f"checkpoint {str(path)!r}", config.get("rules"), "train it anew", CheckpointError)
         weights = torch.load(file.with_suffix(".pt"), map_location="cpu", weights_only=True)
         policy = make_policy(env, config["network"], config["sizes"])

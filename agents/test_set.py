@@ -13,7 +13,7 @@ from mlivr_gym.agents.evaluation import Task
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.files import write_whole
+from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.planners import Planner
 from mlivr_gym.settings import GRAPH_RULES, check_rules
@@ -53,8 +53,8 @@ def load_test_set(path: str | Path | None = None) -> list[World]:
             stance graph.
     """
     file = asset_path("test_set.json") if path is None else Path(path)
+    data = read_json(file, "test set", MlivrError)
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
         rules = data.get("rules")
         worlds = [
             World(
@@ -63,7 +63,7 @@ def load_test_set(path: str | Path | None = None) -> list[World]:
             )
             for w in data["worlds"]
         ]  # fmt: skip
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise MlivrError(f"cannot read test set {str(file)!r}: {error}") from None
     check_rules(f"test set {str(file)!r}", rules, "draw it anew with freeze_test_set")
     return worlds

@@ -5,7 +5,6 @@ Hyperparameters are data: `envs_assets/training.json`.
 
 from __future__ import annotations
 
-import json
 import platform
 import time
 from collections.abc import Callable
@@ -24,7 +23,8 @@ from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.agents.test_set import held_out_goals
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.errors import SettingError, choice, shown
+from mlivr_gym.files import read_json
 
 METHODS = ("bc", "dagger", "ppo", "finetune")
 """Names of the training methods; `finetune` is PPO in small steps from a checkpoint."""
@@ -40,11 +40,11 @@ def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, An
     """
     choice("method", method, METHODS)
     file = asset_path("training.json") if path is None else Path(path)
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-        return {**data[method], "networks": data["networks"]}
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise SettingError(f"cannot use hyperparameters {str(file)!r} for {method!r}: {error}") from None
+    data = read_json(file, "hyperparameters", SettingError)
+    for name in (method, "networks"):
+        if not isinstance(data.get(name), dict):
+            raise SettingError(f"hyperparameters {str(file)!r} have no object {name!r}: {shown(data.get(name))}")
+    return {**data[method], "networks": data["networks"]}
 
 
 def train(

@@ -36,6 +36,7 @@ from mlivr_gym.planners.assemble import assemble
 from mlivr_gym.planners.motion import step_motion
 from mlivr_gym.sampling import sampled_way
 from mlivr_gym.scene import scene_spec
+from mlivr_gym.shapes import BOX, scene_name
 from mlivr_gym.stance_graph import join
 from mlivr_gym.swept_kernels import departure_free
 from mlivr_gym.swing import Hold, SwingFinder
@@ -73,7 +74,8 @@ class Judge:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
-        own = {(f"limb{i}/gripper/0", self.graph.grasp_map.ids[p].split(":")[0]) for i, p in points}
+        ids = self.graph.grasp_map.ids
+        own = {(f"limb{i}/gripper/0", scene_name(BOX, ids[p].split(":")[0])) for i, p in points}
         found = []
         for k in range(self.data.ncon):
             if self.data.contact.dist[k] < -TOUCH:

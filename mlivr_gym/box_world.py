@@ -14,7 +14,13 @@ from mlivr_gym.shapes import Box
 Array = NDArray[np.float64]
 
 CELL = 0.25
-"""Edge of a grid cell [m]; a matter of speed only."""
+"""Edge of a grid cell [m], or more where that would make too many; a matter of speed only."""
+
+MOST_CELLS = 1 << 18
+"""Most cells of a grid; the JEM has 5,616."""
+
+MOST_ENTRIES = 1 << 20
+"""Most boxes in the cells, counted in every cell that they reach into."""
 
 CAUSES = {"handrail": HANDRAIL, "stanchion": HANDRAIL, "obstacle": OBSTACLE}
 """Cause of a collision with a box of some kind; `CABIN` with all others."""
@@ -44,11 +50,11 @@ class BoxWorld:
         kind = np.array([CAUSES.get(box.kind, CABIN) for box in self.boxes], dtype=np.int64)
         hull = np.stack([low.min(axis=0), high.max(axis=0)]) if n else np.array([[np.inf] * 3, [-np.inf] * 3])
         origin = hull[0] if n else np.zeros(3)
-        dims = np.maximum(np.ceil((hull[1] - hull[0]) / CELL), 1).astype(np.int64) if n else np.ones(3, dtype=np.int64)
+        edge, dims = _grid(low - origin, high - origin)
         cells, owners = [], []
         for b in range(n):
-            first = np.clip(((low[b] - origin) / CELL).astype(np.int64), 0, dims - 1)
-            last = np.clip(((high[b] - origin) / CELL).astype(np.int64), 0, dims - 1)
+            first = np.clip(((low[b] - origin) / edge).astype(np.int64), 0, dims - 1)
+            last = np.clip(((high[b] - origin) / edge).astype(np.int64), 0, dims - 1)
             i, j, k = np.ix_(*(np.arange(a, z + 1) for a, z in zip(first, last, strict=True)))
             here = ((i * dims[1] + j) * dims[2] + k).ravel()
             cells.append(here)
@@ -57,9 +63,9 @@ class BoxWorld:
         order = np.argsort(cell, kind="stable")
         items = np.concatenate(owners)[order] if owners else np.zeros(0, dtype=np.int64)
         start = np.searchsorted(cell[order], np.arange(int(dims.prod()) + 1))
-        filled = _filled(low, high, cell, np.concatenate(owners) if owners else items, origin, dims)
+        filled = _filled(low, high, cell, np.concatenate(owners) if owners else items, origin, edge, dims)
         flat = np.column_stack([low, high, centre, half, rotation.reshape(n, 9), tilted, kind])
-        head = np.concatenate([_core(low, high, hull).ravel(), hull.ravel(), origin, [CELL], dims]).astype(np.float64)
+        head = np.concatenate([_core(low, high, hull).ravel(), hull.ravel(), origin, [edge], dims]).astype(np.float64)
         self.arrays: tuple[Any, ...] = np.ascontiguousarray(flat), head, start, items, filled
 
     def __len__(self) -> int:
@@ -67,17 +73,31 @@ class BoxWorld:
         return len(self.boxes)
 
 
+def _grid(low: Array, high: Array) -> tuple[float, NDArray[np.int64]]:
+    """Edge of the cells [m] and their number along each axis, for boxes whose lower corners start at 0.
+
+    The edge is doubled until there are few enough cells, and few enough boxes in them.
+    """
+    edge = CELL
+    while True:
+        dims = np.maximum(np.ceil(high.max(axis=0, initial=0.0) / edge), 1.0)
+        reached = np.minimum(np.floor(high / edge), dims - 1.0) - np.floor(low / edge) + 1.0
+        if dims.prod() <= MOST_CELLS and reached.prod(axis=1).sum() <= max(MOST_ENTRIES, len(low)):
+            return edge, dims.astype(np.int64)
+        edge *= 2.0
+
+
 def _filled(
-    low: Array, high: Array, cell: NDArray[np.int64], owner: NDArray[np.int64], origin: Array, dims: Any
+    low: Array, high: Array, cell: NDArray[np.int64], owner: NDArray[np.int64], origin: Array, edge: float, dims: Any
 ) -> Array:
     """Lower and upper corner of what the boxes fill of each cell [m], shape (cells, 2, 3)."""
-    corner = origin + CELL * np.stack(np.unravel_index(cell, tuple(dims)), axis=1)
+    corner = origin + edge * np.stack(np.unravel_index(cell, tuple(dims)), axis=1)
     out = np.empty((int(dims.prod()), 2, 3))
     out[:, 0], out[:, 1] = np.inf, -np.inf
     # Boxes beyond the outermost cells count as in them.
-    last = corner >= origin + CELL * (dims - 1) - 1e-9
+    last = corner >= origin + edge * (dims - 1) - 1e-9
     np.minimum.at(out[:, 0], cell, np.maximum(low[owner], corner))
-    np.maximum.at(out[:, 1], cell, np.where(last, high[owner], np.minimum(high[owner], corner + CELL)))
+    np.maximum.at(out[:, 1], cell, np.where(last, high[owner], np.minimum(high[owner], corner + edge)))
     return out
 
 

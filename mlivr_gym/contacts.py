@@ -14,7 +14,7 @@ from mlivr_gym.collision_kernels import FLUSH, axis_of, frames_of_angles, place
 from mlivr_gym.distance_kernels import segment_box_apart, segments_apart
 from mlivr_gym.limb_shapes import LimbShapes
 from mlivr_gym.robot import RobotSpec
-from mlivr_gym.shapes import Box
+from mlivr_gym.shapes import BOX, Box, scene_name
 from mlivr_gym.uncompared import BODY
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ class Contact:
 
     Attributes:
         first: A shape of the robot, as the scene names it: `"limb0/forearm/0"` or `"body"`.
-        second: Another of its shapes, or the id of a box.
+        second: Another of its shapes, or a box: `"box/{id}"`.
         distance: Distance of the surfaces [m], negative where a capsule overlaps, 0 where the body does.
     """
 
@@ -119,7 +119,7 @@ def _limbs_with_boxes(
             for box in boxes:
                 if c >= shapes.first_gripper and i in at_grasp and _behind(box, *at_grasp[i]):
                     continue
-                yield f"limb{i}/{names[c]}", box.id, _to_box(axis, box) - radius[c]
+                yield f"limb{i}/{names[c]}", scene_name(BOX, box.id), _to_box(axis, box) - radius[c]
 
 
 def _base_with_boxes(
@@ -133,9 +133,9 @@ def _base_with_boxes(
         if _to_box(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
             # Two boxes are nearest, or first overlap, at an edge of one of them.
             edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
-            yield BODY, box.id, min(_to_box(*pair) for pair in edges)
+            yield BODY, scene_name(BOX, box.id), min(_to_box(*pair) for pair in edges)
         for name, axis, radius in zip(_mount_names(robot, shapes), mounts, mount_radius, strict=True):
-            yield name, box.id, _to_box(position + axis @ rotation.T, box) - radius
+            yield name, scene_name(BOX, box.id), _to_box(position + axis @ rotation.T, box) - radius
 
 
 def _to_box(axis: Array, box: Box) -> float:

@@ -6,7 +6,19 @@ can tell a bad input from a fault of the program.
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterable
+
+_BRIEF = reprlib.Repr()
+_BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = 80
+
+
+def shown(value: object) -> str:
+    """A value for a message: short and printable, whatever it is."""
+    try:
+        return _BRIEF.repr(value)
+    except (ValueError, RecursionError):  # whole numbers of thousands of digits, deep nesting
+        return f"a {type(value).__name__} too long to show"
 
 
 class MlivrError(ValueError):
@@ -41,8 +53,16 @@ class PlanError(MlivrError):
     """A plan cannot be found, loaded or used on this map."""
 
 
+class NoPlanError(PlanError):
+    """The planner has found no plan: there is none, the start cannot be held, or the limit was reached."""
+
+
 class SimulationError(MlivrError):
     """A simulation cannot be run as asked."""
+
+
+class SceneError(MlivrError):
+    """MuJoCo cannot build the scene of a map and a robot."""
 
 
 class RenderError(MlivrError):
@@ -56,7 +76,9 @@ class UnknownPointError(StanceError):
         """Build the message from the id and a sample of the valid ones."""
         ids = list(valid)
         sample = ", ".join(ids[:4])
-        super().__init__(f"unknown graspable point {point_id!r}: the map has {len(ids)} points, for example {sample}")
+        super().__init__(
+            f"unknown graspable point {shown(point_id)}: the map has {len(ids)} points, for example {sample}"
+        )
 
 
 def choice(name: str, value: object, valid: Iterable[str]) -> str:
@@ -67,7 +89,7 @@ def choice(name: str, value: object, valid: Iterable[str]) -> str:
     """
     options = list(valid)
     if value not in options:
-        raise SettingError(f"{name} is {value!r}; valid choices are {', '.join(map(repr, options))}")
+        raise SettingError(f"{name} is {shown(value)}; valid choices are {', '.join(map(repr, options))}")
     return str(value)
 
 
@@ -79,8 +101,10 @@ def nonnegative(name: str, value: float) -> float:
     """
     try:
         number = float(value)
+    except OverflowError:
+        raise SettingError(f"{name} is beyond every float; it must be finite and at least 0") from None
     except (TypeError, ValueError):
-        raise SettingError(f"{name} is {value!r}; it must be a number") from None
+        raise SettingError(f"{name} is {shown(value)}; it must be a number") from None
     if not 0.0 <= number < float("inf"):
-        raise SettingError(f"{name} is {value!r}; it must be finite and at least 0")
+        raise SettingError(f"{name} is {shown(value)}; it must be finite and at least 0")
     return number

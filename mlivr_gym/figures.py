@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mlivr_gym.files import write_whole
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.robot import LIMB_COLOURS
+from mlivr_gym.shapes import BOX, scene_name
 
 if TYPE_CHECKING:
     from mlivr_gym.contacts import Contact
@@ -111,7 +112,7 @@ def plan_figure(grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array |
         zorder=7,
         label="goal",
     )
-    figure.suptitle(title or "Plan", x=0.02, y=0.975, ha="left", fontsize=13)
+    figure.suptitle(title or "Plan", x=0.02, y=0.975, ha="left", fontsize=13, parse_math=False)
     count = f" ({len(drawn)} of {len(explored)} drawn)" if len(drawn) < len(explored) else ""
     figure.text(
         0.02, 0.91,
@@ -145,7 +146,7 @@ def walk_figure(
         corners = _corners(box)
         faces = [[corners[v] for v in face] for face in _FACES]
         axes.add_collection3d(Poly3DCollection(faces, facecolor="#d95926", edgecolor="#d95926", alpha=0.3, zorder=3))
-        axes.text(*corners.max(axis=0), box.id, fontsize=9, color="#a03000", zorder=8)
+        axes.text(*corners.max(axis=0), box.id, fontsize=9, color="#a03000", zorder=8, parse_math=False)
     if occupied:
         taken = grasp_map.positions[[grasp_map.index(point) for point in occupied]]
         axes.scatter(*taken.T, s=50, marker="x", color="#d00000", depthshade=False, zorder=6, label="points occupied")
@@ -155,7 +156,7 @@ def walk_figure(
     axes.scatter(
         *np.array(goal), s=150, marker="*", color="#ffb703", edgecolor="black", depthshade=False, zorder=7, label="goal"
     )
-    figure.suptitle("A walk interrupted twice", x=0.02, y=0.975, ha="left", fontsize=13)
+    figure.suptitle("A walk interrupted twice", x=0.02, y=0.975, ha="left", fontsize=13, parse_math=False)
     length = float(np.linalg.norm(np.diff(walked, axis=0), axis=1).sum())
     told = f"{len(walked) - 1} steps, base translation {length:.2f} m, {len(planned)} plans"
     figure.text(0.02, 0.91, told, fontsize=9.5, color="0.25")
@@ -196,7 +197,7 @@ def configuration_figure(
             axes.plot(
                 *np.vstack([position, chain]).T, color=LIMB_COLOURS[i], linewidth=3, marker="o", markersize=3, zorder=5
             )
-    figure.suptitle(title, x=0.02, y=0.975, ha="left", fontsize=13)
+    figure.suptitle(title, x=0.02, y=0.975, ha="left", fontsize=13, parse_math=False)
     save_figure(figure, path)
 
 
@@ -246,11 +247,12 @@ def blocked_figure(
                 axes.scatter(*configuration[0], s=260, marker="s", color="0.25", depthshade=False, zorder=5)
         centre = configurations[-1][0]
         for box in boxes.values():
-            if box.id not in named and (box.kind not in ("track", "handrail", "obstacle") or not _near(box, centre)):
+            hit = scene_name(BOX, box.id) in named
+            if not hit and (box.kind not in ("track", "handrail", "obstacle") or not _near(box, centre)):
                 continue
             corners = np.clip(_corners(box), centre - 1.1, centre + 1.1)
             faces = [[corners[v] for v in face] for face in _FACES]
-            colour = "#d00000" if box.id in named else "#1a59bf" if box.kind == "handrail" else "0.55"
+            colour = "#d00000" if hit else "#1a59bf" if box.kind == "handrail" else "0.55"
             axes.add_collection3d(
                 Poly3DCollection(faces, facecolor=colour, edgecolor=colour, linewidths=0.6, alpha=0.12, zorder=3)
             )

@@ -1,12 +1,21 @@
-"""Files are written whole or not at all."""
+"""Files are written whole or not at all, and JSON is read in one way."""
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from mlivr_gym.errors import MlivrError
+
+LARGEST_FILE = 1 << 25
+"""Most bytes of a JSON file: a map of 100,000 points takes half of it."""
+
+TOO_MANY_DIGITS = 309
+"""Digits of the smallest whole number that is beyond any float."""
 
 
 class FileError(MlivrError):
@@ -33,3 +42,51 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         if name is not None:
             Path(name).unlink(missing_ok=True)
         raise FileError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+
+
+def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) -> dict[str, Any]:
+    """The object that a JSON file holds, every number in it finite.
+
+    Args:
+        path: The file, in UTF-8.
+        kind: What it should be, for the message: `"map"`.
+        error: Type of the error.
+
+    Raises:
+        MlivrError: of the type `error`, naming the file, if it cannot be read, is too large or nested too deeply, is no
+            JSON, or holds something other than an object.
+    """
+    try:
+        with open(path, "rb") as stream:
+            content = stream.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise ValueError(f"it has more than {LARGEST_FILE} bytes")
+        data = json.loads(content.decode("utf-8-sig"), parse_constant=_finite, parse_float=_finite, parse_int=_whole)
+        if not isinstance(data, dict):
+            raise ValueError(f"it must hold a JSON object, not a {type(data).__name__}")
+    except OSError as fault:
+        reason = fault.strerror or str(fault)
+    except UnicodeDecodeError:
+        reason = "it is not UTF-8 text"
+    except RecursionError:
+        reason = "it is nested too deeply"
+    except json.JSONDecodeError as fault:
+        reason = f"it is not JSON: {fault}"
+    except ValueError as fault:
+        reason = str(fault)
+    else:
+        return data
+    raise error(f"cannot read {kind} {str(path)!r}: {reason}")
+
+
+def _finite(digits: str) -> float:
+    value = float(digits)
+    if not math.isfinite(value):
+        raise ValueError(f"its number {digits[:40]} is not finite")
+    return value
+
+
+def _whole(digits: str) -> int:
+    if len(digits.lstrip("-")) >= TOO_MANY_DIGITS:
+        raise ValueError(f"its number {digits[:40]}... has {len(digits)} digits")
+    return int(digits)

@@ -9,7 +9,6 @@ that ships with the package is read by the same loader.
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,9 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import GoalError, MapError, MlivrError, SettingError, UnknownPointError, nonnegative
-from mlivr_gym.shapes import Box, boxes_from
+from mlivr_gym.errors import GoalError, MapError, MlivrError, SettingError, UnknownPointError, nonnegative, shown
+from mlivr_gym.files import read_json
+from mlivr_gym.shapes import Box, boxes_from, once
 from mlivr_gym.surroundings import handrail_boxes, module_boxes, track_box
+from mlivr_gym.values import (
+    LONGEST,
+    MOST_POINTS,
+    entries,
+    number,
+    numbers,
+    rotation,
+    text,
+)
 
 FACES = ("deck", "forward", "aft", "overhead", "starboard", "port")
 """Names of the cabin's six faces."""
@@ -85,22 +94,23 @@ class GraspMap:
     def __post_init__(self) -> None:
         """Check shapes and values, and freeze the arrays."""
         m = len(self.ids)
-        if m == 0:
-            raise MapError(f"map {self.name!r} has no graspable point")
+        text(self.name, "the name of the map", MapError)
+        if not 0 < m <= MOST_POINTS:
+            raise MapError(f"map {self.name!r} has {m or 'no'} graspable point(s); at most {MOST_POINTS} are taken")
+        once(self.ids, "point", MapError)
+        once([box.id for box in self.boxes], "box", MapError)
         object.__setattr__(self, "_index", {point: i for i, point in enumerate(self.ids)})
-        if len(self._index) != m:
-            double = next(p for i, p in enumerate(self.ids) if p in self.ids[:i])
-            raise MapError(f"point {double!r} appears more than once")
         for attribute, shape in (("positions", (m, 3)), ("rotations", (m, 3, 3)), ("cabin", (2, 3))):
             array = np.array(getattr(self, attribute), dtype=np.float64)
             if array.shape != shape:
                 raise MapError(f"{attribute} must have shape {shape}, not {array.shape}")
             array.setflags(write=False)
             object.__setattr__(self, attribute, array)
-        for point, face, position, rotation in zip(self.ids, self.faces, self.positions, self.rotations, strict=True):
-            _check_point(point, face, position, rotation)
-        if not (np.isfinite(self.cabin).all() and (self.cabin[0] < self.cabin[1]).all()):
-            raise MapError(f"cabin {self.cabin.tolist()} must be finite, with min below max")
+        for point, face, position, turn in zip(self.ids, self.faces, self.positions, self.rotations, strict=True):
+            _check_point(point, face, position, turn)
+        numbers(self.cabin, (2, 3), "cabin", MapError, LONGEST)
+        if not (self.cabin[0] < self.cabin[1]).all():
+            raise MapError(f"cabin {self.cabin.tolist()} must have its min below max")
 
     _index: dict[str, int] = field(init=False, repr=False, compare=False, default_factory=dict)
 
@@ -207,10 +217,7 @@ class GraspMap:
         Raises:
             MapError: If the file cannot be read or any entry is faulty; the message names the entry.
         """
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise MapError(f"cannot read map {str(path)!r}: {error}") from None
+        data = read_json(path, "map", MapError)
         try:
             return cls.from_dict(data, spacing, clearance, name=Path(path).stem)
         except MlivrError as error:
@@ -241,16 +248,21 @@ class GraspMap:
             raise MapError("a map is a JSON object with 'points' or 'segments'")
         if "ids" in data:
             return _map_of_fields(data)
-        spacing = _number(data, "spacing", 0.2) if spacing is None else float(spacing)
+        spacing = _given(spacing, data, "spacing", 0.2)
         if not 0.0 < spacing < float("inf"):
             raise SettingError(f"spacing is {spacing!r}; it must be finite and above 0")
-        clearance = nonnegative("clearance", _number(data, "clearance", 0.03) if clearance is None else clearance)
-        segments = tuple(_segment(entry, i) for i, entry in enumerate(_list(data, "segments")))
-        handrails = tuple(_handrail(entry, i) for i, entry in enumerate(_list(data, "handrails")))
-        rows = [_point(entry, i) for i, entry in enumerate(_list(data, "points"))]
+        clearance = nonnegative("clearance", _given(clearance, data, "clearance", 0.03))
+        segments = tuple(
+            _segment(entry, i) for i, entry in enumerate(entries(data.get("segments", []), "segments", MapError))
+        )
+        handrails = tuple(
+            _handrail(entry, i) for i, entry in enumerate(entries(data.get("handrails", []), "handrails", MapError))
+        )
+        points = entries(data.get("points", []), "points", MapError, MOST_POINTS)
+        rows = [_point(entry, i) for i, entry in enumerate(points)]
         for segment in segments:
-            rows.extend(_discretise(segment, spacing))
-        rows = [row for row in rows if not _blocked(row, handrails, clearance)]
+            rows.extend(_discretise(segment, spacing, MOST_POINTS - len(rows)))
+        rows = _clear_of_handrails(rows, handrails, clearance)
         if not rows:
             raise MapError("the map has no graspable point")
         ids, faces, positions, rotations, _ = zip(*rows, strict=True)
@@ -270,11 +282,11 @@ class GraspMap:
             rotations=np.array(rotations),
             faces=faces,
             cabin=cabin,
-            name=str(data.get("name", name)),
+            name=data.get("name", name),
             segments=segments,
             handrails=handrails,
             boxes=(
-                *module_boxes(data.get("scene", {}), data.get("racks", [])),
+                *module_boxes(data.get("scene", {}), entries(data.get("racks", []), "racks", MapError)),
                 *map(track_box, segments),
                 *(box for rail in handrails for box in handrail_boxes(rail)),
                 *boxes_from(data.get("boxes", []), "panel"),
@@ -310,22 +322,25 @@ def _map_of_fields(data: dict[str, Any]) -> GraspMap:
         if (name in data) != (name in _FIELDS):
             fault = "is missing" if name in _FIELDS else "is unknown"
             raise MapError(f"field {name!r} of the map {fault}; a map with 'ids' has {', '.join(_FIELDS)}")
-    ids, faces = tuple(_list(data, "ids")), tuple(_list(data, "faces"))
+    ids, faces = (tuple(entries(data[name], name, MapError, MOST_POINTS)) for name in ("ids", "faces"))
     if not all(isinstance(name, str) for name in (*ids, *faces)):
         raise MapError("ids and faces must be lists of strings")
     if len(ids) != len(faces):
         raise MapError(f"the map has {len(ids)} ids but {len(faces)} faces")
-    arrays: dict[str, NDArray[np.float64]] = {}
-    for name in ("positions", "rotations", "cabin"):
-        try:
-            arrays[name] = np.array(data[name], dtype=np.float64)
-        except (TypeError, ValueError, OverflowError):
-            raise MapError(f"{name} must be numbers in equal rows") from None
+    shapes = {"positions": (len(ids), 3), "rotations": (len(ids), 3, 3), "cabin": (2, 3)}
+    arrays = {
+        name: numbers(data[name], shape, name, MapError, LONGEST if name != "rotations" else np.inf)
+        for name, shape in shapes.items()
+    }
     return GraspMap(
         ids=ids, faces=faces, positions=arrays["positions"], rotations=arrays["rotations"],
         cabin=arrays["cabin"], name=str(data["name"]), boxes=boxes_from(data["boxes"], "panel"),
-        segments=tuple(_segment(entry, i) for i, entry in enumerate(_list(data, "segments"))),
-        handrails=tuple(_handrail(entry, i) for i, entry in enumerate(_list(data, "handrails"))),
+        segments=tuple(
+            _segment(entry, i) for i, entry in enumerate(entries(data["segments"], "segments", MapError))
+        ),
+        handrails=tuple(
+            _handrail(entry, i) for i, entry in enumerate(entries(data["handrails"], "handrails", MapError))
+        ),
     )  # fmt: skip
 
 
@@ -333,13 +348,12 @@ _Row = tuple[str, str, NDArray[np.float64], NDArray[np.float64], float]
 """Id, face, position, rotation, width of the rail across [m]."""
 
 
-def _check_point(point: str, face: str, position: NDArray[np.float64], rotation: NDArray[np.float64]) -> None:
+def _check_point(point: str, face: str, position: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
+    text(point, "the id of a point", MapError)
     if face not in FACES:
-        raise MapError(f"point {point!r}: unknown face {face!r}; valid faces are {', '.join(FACES)}")
-    if not (np.isfinite(position).all() and np.isfinite(rotation).all()):
-        raise MapError(f"point {point!r}: position and rotation must be finite")
-    if np.abs(rotation.T @ rotation - np.eye(3)).max() > 1e-5 or np.linalg.det(rotation) < 0.0:
-        raise MapError(f"point {point!r}: rotation must be a right-handed rotation matrix")
+        raise MapError(f"point {point!r}: unknown face {shown(face)}; valid faces are {', '.join(FACES)}")
+    numbers(position, (3,), f"point {point!r}: position", MapError, LONGEST)
+    rotation(turn, f"point {point!r}: rotation", MapError)
 
 
 def _frame(where: str, rail: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -354,55 +368,50 @@ def _frame(where: str, rail: NDArray[np.float64], normal: NDArray[np.float64]) -
     return np.column_stack([rail, np.cross(normal, rail), normal])
 
 
-def _discretise(segment: Segment, spacing: float) -> list[_Row]:
-    """Points at multiples of `spacing` either side of the segment's middle."""
+def _discretise(segment: Segment, spacing: float, room: int) -> list[_Row]:
+    """Points at multiples of `spacing` either side of the segment's middle, at most `room` of them."""
     start, end = np.array(segment.start), np.array(segment.end)
     length = float(np.linalg.norm(end - start))
-    rotation = _frame(f"segment {segment.id!r}", end - start, np.array(segment.normal))
+    frame = _frame(f"segment {segment.id!r}", end - start, np.array(segment.normal))
+    if length > spacing * room:
+        raise MapError(
+            f"segment {segment.id!r} of {length:g} m has too many points {spacing:g} m apart: "
+            f"a map has at most {MOST_POINTS}; take a larger spacing"
+        )
     half = int(np.floor(0.5 * length / spacing + 1e-9))
     middle = 0.5 * (start + end)
     return [
-        (f"{segment.id}:{k + half}", segment.face, middle + k * spacing * rotation[:, 0], rotation, segment.width)
+        (f"{segment.id}:{k + half}", segment.face, middle + k * spacing * frame[:, 0], frame, segment.width)
         for k in range(-half, half + 1)
     ]
 
 
-def _blocked(row: _Row, handrails: tuple[Handrail, ...], clearance: float) -> bool:
-    """Whether the rail's strip at a point comes within `clearance` of a handrail's footprint."""
-    _, face, position, rotation, width = row
-    reach = clearance + 0.5 * width * np.abs(rotation[:, 1])
-    plane = np.abs(rotation[:, 2]) < 0.5
-    return any(
-        rail.face == face
-        and bool(((np.array(rail.min) - reach <= position) & (position <= np.array(rail.max) + reach))[plane].all())
-        for rail in handrails
-    )
+def _clear_of_handrails(rows: list[_Row], handrails: tuple[Handrail, ...], clearance: float) -> list[_Row]:
+    """Points whose rail's strip keeps `clearance` from the footprint of every handrail on their face."""
+    if not rows:
+        return []
+    faces, positions = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
+    frames, width = np.array([row[3] for row in rows]), np.array([row[4] for row in rows])
+    reach = clearance + 0.5 * width[:, None] * np.abs(frames[:, :, 1])
+    across = np.abs(frames[:, :, 2]) >= 0.5
+    free = np.ones(len(rows), dtype=np.bool_)
+    for rail in handrails:
+        inside = (np.array(rail.min) - reach <= positions) & (positions <= np.array(rail.max) + reach)
+        free &= ~((faces == rail.face) & (inside | across).all(axis=1))
+    return [row for row, kept in zip(rows, free, strict=True) if kept]
 
 
-def _list(data: dict[str, Any], key: str) -> list[Any]:
-    value = data.get(key, [])
-    if not isinstance(value, list):
-        raise MapError(f"{key} must be a list")
-    return value
-
-
-def _number(data: dict[str, Any], key: str, default: float) -> float:
-    value = data.get(key, default)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise MapError(f"{key} is {value!r}; it must be a number")
-    return float(value)
+def _given(argument: float | None, data: dict[str, Any], key: str, default: float) -> float:
+    """The argument, or what the data says in its place."""
+    if argument is not None:
+        return number(argument, key, SettingError)
+    return number(data.get(key, default), key, MapError)
 
 
 def _vector(entry: dict[str, Any], key: str, where: str) -> NDArray[np.float64]:
-    try:
-        vector = np.array(entry[key], dtype=np.float64)
-    except KeyError:
-        raise MapError(f"{where}: {key!r} is missing") from None
-    except (TypeError, ValueError):
-        raise MapError(f"{where}: {key} {entry[key]!r} must be three numbers") from None
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise MapError(f"{where}: {key} {entry[key]!r} must be three finite numbers")
-    return vector
+    if key not in entry:
+        raise MapError(f"{where}: {key!r} is missing")
+    return numbers(entry[key], (3,), f"{where}: {key}", MapError, LONGEST)
 
 
 def _triple(entry: dict[str, Any], key: str, where: str) -> tuple[float, float, float]:
@@ -413,13 +422,12 @@ def _triple(entry: dict[str, Any], key: str, where: str) -> tuple[float, float, 
 def _header(entry: Any, kind: str, i: int) -> tuple[str, str, str]:
     if not isinstance(entry, dict):
         raise MapError(f"{kind} number {i} must be an object")
-    if not isinstance(entry.get("id"), str) or not entry["id"]:
-        raise MapError(f"{kind} number {i}: 'id' must be a non-empty string")
-    where = f"{kind} {entry['id']!r}"
+    name = text(entry.get("id"), f"{kind} number {i}: 'id'", MapError)
+    where = f"{kind} {name!r}"
     face = entry.get("face")
     if face not in FACES:
-        raise MapError(f"{where}: unknown face {face!r}; valid faces are {', '.join(FACES)}")
-    return entry["id"], face, where
+        raise MapError(f"{where}: unknown face {shown(face)}; valid faces are {', '.join(FACES)}")
+    return name, face, where
 
 
 def _point(entry: Any, i: int) -> _Row:
@@ -436,20 +444,22 @@ def _segment(entry: Any, i: int) -> Segment:
         start=_triple(entry, "start", where),
         end=_triple(entry, "end", where),
         normal=_triple(entry, "normal", where),
-        width=_number(entry, "width", 0.0256),
-        thickness=_number(entry, "thickness", 0.013),
+        width=number(entry.get("width", 0.0256), f"{where}: width", MapError, LONGEST),
+        thickness=number(entry.get("thickness", 0.013), f"{where}: thickness", MapError, LONGEST),
     )
 
 
 def _handrail(entry: Any, i: int) -> Handrail:
     rail, face, where = _header(entry, "handrail", i)
-    bar = "bar_min" in entry and "bar_max" in entry
+    bar, axis = "bar_min" in entry and "bar_max" in entry, entry.get("axis", "x")
+    if axis not in ("x", "y", "z"):
+        raise MapError(f"{where}: unknown axis {shown(axis)}; valid axes are x, y, z")
     return Handrail(
         id=rail,
         face=face,
         min=_triple(entry, "min", where),
         max=_triple(entry, "max", where),
-        axis=str(entry.get("axis", "x")),
+        axis=axis,
         bar_min=_triple(entry, "bar_min", where) if bar else None,
         bar_max=_triple(entry, "bar_max", where) if bar else None,
     )

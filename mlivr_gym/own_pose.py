@@ -15,6 +15,7 @@ from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.posture import Postures
 from mlivr_gym.posture_kernels import choices_along
 from mlivr_gym.ur_kinematics import inverse_kinematics
+from mlivr_gym.values import LONGEST, numbers
 
 if TYPE_CHECKING:
     from mlivr_gym.stance_graph import StanceGraph
@@ -34,14 +35,10 @@ def own_pose(pose: Any) -> tuple[float, ...]:
     Raises:
         SettingError: If they are not seven finite numbers or the quaternion's length is not 1 within 1 %.
     """
-    try:
-        given = np.concatenate([np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in pose])
-    except (TypeError, ValueError, OverflowError):
-        given = np.zeros(0)
-    if given.shape != (7,) or not np.isfinite(given).all():
-        raise SettingError(
-            f"start_pose is {pose!r}; it must be x, y, z [m] and a quaternion w, x, y, z: seven finite numbers"
-        )
+    pair = isinstance(pose, tuple) and len(pose) == 2 and not any(map(np.isscalar, pose))
+    given = numbers(
+        [*pose[0], *pose[1]] if pair else pose, (7,), "start_pose (x, y, z [m], quaternion w, x, y, z)", SettingError, LONGEST
+    )  # fmt: skip
     length = float(np.linalg.norm(given[3:]))
     if abs(length - 1.0) > 0.01:
         raise SettingError(f"start_pose has a quaternion {given[3:].tolist()} of length {length:.4g}; it must be 1")
@@ -60,14 +57,9 @@ def own_joints(graph: StanceGraph, joints: Any) -> Array:
     Raises:
         SettingError: If they are not N times six finite numbers inside the joint limits.
     """
-    try:
-        given = np.array(joints, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        given = np.zeros(0)
-    if given.size != 6 * graph.limbs or not np.isfinite(given).all():
-        raise SettingError(
-            f"start_joints is {joints!r}; it must be {graph.limbs} rows of six finite numbers, one row a limb [rad]"
-        )
+    flat = isinstance(joints, list | tuple | np.ndarray) and all(map(np.isscalar, joints))
+    shape = (6 * graph.limbs,) if flat else (graph.limbs, 6)
+    given = numbers(joints, shape, "start_joints (a row of six angles a limb [rad])", SettingError)
     given = given.reshape(graph.limbs, 6)
     limits = graph.robot.limb.limits
     beyond = np.argwhere((given < limits[:, 0] - LIMIT_TOLERANCE) | (given > limits[:, 1] + LIMIT_TOLERANCE))

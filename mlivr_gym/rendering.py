@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.errors import RenderError
+from mlivr_gym.errors import RenderError, SceneError
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.shapes import Box
@@ -38,26 +38,23 @@ class SceneRenderer:
         """Compile the scene and open a GL context.
 
         Raises:
+            SceneError: If MuJoCo refuses the scene.
             RenderError: If no GL library can be used.
         """
         try:
-            from mlivr_gym.scene import scene_spec  # isort: skip
+            from mlivr_gym.scene import compiled, scene_spec  # isort: skip
             import mujoco
-
-            self.grasp_map = grasp_map
-            self.model = scene_spec(grasp_map, robot, obstacles).compile()
-            self.data = mujoco.MjData(self.model)
+        except Exception as error:  # importing MuJoCo loads the GL library
+            raise _no_gl(error) from None
+        self.grasp_map = grasp_map
+        self.model = compiled(scene_spec(grasp_map, robot, obstacles))
+        self.data = mujoco.MjData(self.model)
+        try:
             self._renderer: Any = mujoco.Renderer(self.model, height, width)
             # Registered after the GL loader's own exit hook, hence run before it.
             atexit.register(self._renderer.close)
         except Exception as error:  # GL loaders raise errors of many kinds
-            backend = os.environ.get("MUJOCO_GL", "default")
-            message = (
-                f"MuJoCo cannot render with MUJOCO_GL={backend!r} ({type(error).__name__}: {error}); install an EGL "
-                f"library (Debian: libegl1) or set MUJOCO_GL to 'egl', 'osmesa' or 'glfw' before MuJoCo is imported"
-            )
-            _forget(error)
-            raise RenderError(message) from None
+            raise _no_gl(error) from None
 
     def render(
         self,
@@ -107,6 +104,17 @@ class SceneRenderer:
         self._renderer.close()
 
 
+def _no_gl(error: Exception) -> RenderError:
+    """What to say where no picture can be rendered, from the loader's error."""
+    backend = os.environ.get("MUJOCO_GL", "default")
+    message = (
+        f"MuJoCo cannot render with MUJOCO_GL={backend!r} ({type(error).__name__}: {error}); install an EGL "
+        f"library (Debian: libegl1) or set MUJOCO_GL to 'egl', 'osmesa' or 'glfw' before MuJoCo is imported"
+    )
+    _forget(error)
+    return RenderError(message)
+
+
 def _forget(error: BaseException) -> None:
     """Let go of what a failed GL context left behind, whose own clean-up would print a traceback."""
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
@@ -124,19 +132,22 @@ class SceneWindow:
         """Open the window.
 
         Raises:
+            SceneError: If MuJoCo refuses the scene.
             RenderError: If there is no screen.
         """
         if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             # The window library would end the whole process.
             raise RenderError("render_mode='human' needs a screen and DISPLAY is not set; use render_mode='rgb_array'")
         try:
-            from mlivr_gym.scene import scene_spec  # isort: skip
+            from mlivr_gym.scene import compiled, scene_spec  # isort: skip
             import mujoco
             import mujoco.viewer
 
-            self.model = scene_spec(grasp_map, robot, obstacles).compile()
+            self.model = compiled(scene_spec(grasp_map, robot, obstacles))
             self.data = mujoco.MjData(self.model)
             self._viewer: Any = mujoco.viewer.launch_passive(self.model, self.data)
+        except SceneError:
+            raise
         except Exception as error:  # window systems raise errors of many kinds
             raise RenderError(
                 f"MuJoCo's viewer cannot open a window ({type(error).__name__}: {error}); it needs a screen. "

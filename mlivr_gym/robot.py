@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import MlivrError, RobotError
+from mlivr_gym.errors import MlivrError, RobotError, shown
+from mlivr_gym.files import read_json
 from mlivr_gym.shapes import LINKS, Capsule
+from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, entries, number, numbers, text, whole
 
 LIMB_COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
 """Colour of each limb, in the scene and in figures."""
@@ -28,8 +31,23 @@ LIMB_COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b"
 @cache
 def ur5e_data() -> dict[str, Any]:
     """Figures of the UR5e with their sources, as shipped."""
-    data: dict[str, Any] = json.loads(asset_path("ur5e.json").read_text(encoding="utf-8"))
-    return data
+    return read_json(asset_path("ur5e.json"), "robot", RobotError)
+
+
+FARTHEST_TURN = 100.0
+"""Largest joint limit or angle [rad], 16 turns; a UR joint has one either way."""
+
+MASSES = (1e-3, 1e6)
+"""Least and largest mass of a part [kg]: a gram, and twice the ISS."""
+
+SMALLEST_BODY = 1e-3
+"""Least edge of the body [m]: of one lighter and smaller MuJoCo refuses the inertia."""
+
+MOST_CAPSULES = 64
+"""Most collision shapes of a limb: the compiled checks keep them on the stack, and one bit for each."""
+
+MOST_POSES = 64
+"""Most heights or rolls that are tried for a stance; the robots that ship have four and five."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +68,17 @@ class Limb:
 
     def __post_init__(self) -> None:
         """Check lengths and limits."""
-        lengths = self.lengths
-        if not np.isfinite(lengths).all() or self.a2 == 0.0 or self.a3 == 0.0 or self.d4 == 0.0:
-            raise RobotError(f"limb lengths {lengths.tolist()} must be finite, with a2, a3 and d4 not 0")
-        limits = np.asarray(self.joint_limits, dtype=np.float64)
-        if limits.shape != (6, 2) or not (limits[:, 0] < limits[:, 1]).all():
-            raise RobotError(f"joint_limits {limits.tolist()} must be six pairs, lower below upper")
+        for name in ("d1", "a2", "a3", "d4", "d5", "d6"):
+            value = number(getattr(self, name), f"limb length {name}", RobotError, LONGEST_ROBOT)
+            if name in ("a2", "a3", "d4") and abs(value) < SMALLEST:
+                raise RobotError(f"limb length {name} is {value:g}; it must not be 0")
+            object.__setattr__(self, name, value)
+        limits = numbers(self.joint_limits, (6, 2), "joint_limits", RobotError)
+        if not (limits[:, 0] < limits[:, 1]).all() or np.abs(limits).max() > FARTHEST_TURN:
+            raise RobotError(
+                f"joint_limits {limits.tolist()} must be lower below upper, from {-FARTHEST_TURN:g} to "
+                f"{FARTHEST_TURN:g} rad"
+            )
         object.__setattr__(self, "joint_limits", tuple((float(a), float(b)) for a, b in limits))
 
     @property
@@ -147,32 +170,49 @@ class RobotSpec:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        if isinstance(self.limbs, bool) or not isinstance(self.limbs, int) or not 2 <= self.limbs <= 8:
-            raise RobotError(f"limbs is {self.limbs!r}; it must be a whole number from 2 to 8")
+        text(self.name, "the name of the robot", RobotError)
+        object.__setattr__(self, "limbs", whole(self.limbs, "limbs", RobotError, 2, 8))
         if not isinstance(self.limb, Limb):
-            raise RobotError(f"limb is {self.limb!r}; it must be a Limb")
-        for name in ("heights", "rolls"):
-            values = tuple(float(v) for v in getattr(self, name))
-            if not values or not np.isfinite(values).all():
-                raise RobotError(f"{name} {values} must be one or more finite numbers")
+            raise RobotError(f"limb is {shown(self.limb)}; it must be a Limb")
+        for name, most in (("heights", LONGEST_ROBOT), ("rolls", np.inf)):
+            given = entries(getattr(self, name), name, RobotError, MOST_POSES)
+            if not given:
+                raise RobotError(f"{name} must be one or more numbers")
+            values = numbers(given, (len(given),), name, RobotError, most).tolist()
             object.__setattr__(self, name, geometric_order(values) if name == "rolls" else tuple(sorted(values)))
-        folds = np.array(self.folds, dtype=np.float64)
-        if folds.ndim != 2 or folds.shape[1] != 5 or not 1 <= len(folds) <= 4 or not np.isfinite(folds).all():
-            raise RobotError(f"folds {self.folds} must be one to four rows of five joint angles")
-        object.__setattr__(self, "folds", tuple(tuple(row) for row in folds.tolist()))
-        if self.capsules is not None:
-            object.__setattr__(self, "capsules", tuple(self.capsules))
+        self._check_folds_and_shapes()
         for name in ("mount_radius", "tool_length", "grasp_separation", "lift"):
-            self._check(name, getattr(self, name) >= 0.0)
-        for name in ("characteristic_length", "span", "body_size", "body_mass", "gripper_mass"):
-            self._check(name, getattr(self, name) > 0.0)
+            self._check(name, 0.0, LONGEST_ROBOT)
+        for name in ("characteristic_length", "span"):
+            self._check(name, SMALLEST, LONGEST_ROBOT)
+        self._check("body_size", SMALLEST_BODY, LONGEST_ROBOT)
+        for name in ("body_mass", "gripper_mass"):
+            self._check(name, *MASSES)
         if self.span <= self.grasp_separation:
             raise RobotError(f"span is {self.span!r}; it must exceed grasp_separation {self.grasp_separation!r}")
 
-    def _check(self, name: str, valid: bool) -> None:
-        value = getattr(self, name)
-        if not (valid and np.isfinite(value)):
-            raise RobotError(f"{name} of robot {self.name!r} is {value!r}; it must be finite and not negative")
+    def _check_folds_and_shapes(self) -> None:
+        folds = entries(self.folds, "folds", RobotError)
+        if not 1 <= len(folds) <= 4:
+            raise RobotError(f"folds has {len(folds)} rows; it must have one to four, of five joint angles each")
+        rows = numbers(folds, (len(folds), 5), "folds", RobotError).tolist()
+        object.__setattr__(self, "folds", tuple(tuple(row) for row in rows))
+        if self.capsules is not None:
+            capsules = tuple(entries(self.capsules, "capsules", RobotError, MOST_CAPSULES))
+            if any(not isinstance(capsule, Capsule) for capsule in capsules):
+                raise RobotError(f"capsules are {shown(capsules)}; each must be a Capsule")
+            if all(capsule.link == "base" for capsule in capsules):
+                raise RobotError("capsules has none on a link that moves; leave it out for those of the UR5e")
+            object.__setattr__(self, "capsules", capsules)
+
+    def _check(self, name: str, least: float, most: float) -> None:
+        value = number(getattr(self, name), name, RobotError)
+        if not least <= value <= most:
+            raise RobotError(
+                f"{name} of robot {self.name!r} is {value:g}; it must lie between {least:g} and {most:g} "
+                f"{'kg' if name.endswith('mass') else 'm: lengths are in metres'}"
+            )
+        object.__setattr__(self, name, value)
 
     @property
     def mount_rotations(self) -> NDArray[np.float64]:
@@ -244,22 +284,13 @@ class RobotSpec:
         Raises:
             RobotError: naming an unknown field or a faulty value.
         """
-        try:
-            if not isinstance(data, dict):
-                raise RobotError("a robot is a JSON object")
-            for kind, given in ((cls, data), (Limb, data.get("limb", {}))):
-                known = [f.name for f in fields(kind)]
-                for name in given:
-                    if name not in known:
-                        raise RobotError(f"unknown robot field {name!r}; valid fields are {', '.join(known)}")
-            values = {**data, "limb": Limb(**data.get("limb", {}))}
-            if data.get("capsules") is not None:
-                values["capsules"] = tuple(Capsule(**entry) for entry in data["capsules"])
-            return cls(**values)
-        except (TypeError, ValueError) as error:
-            if isinstance(error, MlivrError):
-                raise
-            raise RobotError(f"faulty robot description: {error}") from None
+        if not isinstance(data, dict):
+            raise RobotError(f"a robot is a JSON object, not {shown(data)}")
+        values = {**_fields(cls, data, "robot"), "limb": Limb(**_fields(Limb, data.get("limb", {}), "limb"))}
+        if data.get("capsules") is not None:
+            capsules = entries(data["capsules"], "capsules", RobotError, MOST_CAPSULES)
+            values["capsules"] = tuple(Capsule(**_fields(Capsule, entry, "capsule")) for entry in capsules)
+        return cls(**values)
 
     @classmethod
     def load(cls, path: str | Path) -> RobotSpec:
@@ -268,11 +299,25 @@ class RobotSpec:
         Raises:
             RobotError: If the file cannot be read or a field is faulty.
         """
+        data = read_json(path, "robot", RobotError)
         try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise RobotError(f"cannot read robot {str(path)!r}: {error}") from None
-        return cls.from_dict(data)
+            return cls.from_dict(data)
+        except MlivrError as error:
+            raise type(error)(f"robot {str(path)!r}: {error}") from None
+
+
+def _fields(kind: type[Any], data: Any, what: str) -> dict[str, Any]:
+    """The data of a record, if it has known fields only, and all that have no default."""
+    if not isinstance(data, dict):
+        raise RobotError(f"{what} must be an object, not {shown(data)}")
+    known = [entry.name for entry in fields(kind)]
+    for name in data:
+        if name not in known:
+            raise RobotError(f"unknown {what} field {shown(name)}; valid fields are {', '.join(known)}")
+    for entry in fields(kind):
+        if entry.name not in data and entry.default is MISSING and entry.default_factory is MISSING:
+            raise RobotError(f"{what} lacks field {entry.name!r}")
+    return data
 
 
 MLIVR2 = RobotSpec()
@@ -292,8 +337,10 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any]) -> RobotSpec:
         return robot
     if isinstance(robot, dict):
         return RobotSpec.from_dict(robot)
-    if robot in ROBOTS:
+    if isinstance(robot, str) and robot in ROBOTS:
         return ROBOTS[robot]
-    if isinstance(robot, str) and Path(robot).is_file():
+    if isinstance(robot, str) and os.path.isfile(robot):
         return RobotSpec.load(robot)
-    raise RobotError(f"unknown robot {robot!r}; valid names are {', '.join(ROBOTS)}, or give the path of a JSON file")
+    raise RobotError(
+        f"unknown robot {shown(robot)}; valid names are {', '.join(ROBOTS)}, or give the path of a JSON file"
+    )

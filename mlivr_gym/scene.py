@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.errors import SceneError, ShapeError
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.limb_shapes import LimbShapes
 from mlivr_gym.robot import LIMB_COLOURS, RobotSpec, ur5e_data
-from mlivr_gym.shapes import LINKS, Box, Capsule
+from mlivr_gym.shapes import BOX, LINKS, POINT, Box, Capsule, once, scene_name
 
 Array = NDArray[np.float64]
 
@@ -50,13 +51,18 @@ def rgba(colour: str) -> tuple[float, float, float, float]:
 def scene_spec(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()) -> mujoco.MjSpec:
     """Scene of a robot in a cabin.
 
-    Its geoms are the shapes that collisions are checked with; boxes have their ids as names, capsules of limb i
+    Its geoms are the shapes that collisions are checked with; boxes are called `"box/{id}"`, capsules of limb i
     `"limb{i}/{link}/{number}"`, the body `"body"`. Pairs of a limb's links that cannot meet are excluded.
 
     The robot's body is `"base"` with free joint `"base"`; joint k of limb i is `"limb{i}/joint{k}"`, its
-    flange frame is site `"limb{i}/flange"`, its grasp point site `"limb{i}/grasp"`. Graspable points are sites named by
-    their ids.
+    flange frame is site `"limb{i}/flange"`, its grasp point site `"limb{i}/grasp"`. Graspable points are sites
+    `"point/{id}"`.
+
+    Raises:
+        ShapeError: If two boxes have the same id.
     """
+    boxes = (*grasp_map.boxes, *obstacles)
+    once([box.id for box in boxes], "box", ShapeError)
     spec = mujoco.MjSpec()
     spec.modelname = f"{grasp_map.name}-{robot.name}"
     spec.compiler.degree = False  # MuJoCo would take the ranges of joints for degrees
@@ -88,9 +94,9 @@ def scene_spec(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] =
             pos=[float(low[0] if side > 0 else high[0]), 0.0, 0.0], dir=[side, 0.0, 0.0],
             type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, diffuse=[0.3, 0.3, 0.3], castshadow=False,
         )  # fmt: skip
-    for box in (*grasp_map.boxes, *obstacles):
+    for box in boxes:
         world.add_geom(
-            name=box.id, type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre, size=box.half, rgba=_COLOURS[box.kind],
+            name=scene_name(BOX, box.id), type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre, size=box.half, rgba=_COLOURS[box.kind],
             material="metal" if box.kind in _METAL else "matt", group=FACE_GROUPS.get(box.face, 0),
             contype=SURROUNDINGS, conaffinity=ROBOT, quat=_quaternion(np.array(box.rotation)),
         )  # fmt: skip
@@ -98,11 +104,23 @@ def scene_spec(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] =
         grasp_map.ids, grasp_map.faces, grasp_map.positions, grasp_map.rotations, strict=True
     ):
         world.add_site(
-            name=point, pos=position, quat=_quaternion(rotation), type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            name=scene_name(POINT, point), pos=position, quat=_quaternion(rotation), type=mujoco.mjtGeom.mjGEOM_CYLINDER,
             size=[0.016, 0.003, 0.0], rgba=_POINT, group=FACE_GROUPS[face],
         )  # fmt: skip
     _add_robot(spec, robot)
     return spec
+
+
+def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model of a scene.
+
+    Raises:
+        SceneError: If MuJoCo refuses it, with its reason.
+    """
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise SceneError(f"MuJoCo cannot build scene {spec.modelname!r}: {' '.join(str(error).split())}") from None
 
 
 def set_configuration(

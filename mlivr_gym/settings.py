@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mlivr_gym.errors import MlivrError, nonnegative
+import numpy as np
+
+from mlivr_gym.errors import MlivrError, SettingError, nonnegative, shown
+from mlivr_gym.values import LONGEST_ROBOT
 
 GRAPH_RULES = 2
 """Number of the rules by which postures and steps are chosen; 1 was version 0.1.0.
@@ -76,9 +79,14 @@ class Settings:
     clearance: float = CLEARANCE
 
     def __post_init__(self) -> None:
-        """Check the thresholds."""
+        """Check switches and thresholds."""
+        for name in ("manipulability", "transitions", "collisions"):
+            if not isinstance(getattr(self, name), (bool, np.bool_)):
+                raise SettingError(f"{name} is {shown(getattr(self, name))}; it must be true or false")
         for name in ("limb_threshold", "path_floor", "clearance"):
             object.__setattr__(self, name, nonnegative(name, getattr(self, name)))
+        if self.clearance > LONGEST_ROBOT:
+            raise SettingError(f"clearance is {self.clearance:g} m; it must be at most {LONGEST_ROBOT:g} m")
         if self.base_threshold is not None:
             object.__setattr__(self, "base_threshold", nonnegative("base_threshold", self.base_threshold))
 

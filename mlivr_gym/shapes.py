@@ -5,7 +5,6 @@ Surroundings are boxes. A limb is a set of capsules fixed to its links; the robo
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +14,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.errors import ShapeError
+from mlivr_gym.errors import MlivrError, ShapeError, shown
+from mlivr_gym.files import read_json
+from mlivr_gym.values import (
+    LONGEST,
+    LONGEST_ROBOT,
+    MOST_POINTS,
+    SMALLEST,
+    entries,
+    number,
+    numbers,
+    rotation,
+    text,
+)
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -26,7 +37,22 @@ LINKS = ("base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wris
 KINDS = ("panel", "rack", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
 """What a box can be."""
 
+BOX, POINT = "box/", "point/"
+"""What the names of boxes and of graspable points begin with in the MuJoCo scene."""
+
 UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def scene_name(kind: str, name: str) -> str:
+    """The name in the MuJoCo scene of something that a user has named.
+
+    Shapes and sites of the robot are called `"body"` or `"limb..."`, so no name that is given can be taken for one.
+
+    Args:
+        kind: `BOX` or `POINT`.
+        name: Its id.
+    """
+    return kind + name
 
 
 @dataclass(frozen=True)
@@ -51,17 +77,16 @@ class Box:
 
     def __post_init__(self) -> None:
         """Check every figure."""
+        text(self.id, "the id of a box", ShapeError)
         if self.kind not in KINDS:
-            raise ShapeError(f"box {self.id!r}: unknown kind {self.kind!r}; valid kinds are {', '.join(KINDS)}")
-        for name, shape in (("centre", (3,)), ("half", (3,)), ("rotation", (3, 3))):
-            array = _numbers(getattr(self, name), shape, f"box {self.id!r}: {name}")
-            values = array.tolist()
-            object.__setattr__(self, name, tuple(map(tuple, values)) if name == "rotation" else tuple(values))
-        if min(self.half) <= 0.0:
-            raise ShapeError(f"box {self.id!r}: half edges {list(self.half)} must be above 0")
-        turned = np.array(self.rotation)
-        if np.abs(turned.T @ turned - np.eye(3)).max() > 1e-5 or np.linalg.det(turned) < 0.0:
-            raise ShapeError(f"box {self.id!r}: rotation must be a right-handed rotation matrix")
+            raise ShapeError(f"box {self.id!r}: unknown kind {shown(self.kind)}; valid kinds are {', '.join(KINDS)}")
+        where = f"box {self.id!r}:"
+        for name in ("centre", "half"):
+            values = numbers(getattr(self, name), (3,), f"{where} {name}", ShapeError, LONGEST)
+            object.__setattr__(self, name, _triple(values))
+        if min(self.half) < SMALLEST:
+            raise ShapeError(f"{where} half edges {list(self.half)} must be above 0 (at least {SMALLEST:g} m)")
+        object.__setattr__(self, "rotation", Box.rows(rotation(self.rotation, f"{where} rotation", ShapeError)))
 
     @staticmethod
     def rows(rotation: Array) -> tuple[Triple, Triple, Triple]:
@@ -72,10 +97,10 @@ class Box:
     @classmethod
     def between(cls, id: str, kind: str, low: Sequence[float], high: Sequence[float], face: str = "") -> Box:
         """A box along the axes from its lower to its upper corner [m]."""
-        lower = _numbers(low, (3,), f"box {id!r}: min")
-        upper = _numbers(high, (3,), f"box {id!r}: max")
+        lower = numbers(low, (3,), f"box {shown(id)}: min", ShapeError, LONGEST)
+        upper = numbers(high, (3,), f"box {shown(id)}: max", ShapeError, LONGEST)
         if not (lower < upper).all():
-            raise ShapeError(f"box {id!r}: min {lower.tolist()} must be below max {upper.tolist()}")
+            raise ShapeError(f"box {shown(id)}: min {lower.tolist()} must be below max {upper.tolist()}")
         return cls(id, kind, _triple(0.5 * (lower + upper)), _triple(0.5 * (upper - lower)), UNIT, face)
 
     @classmethod
@@ -85,14 +110,14 @@ class Box:
         Raises:
             ShapeError: If a field is missing, unknown or faulty.
         """
-        if not isinstance(data, dict) or not isinstance(data.get("id"), str) or not data["id"]:
-            raise ShapeError(f"a box is an object with an 'id', not {data!r}")
-        name = data["id"]
+        if not isinstance(data, dict) or "id" not in data:
+            raise ShapeError(f"a box is an object with an 'id', not {shown(data)}")
+        name = text(data["id"], "the id of a box", ShapeError)
         corners, middle = {"min", "max"} <= set(data), {"centre", "half"} <= set(data)
         known = {"id", "kind", "face"} | ({"min", "max"} if corners else {"centre", "half", "rotation"})
         unknown = sorted(set(data) - known)
         if corners == middle or unknown:
-            fault = f"unknown field {unknown[0]!r}" if unknown else "its place is missing"
+            fault = f"unknown field {shown(unknown[0])}" if unknown else "its place is missing"
             raise ShapeError(
                 f"box {name!r}: {fault}; give 'min' and 'max', or 'centre', 'half' and, if turned, 'rotation'"
             )
@@ -134,26 +159,19 @@ class Capsule:
     def __post_init__(self) -> None:
         """Check every figure."""
         if self.link not in LINKS:
-            raise ShapeError(f"capsule on unknown link {self.link!r}; valid links are {', '.join(LINKS)}")
+            raise ShapeError(f"capsule on unknown link {shown(self.link)}; valid links are {', '.join(LINKS)}")
         for name in ("start", "end"):
-            ends = _triple(_numbers(getattr(self, name), (3,), f"capsule on {self.link}: {name}"))
+            where = f"capsule on {self.link}: {name}"
+            ends = _triple(numbers(getattr(self, name), (3,), where, ShapeError, LONGEST_ROBOT))
             object.__setattr__(self, name, ends)
             if self.link in LINKS[6:] and max(abs(ends[0]), abs(ends[1])) > 1e-9:
                 raise ShapeError(f"capsule on {self.link}: {name} {ends} must lie on the flange axis, x = y = 0")
-        radius = float(_numbers(self.radius, (), f"capsule on {self.link}: radius"))
-        if radius <= 0.0:
-            raise ShapeError(f"capsule on {self.link}: radius is {radius:g}; it must be above 0")
+        radius = number(self.radius, f"capsule on {self.link}: radius", ShapeError, LONGEST_ROBOT)
+        if radius < SMALLEST:
+            raise ShapeError(
+                f"capsule on {self.link}: radius is {radius:g}; it must be above 0 (at least {SMALLEST:g} m)"
+            )
         object.__setattr__(self, "radius", radius)
-
-
-def _numbers(value: Any, shape: tuple[int, ...], where: str) -> Array:
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ShapeError(f"{where} {value!r} must be numbers of shape {shape}") from None
-    if array.shape != shape or not np.isfinite(array).all():
-        raise ShapeError(f"{where} {value!r} must be finite numbers of shape {shape}")
-    return array
 
 
 def _triple(array: Array) -> Triple:
@@ -167,29 +185,36 @@ def boxes_from(data: Any, kind: str) -> tuple[Box, ...]:
     Raises:
         ShapeError: If an entry is faulty or an id appears twice.
     """
-    if not isinstance(data, (list, tuple)):
-        raise ShapeError("boxes must be a list")
-    boxes = tuple(Box.from_dict(entry, kind) for entry in data)
-    ids = [box.id for box in boxes]
-    for i, name in enumerate(ids):
-        if name in ids[:i]:
-            raise ShapeError(f"box {name!r} appears more than once")
+    boxes = tuple(Box.from_dict(entry, kind) for entry in entries(data, "boxes", ShapeError))
+    once([box.id for box in boxes], "box", ShapeError)
     return boxes
+
+
+def once(ids: Sequence[str], kind: str, error: type[MlivrError]) -> None:
+    """Refuse ids of which one appears twice.
+
+    Raises:
+        MlivrError: of the type `error`, naming it.
+    """
+    seen: set[str] = set()
+    for name in ids:
+        if name in seen:
+            raise error(f"{kind} {name!r} appears more than once")
+        seen.add(name)
 
 
 def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
     """Boxes and ids of occupied points from a JSON file `{"boxes": [...], "occupied": [...]}`; see `Box.from_dict`.
 
     Raises:
-        ShapeError: If the file cannot be read or an entry is faulty.
+        ShapeError: If the file cannot be read or an entry is faulty; the message names file and entry.
     """
+    data = read_json(path, "obstacles", ShapeError)
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise ShapeError(f"cannot read obstacles {str(path)!r}: {error}") from None
-    if not isinstance(data, dict) or set(data) - {"boxes", "occupied"}:
-        raise ShapeError(f"obstacles {str(path)!r}: must be an object with 'boxes' and 'occupied' and nothing else")
-    occupied = data.get("occupied", [])
-    if not isinstance(occupied, list) or not all(isinstance(point, str) for point in occupied):
-        raise ShapeError(f"obstacles {str(path)!r}: 'occupied' must be a list of point ids")
-    return boxes_from(data.get("boxes", []), "obstacle"), tuple(occupied)
+        if set(data) - {"boxes", "occupied"}:
+            raise ShapeError("must be an object with 'boxes' and 'occupied' and nothing else")
+        occupied = entries(data.get("occupied", []), "'occupied'", ShapeError, MOST_POINTS)
+        names = tuple(text(point, "a point of 'occupied'", ShapeError) for point in occupied)
+        return boxes_from(data.get("boxes", []), "obstacle"), names
+    except ShapeError as error:
+        raise ShapeError(f"obstacles {str(path)!r}: {error}") from None

@@ -28,8 +28,8 @@ from mlivr_gym.posture import tool_rotations
 from mlivr_gym.recording import Capture, Failure, Peaks, Recording
 from mlivr_gym.regrasp import PHASES
 from mlivr_gym.robot import RobotSpec
-from mlivr_gym.scene import set_configuration
-from mlivr_gym.shapes import Box
+from mlivr_gym.scene import compiled, set_configuration
+from mlivr_gym.shapes import BOX, Box, scene_name
 from mlivr_gym.trajectory import FREE, Trajectory
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ class Simulation:
     ) -> None:
         """Compile the model."""
         self.grasp_map, self.robot, self.physics = grasp_map, robot, physics or Physics()
-        self.model = dynamics_spec(grasp_map, robot, self.physics, obstacles).compile()
+        self.model = compiled(dynamics_spec(grasp_map, robot, self.physics, obstacles))
         self.data = mujoco.MjData(self.model)
         self.time = 0.0
         self.mass = float(self.model.body_mass.sum())
@@ -95,7 +95,7 @@ class Simulation:
         )
         self._anchors = [model.body(f"limb{i}/anchor").id for i in limbs]
         boxes = (*grasp_map.boxes, *obstacles)
-        self._boxes = np.array([model.geom(box.id).id for box in boxes], dtype=np.int64)
+        self._boxes = np.array([model.geom(scene_name(BOX, box.id)).id for box in boxes], dtype=np.int64)
         self._centres = np.array([box.centre for box in boxes]).reshape(-1, 3)
         self._halves = np.array([box.half for box in boxes]).reshape(-1, 3)
         self._axes = np.array([box.rotation for box in boxes]).reshape(-1, 3, 3)
@@ -352,7 +352,7 @@ class Simulation:
             return failure
         contact = self.data.contact[int(np.argmin(self.data.contact.dist))]
         names = [self.model.geom(int(geom)).name for geom in contact.geom]
-        robot = next(name for name in (*names, "body") if name == "body" or name.startswith("limb"))
+        robot = next(name for name in names if not name.startswith(BOX))
         limb = int(robot[4 : robot.index("/")]) if robot.startswith("limb") else -1
         message = f"{names[0]} and {names[1]} touch, {-1e3 * contact.dist:.2f} mm deep"
         return replace(failure, limb=limb, message=message, values={"depth_m": float(-contact.dist)})

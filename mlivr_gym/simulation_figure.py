@@ -59,8 +59,15 @@ def simulation_figure(
         panel.grid(alpha=0.25)
     axes[0].legend(loc="upper right", fontsize=8.5, ncols=2, frameon=False)
     axes[1].legend(loc="upper right", fontsize=8.5, ncols=limbs, frameon=False)
-    figure.suptitle(title, x=0.02, y=0.985, ha="left", fontsize=13)
+    figure.suptitle(title, x=0.02, y=0.985, ha="left", fontsize=13, parse_math=False)
     if failure is not None:
-        figure.text(0.02, 0.945, f"failed at {failure.time:.2f} s: {failure.message}", fontsize=9.5, color="#a00000")
+        figure.text(
+            0.02,
+            0.945,
+            f"failed at {failure.time:.2f} s: {failure.message}",
+            fontsize=9.5,
+            color="#a00000",
+            parse_math=False,
+        )
     figure.subplots_adjust(left=0.09, right=0.985, bottom=0.06, top=0.925, hspace=0.12)
     save_figure(figure, path)

@@ -19,7 +19,7 @@ from mlivr_gym.bodies import Bodies
 from mlivr_gym.clear_kernels import clear_of_world, hands_clear
 from mlivr_gym.compiled import in_parallel, is_cached, second_process
 from mlivr_gym.distance_kernels import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
-from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
+from mlivr_gym.errors import MapError, RobotError, SettingError, ShapeError, StanceError
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.own_pose import masks_of_joints, own_joints, own_pose, own_pose_fault, rotation_of
 from mlivr_gym.posture import FIELDS, Postures, PostureSolver
@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+
+MOST_PAIRS = 2_000_000
+"""Most ordered pairs of points that are worked out: about those of the JEM with points every 0.03 m, gigabytes and minutes."""
 
 TOUCHED = {
     UNDECIDED: "something", SELF: "the robot itself", CABIN: "the cabin", HANDRAIL: "a handrail", OBSTACLE: "an obstacle",
@@ -70,7 +73,14 @@ class StanceGraph(StepChecks):
         self.solver = self.solver_class(grasp_map, robot, settings)
         self.limb_threshold, self.base_threshold = settings.thresholds(robot.limbs)
         positions = grasp_map.positions
-        pairs = cKDTree(positions).query_pairs(robot.span + 1e-9, output_type="ndarray").astype(np.int64)
+        tree = cKDTree(positions)
+        near = int(tree.count_neighbors(tree, robot.span)) - len(grasp_map)
+        if near > MOST_PAIRS:
+            raise MapError(
+                f"map {grasp_map.name!r} has {near} pairs of points within the span of {robot.span:g} m; "
+                f"at most {MOST_PAIRS} can be worked out: take a larger spacing or a smaller span"
+            )
+        pairs = tree.query_pairs(robot.span + 1e-9, output_type="ndarray").astype(np.int64)
         distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
         pairs = pairs[distance >= robot.grasp_separation - 1e-9]
         both = np.concatenate([pairs, pairs[:, ::-1]])
@@ -94,15 +104,15 @@ class StanceGraph(StepChecks):
         Nothing is worked out again but what lies near, and that when it is asked for. Stances keep their postures.
 
         Raises:
-            ShapeError: If a box of that id is there already.
+            ShapeError: If a box of that id is there already, on the map or as an obstacle.
             SettingError: If collisions are not checked.
         """
         if boxes and not self.settings.collisions:
             raise SettingError("obstacles need collisions=True; this stance graph does not look at collisions")
-        ids = [box.id for box in self.obstacles]
+        ids = [box.id for box in (*self.grasp_map.boxes, *self.obstacles)]
         for box in boxes:
             if box.id in ids:
-                raise ShapeError(f"obstacle {box.id!r} is there already")
+                raise ShapeError(f"a box {box.id!r} is there already")
             ids.append(box.id)
         if boxes:
             self._set_obstacles((*self.obstacles, *boxes), self.occupied)

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mlivr_gym.errors import MapError, shown
 from mlivr_gym.shapes import Array, Box
+from mlivr_gym.values import LONGEST, numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,23 +23,50 @@ def _box(id: str, kind: str, face: str, centre: Any, half: Any, rotation: Array 
     return Box(id, kind, tuple(centre), tuple(half), Box.rows(np.eye(3) if rotation is None else rotation), face)
 
 
-def module_boxes(figures: dict[str, Any], racks: list[dict[str, Any]]) -> Iterator[Box]:
+class _Figures:
+    """Figures of a map's `scene`, each by its dotted name."""
+
+    def __init__(self, data: Any, where: str = "scene") -> None:
+        self._data, self._where = data, where
+
+    def get(self, name: str, *shape: int) -> Any:
+        """A number or, with a shape, nested lists of numbers [m].
+
+        Raises:
+            MapError: If it is missing or faulty.
+        """
+        found, path = self._data, self._where
+        for key in name.split("."):
+            if not isinstance(found, dict):
+                raise MapError(f"{path} must be an object, not {shown(found)}")
+            path = f"{path}.{key}"
+            if key not in found:
+                raise MapError(f"{path} is missing")
+            found = found[key]
+        return numbers(found, shape, path, MapError, LONGEST).tolist()
+
+
+def module_boxes(scene: Any, racks: list[Any]) -> Iterator[Box]:
     """Racks, corner closeouts and end bulkheads of a module, where the figures are given.
 
     Args:
-        figures: The map's `scene`: plane of the rack fronts on each face, rack sections, closeouts and ends [m].
+        scene: The map's `scene`: plane of the rack fronts on each face, rack sections, closeouts and ends [m].
         racks: Face and centre of each rack [m].
+
+    Raises:
+        MapError: If a figure is missing or faulty; the message names it.
     """
-    planes = figures.get("panel_planes")
-    if not planes:
+    if not isinstance(scene, dict):
+        raise MapError(f"scene must be an object, not {shown(scene)}")
+    if not scene.get("panel_planes"):
         return
-    start, end = figures["rack_zone_x"]
-    middle, half_x = 0.5 * (start + end), 0.5 * (end - start)
+    figures = _Figures(scene)
     levels = {
-        "deck": planes["deck_z"], "overhead": planes["overhead_z"],
-        "forward": planes["forward_y"], "aft": planes["aft_y"],
+        "deck": figures.get("panel_planes.deck_z"), "overhead": figures.get("panel_planes.overhead_z"),
+        "forward": figures.get("panel_planes.forward_y"), "aft": figures.get("panel_planes.aft_y"),
     }  # fmt: skip
-    half_width, half_length = 0.5 * figures["rack_outer_span"], 0.5 * figures["rack_post_length"]
+    start, end = figures.get("rack_zone_x", 2)
+    middle, half_x = 0.5 * (start + end), 0.5 * (end - start)
     for face, (axis, sign) in FACE_AXES.items():
         run = 3 - axis
         centre, half = np.zeros(3), np.zeros(3)
@@ -45,15 +74,30 @@ def module_boxes(figures: dict[str, Any], racks: list[dict[str, Any]]) -> Iterat
         centre[axis], half[axis] = levels[face] - sign * 0.06, 0.02
         centre[run], half[run] = 0.5 * sum(levels[f] for f, (a, _) in FACE_AXES.items() if a == run), 1.02
         yield _box(f"{face}/shell", "panel", face, centre, half)
-    for rack in racks:
-        axis, sign = FACE_AXES[rack["face"]]
+    yield from _racks(figures, racks, levels)
+    yield from _closeouts(figures, middle, half_x)
+    yield from _ends(figures)
+
+
+def _racks(figures: _Figures, racks: list[Any], levels: dict[str, float]) -> Iterator[Box]:
+    half_width, half_length = 0.5 * figures.get("rack_outer_span"), 0.5 * figures.get("rack_post_length")
+    for number, entry in enumerate(racks):
+        rack = _Figures(entry, f"racks[{number}]")
+        x, run_centre = rack.get("x_centre"), rack.get("run_centre")
+        face = entry.get("face")
+        if face not in tuple(FACE_AXES):
+            raise MapError(f"racks[{number}]: unknown face {shown(face)}; valid faces are {', '.join(FACE_AXES)}")
+        axis, sign = FACE_AXES[face]
         run = 3 - axis
         centre, half = np.zeros(3), np.zeros(3)
-        centre[0], half[0] = rack["x_centre"], half_width
-        centre[axis], half[axis] = levels[rack["face"]] - sign * 0.02, 0.02
-        centre[run], half[run] = rack["run_centre"], half_length
-        yield _box(rack["id"], "rack", rack["face"], centre, half)
-    (y0, z0), (y1, z1) = figures["corner_closeout"]
+        centre[0], half[0] = x, half_width
+        centre[axis], half[axis] = levels[face] - sign * 0.02, 0.02
+        centre[run], half[run] = run_centre, half_length
+        yield _box(entry.get("id"), "rack", face, centre, half)
+
+
+def _closeouts(figures: _Figures, middle: float, half_x: float) -> Iterator[Box]:
+    (y0, z0), (y1, z1) = figures.get("corner_closeout", 2, 2)
     for sy in (-1.0, 1.0):
         for sz in (-1.0, 1.0):
             angle = np.arctan2(sz * (z1 - z0), sy * (y1 - y0))
@@ -62,22 +106,27 @@ def module_boxes(figures: dict[str, Any], racks: list[dict[str, Any]]) -> Iterat
             centre = np.array([middle, sy * 0.5 * (y0 + y1), sz * 0.5 * (z0 + z1)])
             face, side = "deck" if sz < 0 else "overhead", "forward" if sy < 0 else "aft"
             yield _box(f"{face}/{side}/closeout", "closeout", face, centre, (half_x, 0.09, 0.01), rotation)
-    zone = figures["airlock_end"]
-    centre_x, half_x = 0.5 * sum(zone["x"]), 0.5 * (zone["x"][1] - zone["x"][0])
-    for face, at in (("deck", zone["deck_z"]), ("overhead", zone["upper_z"][1])):
-        yield _box(f"{face}/airlock_end", "panel", face, (centre_x, 0.0, at), (half_x, zone["y"][1], 0.01))
-    for face, at in (("forward", zone["y"][0]), ("aft", zone["y"][1])):
+
+
+def _ends(figures: _Figures) -> Iterator[Box]:
+    """What closes the module at the airlock and at Node 2."""
+    (x0, x1), (y0, y1) = figures.get("airlock_end.x", 2), figures.get("airlock_end.y", 2)
+    centre_x, half_x = 0.5 * (x0 + x1), 0.5 * (x1 - x0)
+    upper = figures.get("airlock_end.upper_z", 2)[1]
+    for face, at in (("deck", figures.get("airlock_end.deck_z")), ("overhead", upper)):
+        yield _box(f"{face}/airlock_end", "panel", face, (centre_x, 0.0, at), (half_x, y1, 0.01))
+    for face, at in (("forward", y0), ("aft", y1)):
         yield _box(f"{face}/airlock_end", "panel", face, (centre_x, at, -0.05), (half_x, 0.01, 1.1))
-    opening, passage = figures["node2_opening"], figures["node2_vestibule"]
-    middle_yz = [0.5 * sum(opening["y"]), 0.5 * sum(opening["z"])]
-    yield from _ring("node2/bulkhead", "starboard", (-0.02, 0.0), 1.13, middle_yz, 0.6325)
-    sides = [0.5 * (passage[axis][1] - passage[axis][0]) for axis in "yz"]
-    middle_yz = [0.5 * sum(passage[axis]) for axis in "yz"]
-    yield from _ring("node2/passage", "starboard", passage["x"], max(sides) + 0.02, middle_yz, max(sides))
-    airlock, end_x = figures["airlock"], zone["x"][1]
-    centre, inner = airlock["centre_yz"], airlock["inner_radius"]
-    yield from _ring("airlock/bulkhead", "port", (end_x, end_x + 0.02), 1.43, centre, inner)
-    yield from _ring("airlock/tube", "port", (airlock["x"][0], end_x), None, centre, inner, airlock["outer_radius"])
+    opening = [figures.get(f"node2_opening.{axis}", 2) for axis in "yz"]
+    passage = [figures.get(f"node2_vestibule.{axis}", 2) for axis in "yz"]
+    yield from _ring("node2/bulkhead", "starboard", (-0.02, 0.0), 1.13, [0.5 * sum(side) for side in opening], 0.6325)
+    half = max(0.5 * (high - low) for low, high in passage)
+    middle_yz, x = [0.5 * sum(side) for side in passage], figures.get("node2_vestibule.x", 2)
+    yield from _ring("node2/passage", "starboard", x, half + 0.02, middle_yz, half)
+    centre, inner = figures.get("airlock.centre_yz", 2), figures.get("airlock.inner_radius")
+    yield from _ring("airlock/bulkhead", "port", (x1, x1 + 0.02), 1.43, centre, inner)
+    tube = (figures.get("airlock.x", 2)[0], x1)
+    yield from _ring("airlock/tube", "port", tube, None, centre, inner, figures.get("airlock.outer_radius"))
 
 
 def _ring(

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.files import write_whole
+from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.pair_graph import PairGraph
@@ -58,8 +58,7 @@ PAPER: dict[int, dict[str, float]] = {
 
 def default_setup() -> dict[str, Any]:
     """The calibrated start (point ids), goal [m] and seed."""
-    data: dict[str, Any] = json.loads(SETUP.read_text(encoding="utf-8"))
-    return data
+    return read_json(SETUP, "setup of Table I")
 
 
 def case_map(case: int, setup: dict[str, Any]) -> GraspMap:

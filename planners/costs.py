@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from mlivr_gym.errors import SettingError, choice, nonnegative
 
+HIGHEST_PRICE = 1e6
+"""Largest price of a regrasp [m]; beyond it displacements are lost in rounding."""
+
 NAMES = ("base", "steps", "weighted")
 """Names of the costs."""
 
@@ -43,13 +46,16 @@ class Cost:
             regrasp_price: Metres charged for a regrasp; only for `"weighted"`.
 
         Raises:
-            SettingError: If the name is unknown or the price is missing, misplaced or below zero.
+            SettingError: If the name is unknown or the price is missing, misplaced, below zero or too high.
         """
         choice("cost", name, NAMES)
         if (name == "weighted") != (regrasp_price is not None):
             raise SettingError(f"regrasp_price is {regrasp_price!r}; it goes with cost 'weighted' and only with it")
         if regrasp_price is not None:
-            return cls(name, 1.0, nonnegative("regrasp_price", regrasp_price))
+            price = nonnegative("regrasp_price", regrasp_price)
+            if price > HIGHEST_PRICE:
+                raise SettingError(f"regrasp_price is {price:g}; it must be at most {HIGHEST_PRICE:g}")
+            return cls(name, 1.0, price)
         return cls(name, float(name == "base"), float(name == "steps"))
 
     def heuristic(

@@ -10,17 +10,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.errors import PlanError
-from mlivr_gym.files import write_whole
+from mlivr_gym.base_path import PATH_KINDS
+from mlivr_gym.errors import MlivrError, PlanError, choice, nonnegative, shown
+from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.grasp_map import GraspMap
-from mlivr_gym.robot import RobotSpec
+from mlivr_gym.planners.costs import NAMES
+from mlivr_gym.robot import FARTHEST_TURN, RobotSpec
 from mlivr_gym.settings import GRAPH_RULES, Settings, check_rules
 from mlivr_gym.shapes import Box, boxes_from
+from mlivr_gym.swing import SWING_KINDS
+from mlivr_gym.values import LONGEST, MOST_POINTS, entries, numbers, text, whole
 
 Array = NDArray[np.float64]
 
 FORMAT = 2
 """Version of the file format."""
+
+BRANCHES = 8
+"""Inverse-kinematics branches of a limb."""
+
+MOST_STEPS = 10_000
+"""Most steps of a plan that is read; a walk through the JEM and back takes about twenty."""
 
 
 @dataclass(frozen=True)
@@ -157,46 +167,30 @@ class Plan:
         """
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             given = data.get("format") if isinstance(data, dict) else type(data).__name__
-            raise PlanError(f"not a plan of format {FORMAT}: found format {given!r}")
+            raise PlanError(f"not a plan of format {FORMAT}: found format {shown(given)}")
         check_rules("the plan", data.get("rules"), "plan it anew", PlanError)
+        for name in cls.__dataclass_fields__:
+            if name not in data:
+                raise PlanError(f"the plan lacks field {name!r}")
         try:
-            values = {name: data[name] for name in cls.__dataclass_fields__}
-            for name in ("base_positions", "base_quaternions", "joint_positions", "w_m", "w_b"):
-                values[name] = np.array(values[name], dtype=np.float64)
-            values["branches"] = np.array(values["branches"], dtype=np.int64)
-            values["stances"] = tuple(tuple(map(str, stance)) for stance in values["stances"])
-            values["actions"] = tuple((int(limb), str(point)) for limb, point in values["actions"])
-            values["steps"] = tuple(_step(step) for step in values["steps"])
-            values["obstacles"] = boxes_from(values["obstacles"], "obstacle")
-            values["occupied"] = tuple(map(str, values["occupied"]))
-            values["goal"] = tuple(float(v) for v in values["goal"])
-            values["robot"] = RobotSpec.from_dict(values["robot"])
-            values["settings"] = Settings(**values["settings"])
-        except KeyError as error:
-            raise PlanError(f"the plan lacks field {error.args[0]!r}") from None
-        except (TypeError, ValueError) as error:
+            plan = cls(**_values(data))
+        except MlivrError as error:
             raise PlanError(f"the plan has a faulty field: {error}") from None
-        plan = cls(**values)
-        plan._check_shapes()
-        if grasp_map is not None and plan.map_fingerprint != grasp_map.fingerprint:
-            raise PlanError(
-                f"the plan was made on map {plan.map_name!r} ({plan.map_fingerprint}), not on {grasp_map.name!r} "
-                f"({grasp_map.fingerprint})"
-            )
+        if grasp_map is not None:
+            plan._check_map(grasp_map)
         return plan
 
-    def _check_shapes(self) -> None:
-        k, limbs = len(self.stances), self.robot.limbs
-        shapes = {
-            "base_positions": (k, 3), "base_quaternions": (k, 4), "joint_positions": (k, limbs, 6),
-            "branches": (k, limbs), "w_m": (k, limbs), "w_b": (k,),
-        }  # fmt: skip
-        for name, shape in shapes.items():
-            found = getattr(self, name).shape
-            if found != shape:
-                raise PlanError(f"the plan's {name} has shape {found}; {k} stances need {shape}")
-        if k == 0 or len(self.steps) != k - 1 or len(self.actions) != k - 1:
-            raise PlanError(f"the plan has {k} stances, {len(self.steps)} steps and {len(self.actions)} actions")
+    def _check_map(self, grasp_map: GraspMap) -> None:
+        if self.map_fingerprint != grasp_map.fingerprint:
+            raise PlanError(
+                f"the plan was made on map {self.map_name!r} ({self.map_fingerprint}), not on {grasp_map.name!r} "
+                f"({grasp_map.fingerprint})"
+            )
+        try:
+            for point in (*(point for stance in self.stances for point in stance), *self.occupied):
+                grasp_map.index(point)
+        except MlivrError as error:
+            raise PlanError(f"the plan has a faulty field: {error}") from None
 
     @classmethod
     def load(cls, path: str | Path, grasp_map: GraspMap | None = None) -> Plan:
@@ -205,13 +199,116 @@ class Plan:
         Raises:
             PlanError: If the file cannot be read or does not hold a plan for this map.
         """
+        data = read_json(path, "plan", PlanError)
         try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise PlanError(f"cannot read plan {str(path)!r}: {error}") from None
-        return cls.from_dict(data, grasp_map)
+            return cls.from_dict(data, grasp_map)
+        except PlanError as error:
+            raise PlanError(f"plan {str(path)!r}: {error}") from None
 
 
-def _step(data: dict[str, Any]) -> Step:
-    knots = tuple(tuple(float(value) for value in knot) for knot in data["knots"])
-    return Step(**{**data, "pivot": tuple(data["pivot"]), "knots": knots})
+def _values(data: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a plan from plain data, each checked; errors name the field."""
+    robot = RobotSpec.from_dict(data["robot"])
+    k, limbs = len(entries(data["stances"], "stances", PlanError, MOST_STEPS)), robot.limbs
+    stances = tuple(_texts(stance, f"stances[{i}]", limbs) for i, stance in enumerate(data["stances"]))
+    steps = tuple(_step(step, f"steps[{i}]", limbs) for i, step in enumerate(_entries(data, "steps")))
+    actions = tuple(_action(pair, f"actions[{i}]", limbs) for i, pair in enumerate(_entries(data, "actions")))
+    if k == 0 or len(steps) != k - 1 or len(actions) != k - 1:
+        raise PlanError(f"the plan has {k} stances, {len(steps)} steps and {len(actions)} actions")
+    _check_order(stances, steps, actions)
+    values: dict[str, Any] = {
+        "robot": robot, "stances": stances, "steps": steps, "actions": actions,
+        "settings": _settings(data["settings"]), "obstacles": boxes_from(data["obstacles"], "obstacle"),
+        "occupied": _texts(data["occupied"], "occupied"), "cost_name": choice("cost_name", data["cost_name"], NAMES),
+        "regrasp_price": data["regrasp_price"],
+    }  # fmt: skip
+    if values["regrasp_price"] is not None:
+        values["regrasp_price"] = nonnegative("regrasp_price", values["regrasp_price"])
+    values["goal"] = tuple(numbers(data["goal"], (3,), "goal", PlanError, LONGEST).tolist())
+    for name in ("method", "heuristic", "map_name", "map_fingerprint"):
+        values[name] = text(data[name], name, PlanError)
+    for name in ("goal_tolerance", "cost", "feasibility_time", "search_time"):
+        values[name] = nonnegative(name, data[name])
+    for name in ("expanded", "generated"):
+        values[name] = whole(data[name], name, PlanError, 0, 1 << 62)
+    return values | _arrays(data, k, limbs)
+
+
+def _arrays(data: dict[str, Any], k: int, limbs: int) -> dict[str, NDArray[Any]]:
+    """Arrays of a plan of k stances; the compiled kernels look nothing up that is not checked here."""
+    shapes = {"base_quaternions": (k, 4), "joint_positions": (k, limbs, 6), "w_m": (k, limbs), "w_b": (k,)}
+    found = {name: numbers(data[name], shape, name, PlanError) for name, shape in shapes.items()}
+    found["base_positions"] = numbers(data["base_positions"], (k, 3), "base_positions", PlanError, LONGEST)
+    if np.abs(np.linalg.norm(np.clip(found["base_quaternions"], -2.0, 2.0), axis=1) - 1.0).max() > 1e-6:
+        raise PlanError(f"base_quaternions is {shown(data['base_quaternions'])}; each must have length 1")
+    _check_angles(found["joint_positions"], "joint_positions")
+    branches = numbers(data["branches"], (k, limbs), "branches", PlanError)
+    if not np.isin(branches, range(BRANCHES)).all():
+        raise PlanError(f"branches is {shown(data['branches'])}; each must be a whole number from 0 to {BRANCHES - 1}")
+    return found | {"branches": branches.astype(np.int64)}
+
+
+def _check_angles(angles: Array, where: str) -> None:
+    if np.abs(angles).max(initial=0.0) > FARTHEST_TURN:
+        raise PlanError(f"{where} has an angle of {np.abs(angles).max():g} rad; at most {FARTHEST_TURN:g} is possible")
+
+
+def _step(data: Any, where: str, limbs: int) -> Step:
+    known = tuple(Step.__dataclass_fields__)
+    if not isinstance(data, dict) or set(data) != set(known):
+        raise PlanError(f"{where} is {shown(data)}; it must be an object with {', '.join(known)}")
+    knots = entries(data["knots"], f"{where}.knots", PlanError)
+    rows = numbers(knots, (len(knots), 7) if knots else (0,), f"{where}.knots", PlanError).reshape(-1, 7)
+    u = rows[:, 0]
+    if len(rows) and (len(rows) < 2 or u[0] != 0.0 or u[-1] != 1.0 or (np.diff(u) < 0.0).any()):
+        raise PlanError(
+            f"{where}.knots must be two or more, with base parameters that rise from 0 to 1, not {shown(u)}"
+        )
+    _check_angles(rows[:, 1:], f"{where}.knots")
+    x, y, z = numbers(data["pivot"], (3,), f"{where}.pivot", PlanError, LONGEST).tolist()
+    return Step(
+        limb=whole(data["limb"], f"{where}.limb", PlanError, 0, limbs - 1),
+        departs=text(data["departs"], f"{where}.departs", PlanError),
+        lands=text(data["lands"], f"{where}.lands", PlanError),
+        path=choice(f"{where}.path", data["path"], (*PATH_KINDS, "unchecked")),
+        pivot=(x, y, z),
+        displacement=nonnegative(f"{where}.displacement", data["displacement"]),
+        swing=choice(f"{where}.swing", data["swing"], SWING_KINDS),
+        knots=tuple(tuple(row) for row in rows.tolist()),
+    )
+
+
+def _action(data: Any, where: str, limbs: int) -> tuple[int, str]:
+    pair = entries(data, where, PlanError)
+    if len(pair) != 2:
+        raise PlanError(f"{where} is {shown(data)}; it must be a limb and a point")
+    return whole(pair[0], where, PlanError, 0, limbs - 1), text(pair[1], where, PlanError)
+
+
+def _check_order(
+    stances: tuple[tuple[str, ...], ...], steps: tuple[Step, ...], actions: tuple[tuple[int, str], ...]
+) -> None:
+    """Each step must lead from its stance to the next, and be the action of its place."""
+    for i, (before, step, after, action) in enumerate(zip(stances[:-1], steps, stances[1:], actions, strict=True)):
+        landed = tuple(step.lands if limb == step.limb else point for limb, point in enumerate(before))
+        if before[step.limb] != step.departs or landed != after or action != (step.limb, step.lands):
+            raise PlanError(f"steps[{i}] and actions[{i}] do not lead from stances[{i}] to the next")
+
+
+def _settings(data: Any) -> Settings:
+    known = tuple(Settings.__dataclass_fields__)
+    if not isinstance(data, dict) or not set(data) <= set(known):
+        raise PlanError(f"settings is {shown(data)}; it must be an object with {', '.join(known)}")
+    return Settings(**data)
+
+
+def _entries(data: dict[str, Any], name: str) -> list[Any]:
+    return entries(data[name], name, PlanError, MOST_STEPS)
+
+
+def _texts(data: Any, where: str, count: int | None = None) -> tuple[str, ...]:
+    """Point ids, `count` of them if that is given."""
+    ids = tuple(text(entry, where, PlanError) for entry in entries(data, where, PlanError, MOST_POINTS))
+    if count is not None and len(ids) != count:
+        raise PlanError(f"{where} names {len(ids)} points; the robot has {count} limbs")
+    return ids

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.errors import PlanError, SettingError, StanceError, choice, nonnegative
+from mlivr_gym.errors import NoPlanError, SettingError, StanceError, choice, nonnegative
 from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.own_pose import own_joints
 from mlivr_gym.pair_graph import PairGraph
@@ -81,10 +82,10 @@ class PlanningResult:
         """The plan.
 
         Raises:
-            PlanError: If there is none; the message says why.
+            NoPlanError: If there is none; the message says why.
         """
         if self.plan is None:
-            raise PlanError(self.message)
+            raise NoPlanError(self.message)
         return self.plan
 
 
@@ -181,6 +182,7 @@ class Planner:
             raise SettingError("method 'algorithm1' needs a heuristic other than 'cost_to_go'")
         if limit < 1:
             raise SettingError(f"limit is {limit!r}; it must be at least 1")
+        limit = min(limit, sys.maxsize)  # no search is that long, and the compiled one takes 64 bits
         inflation = (1.0 if pair or plain else 2.0) if inflation is None else inflation
         if not 1.0 <= inflation < float("inf"):
             raise SettingError(f"inflation is {inflation!r}; it must be finite and at least 1")

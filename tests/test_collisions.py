@@ -146,7 +146,7 @@ def penetrating(model, data, own):
 
 
 def tracks(graph, stance):
-    return {(f"limb{i}/gripper/0", graph.grasp_map.ids[p].split(":")[0]) for i, p in enumerate(stance)}
+    return {(f"limb{i}/gripper/0", "box/" + graph.grasp_map.ids[p].split(":")[0]) for i, p in enumerate(stance)}
 
 
 def test_free_stances_penetrate_nothing_in_mujoco(checked_graph):

@@ -3,8 +3,11 @@ import json
 import numpy as np
 import pytest
 
-from mlivr_gym import Limb, RobotSpec, robot_spec, stance_graph
-from mlivr_gym.errors import RobotError
+from mlivr_gym import Capsule, Limb, RobotSpec, Settings, robot_spec, stance_graph
+from mlivr_gym.errors import MlivrError, RobotError
+from mlivr_gym.shapes import LINKS
+
+CAPSULE = {"link": "forearm", "start": [0, 0, 0], "end": [0, 0, 0.3], "radius": 0.05}
 
 
 @pytest.mark.parametrize("limbs", [2, 3, 4])
@@ -45,13 +48,49 @@ def test_a_robot_survives_json(tmp_path):
         ({"mount_radius": -0.1}, "mount_radius"),
         ({"span": 0.05}, "span"),
         ({"heights": []}, "heights"),
-        ({"body_mass": "heavy"}, "faulty"),
+        ({"body_mass": "heavy"}, "body_mass is 'heavy'"),
+        ({"body_mass": 1e-300}, "body_mass .* is 1e-300; it must lie between 0.001 and"),
+        ({"body_size": 10**400}, "body_size is"),
+        ({"limb": {"d1": 162.5, "a2": -425.0}}, "d1 is 162.5, beyond 100 m; .*millimetres"),
+        ({"tool_length": 150.0}, "tool_length .* is 150; .*metres"),
+        ({"heights": [0.6] * 1000}, "heights has 1000 entries"),
+        ({"heights": [600.0]}, "heights is .*millimetres"),
+        ({"folds": [[0, 0]]}, "folds"),
+        ({"limb": {"joint_limits": [[-1e18, 1e18]] * 6}}, "joint_limits"),
+        ({"limb": 3}, "limb must be an object, not 3"),
+        ({"name": "\ud800"}, "name of the robot is"),
+        ({"capsules": []}, "capsules has none on a link that moves"),
+        ({"capsules": [CAPSULE | {"link": "base"}]}, "capsules has none on a link that moves"),
+        ({"capsules": [CAPSULE] * 65}, "capsules has 65 entries; at most 64"),
+        ({"capsules": [3]}, "capsule must be an object, not 3"),
+        ({"capsules": [{"link": "forearm"}]}, "capsule lacks field 'start'"),
+        ({"capsules": [CAPSULE | {"end": [0, 0, 1e19]}]}, "forearm: end is .*beyond 100 m"),
+        ({"capsules": [CAPSULE | {"radius": 1e-300}]}, "radius is 1e-300"),
         ([], "JSON object"),
     ],
 )
 def test_faults_are_named(data, words):
-    with pytest.raises(RobotError, match=words):
+    with pytest.raises(MlivrError, match=words):
         RobotSpec.from_dict(data)
+
+
+@pytest.mark.parametrize("link", [link for link in LINKS if link != "base"])
+def test_one_capsule_on_any_moving_link_is_enough(ladder, link):
+    capsule = Capsule(link, (0.0, 0.0, -0.05), (0.0, 0.0, -0.03), 0.02)
+    robot = RobotSpec(name="bare", capsules=(capsule,))
+    assert len(stance_graph(ladder, robot, Settings(limb_threshold=0.05)))
+
+
+def test_a_faulty_robot_file_is_named(tmp_path):
+    path = tmp_path / "arm.json"
+    path.write_text(json.dumps({"capsules": []}))
+    with pytest.raises(RobotError, match=r"robot '.*arm\.json': capsules"):
+        robot_spec(str(path))
+    path.write_text("<robot/>")
+    with pytest.raises(RobotError, match=r"cannot read robot '.*arm\.json': it is not JSON"):
+        robot_spec(str(path))
+    with pytest.raises(RobotError, match="unknown robot"):
+        robot_spec("x" * 5000)
 
 
 def test_unknown_names_and_files_are_named(tmp_path):

@@ -7,11 +7,12 @@ import pytest
 from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import Limb, robot_spec, stance_graph
+from mlivr_gym import Box, GraspMap, Limb, Settings, robot_spec, stance_graph
+from mlivr_gym.contacts import contacts
 from mlivr_gym.dynamics import dynamics_spec
-from mlivr_gym.errors import RenderError
+from mlivr_gym.errors import RenderError, SceneError, ShapeError
 from mlivr_gym.rendering import SceneRenderer, SceneWindow
-from mlivr_gym.scene import scene_spec, set_configuration
+from mlivr_gym.scene import compiled, scene_spec, set_configuration
 from mlivr_gym.tasks import random_state
 from mlivr_gym.ur_kinematics import forward_kinematics
 
@@ -22,7 +23,7 @@ def model(jem):
 
 
 def test_scene_holds_tracks_handrails_points_and_robot(jem, model):
-    assert all(model.site(point) is not None for point in jem.ids)
+    assert all(model.site(f"point/{point}") is not None for point in jem.ids)
     boxes = model.geom_type == mujoco.mjtGeom.mjGEOM_BOX
     tracks = boxes & np.isclose(model.geom_size[:, 0], 0.8763, atol=1e-4) & np.isclose(model.geom_size[:, 1], 0.0128)
     assert tracks.sum() == 46
@@ -62,7 +63,7 @@ def test_a_stance_puts_every_gripper_on_its_point(jem, limbs):
     state = random_state(graph, np.random.default_rng(1))
     set_configuration(model, data, *graph.configuration(state))
     for i, point in enumerate(graph.ids(state.stance)):
-        np.testing.assert_allclose(data.site(f"limb{i}/grasp").xpos, data.site(point).xpos, atol=1e-6)
+        np.testing.assert_allclose(data.site(f"limb{i}/grasp").xpos, data.site(f"point/{point}").xpos, atol=1e-6)
 
 
 def test_exported_scene_loads_again(jem, model):
@@ -105,7 +106,82 @@ def test_a_joint_meets_a_stop_only_beyond_the_robots_limits(jem):
 
 def test_a_users_own_map_has_a_scene(ladder):
     model = scene_spec(ladder, robot_spec("mlivr2")).compile()
-    assert model.site("R0:0") is not None
+    assert model.site("point/R0:0") is not None
+
+
+NAMES = (
+    "body",
+    "base",
+    "limb0",
+    "limb0/flange",
+    "limb0/gripper/0",
+    "limb0/anchor",
+    "world",
+    "sky",
+    "R0",
+    "P",
+    'a<b>&"c',
+)
+
+
+def named_map():
+    """A map whose points and boxes are called like parts of the scene, and like each other."""
+    return GraspMap.from_dict(
+        {
+            "name": 'a "map" <with> marks & more',
+            "points": [
+                {"id": name, "face": "deck", "position": [0.3 * k, 0, 0], "normal": [0, 0, 1], "rail": [0, 1, 0]}
+                for k, name in enumerate(NAMES)
+            ],
+            "boxes": [{"id": name, "min": [k, 5, 0], "max": [k + 1, 6, 1]} for k, name in enumerate(NAMES)],
+        }
+    )
+
+
+def test_no_name_of_a_map_collides_with_one_of_the_scene():
+    spec = dynamics_spec(named_map(), robot_spec("mlivr2"))
+    model = spec.compile()
+    for k, name in enumerate(NAMES):
+        np.testing.assert_allclose(model.site(f"point/{name}").pos, [0.3 * k, 0, 0])
+        np.testing.assert_allclose(model.geom(f"box/{name}").pos, [k + 0.5, 5.5, 0.5])
+    # The robot's own shapes keep theirs.
+    assert model.geom("body").bodyid[0] == model.body("base").id
+    assert model.site("limb0/flange").bodyid[0] == model.body("limb0/wrist_3").id
+    again = mujoco.MjModel.from_xml_string(spec.to_xml())
+    assert again.ngeom == model.ngeom and again.site('point/a<b>&"c').id == model.site('point/a<b>&"c').id
+
+
+def test_a_box_that_is_there_twice_is_named(ladder):
+    box = Box.between("R0", "obstacle", (5, 5, 5), (6, 6, 6))
+    with pytest.raises(ShapeError, match="box 'R0' appears more than once"):
+        scene_spec(ladder, robot_spec("mlivr2"), [box])
+    graph = stance_graph(ladder, settings=Settings(limb_threshold=0.05))
+    with pytest.raises(ShapeError, match="a box 'R0' is there already"):
+        graph.add_obstacles([box])
+
+
+def test_contacts_name_boxes_as_the_scene_does(ladder):
+    """A box called `body` is not taken for the robot's."""
+    robot = robot_spec("mlivr2")
+    here = (np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((2, 6)))
+    box = Box.between("body", "obstacle", (-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
+    named = [contact for contact in contacts(robot, [box], here, 0.0) if contact.second == "box/body"]
+    assert named and named[0].first == "body"
+    model = scene_spec(ladder, robot, [box]).compile()
+    assert all(model.geom(contact.second) is not None for contact in named)
+
+
+def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monkeypatch):
+    spec = scene_spec(ladder, robot_spec("mlivr2"))
+    spec.worldbody.add_geom(name="nothing", size=[0, 0, 0])
+    with pytest.raises(SceneError, match="MuJoCo cannot build scene 'ladder-mlivr2': .*size"):
+        compiled(spec)
+    monkeypatch.setattr("mlivr_gym.scene.scene_spec", lambda *_: spec)
+    with pytest.raises(SceneError, match="cannot build scene"):
+        SceneRenderer(ladder, robot_spec("mlivr2"))
+    monkeypatch.setenv("DISPLAY", ":0")
+    with pytest.raises(SceneError, match="cannot build scene"):
+        SceneWindow(ladder, robot_spec("mlivr2"))
 
 
 def test_pictures_show_the_robot_or_say_what_is_missing(jem, graph):

@@ -250,17 +250,18 @@ def test_a_lost_hold_and_a_limb_at_its_torque_limit_are_failures(checked_graph, 
     assert failure.kind == "saturation" and abs(failure.values["torque_N_m"]) in (28.0, 150.0)
 
 
-def test_a_collision_is_a_failure_that_names_what_touches(checked_graph, plan, jem):
+@pytest.mark.parametrize("name", ["tool bag", "limbo", "body"])
+def test_a_collision_is_a_failure_that_names_what_touches(checked_graph, plan, jem, name):
     step, motion = plan.steps[0], step_motion(checked_graph, plan, 0, 41)
     swinging = np.flatnonzero(motion.phase == 1)
     k = int(swinging[len(swinging) // 2])
     robot = Simulation(jem, plan.robot)
     robot.reset(motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k], [FREE, FREE])
     place = robot.data.site(f"limb{step.limb}/grasp").xpos
-    box = Box.between("tool bag", "obstacle", place - 0.05, place + 0.05)
+    box = Box.between(name, "obstacle", place - 0.05, place + 0.05)
     failure = execute(checked_graph, replace(plan, obstacles=(box,))).failure
     assert failure is not None and failure.kind == "collision" and failure.limb == step.limb
-    assert "tool bag" in failure.message and failure.values["depth_m"] > 0.0
+    assert f"box/{name} " in failure.message and failure.values["depth_m"] > 0.0
 
 
 def test_divergence_is_a_failure(checked_graph, plan, jem, tmp_path, monkeypatch):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from paper import NO_COLLISIONS
 
-from mlivr_gym import Limb, Settings, State, robot_spec, stance_graph
+from mlivr_gym import Limb, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.base_path import ARC, STRAIGHT
-from mlivr_gym.errors import RobotError, SettingError, StanceError
+from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
 from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.stance_graph import join
 from mlivr_gym.transitions import base_path
@@ -193,6 +193,12 @@ def test_a_smaller_arm_works_with_its_own_heights(ladder):
         ladder, robot, Settings(collisions=False, limb_threshold=0.01, base_threshold=0.0, path_floor=0.002)
     )
     assert len(graph) > 10
+
+
+def test_a_map_with_too_many_pairs_of_points_is_refused_before_they_are_made(jem):
+    words = r"map 'jem' has 42\d{5} pairs of points within the span of 2.4 m; at most 2000000"
+    with pytest.raises(MapError, match=words):
+        stance_graph(jem_map(spacing=0.02))
 
 
 def test_thresholds_that_no_stance_meets_are_named(ladder):

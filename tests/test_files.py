@@ -1,0 +1,47 @@
+import json
+
+import pytest
+
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.errors import MapError
+from mlivr_gym.files import FileError, read_json
+
+FAULTS = {
+    "deep": (b'{"a": ' + b"[" * 3000 + b"]" * 3000 + b"}", "nested too deeply"),
+    "digits": (b'{"a": ' + b"7" * 5000 + b"}", "number 7777.* has 5000 digits"),
+    "overflow": (b'{"a": -1' + b"0" * 400 + b"}", "number -1000.* has 402 digits"),
+    "float": (b'{"a": 1e400}', "number 1e400 is not finite"),
+    "nan": (b'{"a": NaN}', "number NaN is not finite"),
+    "infinity": (b'{"a": -Infinity}', "number -Infinity is not finite"),
+    "list": (b"[1, 2]", "JSON object, not a list"),
+    "syntax": (b'{"a": 1,}', "not JSON: .*line 1 column 9"),
+    "empty": (b"", "not JSON"),
+    "latin": ('{"a": "é"}'.encode("latin-1"), "not UTF-8"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_fault_of_a_json_file_is_one_error_that_names_it(tmp_path, fault):
+    content, words = FAULTS[fault]
+    path = tmp_path / "walk.json"
+    path.write_bytes(content)
+    with pytest.raises(MapError, match=rf"^cannot read map '.*walk\.json': .*{words}") as told:
+        read_json(path, "map", MapError)
+    assert len(str(told.value)) < 400
+
+
+@pytest.mark.parametrize("path", ["nowhere.json", ".", "a\0b", "n" * 5000, "/dev/zero"])
+def test_what_is_no_file_is_one_error(path):
+    with pytest.raises(FileError, match="cannot read thing"):
+        read_json(path, "thing")
+
+
+def test_valid_json_is_read_as_it_is(tmp_path):
+    data = {"a": [1, -2.5, 1e300, 10**300, True, None, "é"], "b": {"c": []}}
+    path = tmp_path / "ok.json"
+    path.write_text(json.dumps(data), encoding="utf-8")
+    assert read_json(path, "thing") == data
+    path.write_text("\ufeff" + json.dumps(data), encoding="utf-8")  # as Windows' editors write it
+    assert read_json(path, "thing") == data
+    with open(asset_path("jem.json"), encoding="utf-8") as stream:
+        assert read_json(asset_path("jem.json"), "map") == json.load(stream)
