@@ -60,7 +60,7 @@ def contacts(
     clearance: float,
     grasps: Sequence[tuple[int, Array, Array]] = (),
 ) -> list[Contact]:
-    """Every pair of shapes that is compared and nearer than the clearance, the nearest first.
+    """Every pair of shapes that is compared and nearer than the clearance, or overlaps, the nearest first.
 
     All pairs but those of `uncompared.NOT_COMPARED`. The body is the box that it is; the compiled checks take capsules that
     contain it where they compare it with boxes, see `limb_shapes.round_cube`.
@@ -81,7 +81,7 @@ def contacts(
         *_limbs_with_boxes(shapes, boxes, ends, at_grasp),
         *_base_with_boxes(robot, shapes, boxes, (configuration[0], base), clearance),
     ]
-    near = [Contact(first, second, float(apart)) for first, second, apart in found if apart < clearance]
+    near = [Contact(first, second, float(apart)) for first, second, apart in found if apart < clearance or apart <= 0.0]
     return sorted(near, key=lambda contact: contact.distance)
 
 

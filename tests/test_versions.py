@@ -47,7 +47,7 @@ def test_plans(env, tmp_path, rules):
     file.write_text(json.dumps(tamper(json.loads(file.read_text()), rules)))
     with pytest.raises(PlanError) as caught:
         Plan.load(file)
-    assert str(caught.value) == sentence("the plan", rules, "plan it anew")
+    assert str(caught.value) == f"plan {str(file)!r}: " + sentence("the plan", rules, "plan it anew")
 
 
 @pytest.mark.parametrize("rules", OTHERS)
