@@ -29,6 +29,7 @@ from mlivr_gym.cli import main
 from mlivr_gym.env import MlivrEnv
 from mlivr_gym.errors import SettingError
 from mlivr_gym.grasp_map import GraspMap
+from mlivr_gym.moves import GraphMoves
 from mlivr_gym.planners import Planner
 from mlivr_gym.stance_graph import State
 
@@ -190,6 +191,78 @@ def test_labels_are_the_steps_of_optimal_plans(env):
         assert set(np.flatnonzero(np.unpackbits(samples.optimal[k], count=2 * m)).tolist()) == expected
         labels.append((len(expected), len(costs)))
     assert sum(most > 1 for most, _ in labels) > 10 and sum(most < least for most, least in labels) > 10
+
+
+@pytest.mark.parametrize("dagger", [True, False])
+def test_dagger_lets_the_policy_walk_after_the_first_round(env, dagger, monkeypatch):
+    settings = ImitationSettings(**(SHORT | {"rounds": 3, "updates": 1, "dagger": dagger}))
+    imitation, walks, rounds = Imitation(env, make_policy(env, "mlp", {}), True, settings, 0), [], []
+    chosen, learn = imitation._chosen, imitation._learn
+    monkeypatch.setattr(imitation, "_chosen", lambda samples: walks.append(len(rounds)) or chosen(samples))
+    monkeypatch.setattr(imitation, "_learn", lambda *given: rounds.append(learn(*given)))
+    imitation.run()
+    assert set(walks) == ({1, 2} if dagger else set())
+
+
+def test_imitation_teaches_the_value(env):
+    """Of states it has not seen: the farther from the goal, the lower."""
+    torch.manual_seed(0)
+    policy = make_policy(env, "pointer", {"width": 32, "summary": 16})
+    settings = ImitationSettings(
+        rounds=1, layouts=3, goals=8, walks=6, updates=80, batch=64, learning_rate=3e-3, value_weight=0.5
+    )
+    imitation = Imitation(env, policy, False, settings, 0)
+    imitation.run()
+    samples, _ = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), expert=True)
+    with torch.no_grad():
+        value = scores_and_value(policy, imitation.observe(samples)[0])[1].numpy()
+    assert np.corrcoef(value, -samples.cost)[0, 1] > 0.5
+
+
+def test_features_tell_points_that_are_taken_and_their_risk(small_map):
+    risk = np.linspace(0.0, 0.5, len(small_map))
+    world = MlivrEnv(map=small_map, collisions=False, grasp_failure=risk)
+    world.graph.occupy([3, 8])
+    world.reset(seed=0)
+    points = env_features(world)["points"][0]
+    assert np.flatnonzero(points[:, 6] == 0.0).tolist() == [3, 8] and (np.delete(points[:, 6], [3, 8]) == 1.0).all()
+    np.testing.assert_allclose(points[:, 7], risk, atol=1e-6)
+
+
+def test_tables_and_graph_agree_on_who_may_let_go_next(small_map):
+    """From states of walks among racks, where some limbs that hold cannot depart."""
+    env = MlivrEnv(map=small_map, precompute=True)
+    rng, graph_moves, differ = np.random.default_rng(0), GraphMoves(env.graph), 0
+    for seed in range(10):
+        env.reset(seed=seed)
+        for _ in range(6):
+            steps = env.moves.successors(env.state)
+            ours = env.table_moves().onward(env.state, steps)
+            np.testing.assert_array_equal(ours, graph_moves.onward(env.state, steps))
+            for k, (limb, point) in enumerate(zip(steps.limb.tolist(), steps.point.tolist(), strict=True)):
+                after = env.moves.take(env.state, limb * len(env.graph.grasp_map) + point)
+                lets_go = env.graph.successors(after).limb != limb
+                assert ours[k] or not lets_go.any()
+            differ += not ours.all()
+            env.step(int(rng.choice(np.flatnonzero(env.action_masks()))))
+    assert differ > 0
+
+
+def test_a_policy_never_returns_to_a_stance(env, monkeypatch):
+    """Not even one whose scores would step to and fro for ever."""
+    learned = LearnedPolicy(make_policy(env, "mlp", {}), "mlp")
+    scores = torch.arange(2.0 * len(env.graph.grasp_map))[None]
+    monkeypatch.setattr("mlivr_gym.agents.learned.scores_and_value", lambda *_: (scores, None))
+    forgets = LearnedPolicy(learned.policy, "mlp", memory=False)
+    for policy in (learned, forgets):
+        for seed in (0, 1):
+            observation, info = env.reset(seed=seed)
+            env.goal = np.array([50.0, 0.0, 0.0])  # never reached
+            stances = [info["stance"]]
+            for _ in range(8):
+                observation, *_, info = env.step(policy.act(env, observation, env.action_masks()))
+                stances.append(info["stance"])
+            assert (len(set(stances)) == 9) == (policy is learned)
 
 
 def test_held_out_goals_are_not_learnt_from(env):
