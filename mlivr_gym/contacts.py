@@ -47,9 +47,10 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
     base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     out = np.empty((robot.limbs, len(shapes), 2, 3))
     frames = np.empty((7, 4, 3))
-    for i in range(robot.limbs):
-        frames_of_angles(np.ascontiguousarray(joints[i]), robot.limb.lengths, frames)
-        place(frames, shapes.arrays, robot.mount_rotations[i], robot.mount_positions[i], out[i])
+    lengths = robot.limb.lengths
+    for i, mount in enumerate(zip(robot.mount_rotations, robot.mount_positions, strict=True)):
+        frames_of_angles(np.ascontiguousarray(joints[i]), lengths, frames)
+        place(frames, shapes.arrays, *mount, out[i])
     return out @ base.T + position
 
 
