@@ -31,7 +31,7 @@ CACHE_VARIABLE = "MLIVR_GYM_CACHE"
 """Environment variable that names another cache directory; empty: nothing is kept."""
 
 NOT_IN_KEY = {
-    "_headless.py", "cli.py", "cli_agents.py", "dm_environment.py", "dynamics.py", "env.py", "failures.py", "feedforward.py",
+    "_headless.py", "cli.py", "cli_agents.py", "dm_environment.py", "dynamics.py", "env.py", "exits.py", "failures.py", "feedforward.py",
     "figures.py", "film.py", "moves.py", "path_kernels.py", "physical_walk.py", "planner_kernels.py", "recording.py", "regrasp.py",
     "reliability.py",
     "rendering.py", "sampling.py", "scene.py", "simulate_command.py", "simulation.py", "simulation_figure.py", "swing.py",
