@@ -79,6 +79,7 @@ def train(
 
     Raises:
         MlivrError: If an argument cannot be used; the message names it.
+        KeyboardInterrupt: If it is interrupted; with `out` there is a checkpoint of what was learned so far then.
     """
     choice("method", method, METHODS)
     settings = hyperparameters(method) if settings is None else settings
@@ -92,8 +93,11 @@ def train(
     env.table_moves()
     writer = _writer(logs)
     began = time.perf_counter()
+    learned = interrupted = False
 
     def tell(phase: str, done: int, total: int, figures: dict[str, float]) -> None:
+        nonlocal learned
+        learned = True
         if writer is not None:
             for name, value in figures.items():
                 writer.add_scalar(f"{phase}/{name}", value, done)
@@ -105,13 +109,16 @@ def train(
     policy = make_policy(env, network, sizes)
     if init is not None:
         policy.load_state_dict(load_policy(init, env).policy.state_dict())
-    if "imitation" in settings:
-        imitation = Imitation(
-            env, policy, network == "mlp", ImitationSettings(**settings["imitation"]), seed, held_out_goals()
-        )
-        imitation.run(lambda done, total, figures: tell("imitation", done, total, figures))
-    if "ppo" in settings:
-        policy = _improve(env, network, policy, sizes, settings, seed, tell)
+    try:
+        if "imitation" in settings:
+            imitation = Imitation(
+                env, policy, network == "mlp", ImitationSettings(**settings["imitation"]), seed, held_out_goals()
+            )
+            imitation.run(lambda done, total, figures: tell("imitation", done, total, figures))
+        if "ppo" in settings:
+            _improve(env, network, policy, sizes, settings, seed, tell)
+    except KeyboardInterrupt:
+        interrupted = True
     if writer is not None:
         writer.close()
     config = {
@@ -122,16 +129,22 @@ def train(
         "command": command, "seconds": round(time.perf_counter() - began, 1),
         "versions": {"python": platform.python_version(), "torch": torch.__version__, "numpy": np.__version__},
     }  # fmt: skip
+    if interrupted:
+        config["interrupted"] = True
     policy.set_training_mode(False)
-    if out is not None:
+    kept = "nothing was written"
+    if out is not None and (learned or not interrupted):
         save_policy(out, policy, config)
+        kept = f"{Path(out).with_suffix('.pt')} and .json hold what was learned so far"
+    if interrupted:
+        raise KeyboardInterrupt(f"training interrupted after {config['seconds']:.0f} s: {kept}")
     return LearnedPolicy(policy, network, config)
 
 
 def _improve(
     env: MlivrEnv, network: str, policy: Any, sizes: dict[str, Any], settings: dict[str, Any], seed: int, tell: Progress
-) -> Any:
-    """PPO from a policy's weights."""
+) -> None:
+    """PPO from a policy's weights, which are changed; also if it is interrupted."""
     from sb3_contrib import MaskablePPO
     from stable_baselines3.common.callbacks import BaseCallback
 
@@ -151,8 +164,10 @@ def _improve(
         policy_class(network), copies, policy_kwargs=dict(sizes), seed=seed, device="cpu", **settings["ppo"]
     )
     model.policy.load_state_dict(policy.state_dict())
-    model.learn(total, callback=Report())
-    return model.policy
+    try:
+        model.learn(total, callback=Report())
+    finally:
+        policy.load_state_dict(model.policy.state_dict())
 
 
 def _writer(logs: str | Path | None) -> Any:

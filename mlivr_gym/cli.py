@@ -9,7 +9,18 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from mlivr_gym.cli_agents import add_commands
-from mlivr_gym.errors import MlivrError, RenderError, SettingError
+from mlivr_gym.errors import MlivrError, NoPlanError, RenderError, SettingError, StanceError
+from mlivr_gym.exits import (
+    EXIT_CODES,
+    FAILED,
+    GRACE,
+    INTERRUPTED,
+    NO_PLAN,
+    REFUSED,
+    SUCCESS,
+    prompt_interrupts,
+    say_interrupted,
+)
 from mlivr_gym.simulate_command import add_arguments, simulate
 
 EXAMPLES = """examples:
@@ -31,7 +42,7 @@ class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one sentence and exits with 2."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"mlivr-gym: {message}\n")
+        self.exit(REFUSED, f"mlivr-gym: {message}\n")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -40,8 +51,9 @@ def _parser() -> argparse.ArgumentParser:
     formatter = argparse.RawDescriptionHelpFormatter
     parser = _Parser(
         prog="mlivr-gym", description="Plan hand-over-hand motion through a space station module.",
-        epilog=EXAMPLES, formatter_class=formatter,
+        epilog=f"{EXAMPLES}\n{EXIT_CODES}", formatter_class=formatter,
     )  # fmt: skip
+    parser.set_defaults(grace=GRACE)
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
@@ -132,12 +144,16 @@ def _parser() -> argparse.ArgumentParser:
 
     render = commands.add_parser(
         "render", parents=[world], help="picture of the scene", epilog=EXAMPLES, formatter_class=formatter,
-        description="Picture of the MuJoCo scene with the robot in a stance, or in the stances of a plan.",
+        description="Picture of the MuJoCo scene with the robot in a stance. Of a plan, one picture of its start and its goal "
+        "side by side, or of the stance chosen with --stance.",
     )  # fmt: skip
     render.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
     render.add_argument("--plan", metavar="FILE", help="a plan; its start and goal stance are drawn")
+    render.add_argument("--stance", type=int, metavar="K", help="of the plan, draw the stance after K steps alone")
     render.add_argument("--out", default="scene.png", metavar="FILE", help="PNG file (default: %(default)s)")
-    render.add_argument("--size", nargs=2, type=int, default=(1280, 640), metavar=("W", "H"), help="pixels")
+    render.add_argument(
+        "--size", nargs=2, type=int, default=(1280, 640), metavar=("W", "H"), help="pixels of each stance's picture"
+    )
     render.add_argument("--mjcf", metavar="FILE", help="also export the scene as MJCF")
     render.set_defaults(run=_render)
     add_commands(commands, world)
@@ -180,8 +196,13 @@ def _default_task(graph: Any, args: argparse.Namespace) -> tuple[Any, Any]:
         if graph.limbs == 2 and args.map is None:
             start, goal = start or setup["start"], goal or setup["goal"]
         else:
-            given = graph.state(start) if start is not None else None
-            state, target = sample_task(graph, np.random.default_rng(0), args.tolerance, given)
+            if start is not None:
+                graph.indices(start)  # what is no stance at all is refused as such
+            try:
+                given = graph.state(start) if start is not None else None
+                state, target = sample_task(graph, np.random.default_rng(0), args.tolerance, given)
+            except StanceError as error:
+                raise NoPlanError(str(error)) from None
             start, goal = start or graph.ids(state.stance), goal or target.tolist()
     return tuple(start), tuple(float(v) for v in goal)
 
@@ -258,6 +279,7 @@ def _simulate(args: argparse.Namespace) -> int:
 
 
 def _table1(args: argparse.Namespace) -> int:
+    from mlivr_gym import jem_map
     from mlivr_gym.table1 import run_cases
 
     out = Path(args.out)
@@ -267,31 +289,25 @@ def _table1(args: argparse.Namespace) -> int:
     )
     plans, data = run_cases(out, lambda line: print(line, flush=True))
     plan = plans[3]
-    _draw_plan(plan, _ends(plan), out, (1600, 800))
+    ends = {"start": 0, "goal": len(plan.stances) - 1}
+    pictures = {out / f"scene_{name}.png": [plan.configuration(k)] for name, k in ends.items()}
+    _draw(jem_map(), plan.robot, pictures, (1600, 800))
     failed = [name for name, held in data["relations"].items() if not held]
     for name in failed:
         print(f"relation does not hold: {name}")
-    return 1 if failed else 0
-
-
-def _ends(plan: Any) -> dict[str, int]:
-    return {"start": 0, "goal": len(plan.stances) - 1}
-
-
-def _draw_plan(plan: Any, which: dict[str, int], out: Path, size: tuple[int, int]) -> None:
-    """Pictures `scene_NAME.png` of some stances of a plan on the JEM."""
-    from mlivr_gym import jem_map
-
-    configurations = {
-        name: (plan.base_positions[k], plan.base_quaternions[k], plan.joint_positions[k]) for name, k in which.items()
-    }
-    _draw(jem_map(), plan.robot, {out / f"scene_{name}.png": c for name, c in configurations.items()}, size)
+    return FAILED if failed else SUCCESS
 
 
 def _draw(
-    grasp_map: Any, robot: Any, pictures: dict[Path, Any], size: tuple[int, int], obstacles: Sequence[Any] = ()
+    grasp_map: Any,
+    robot: Any,
+    pictures: dict[Path, list[Any]],
+    size: tuple[int, int],
+    obstacles: Sequence[Any] = (),
 ) -> None:
-    """Render configurations with MuJoCo, or draw them with matplotlib where there is no GL library."""
+    """Render configurations with MuJoCo, those of one picture side by side, or draw them with matplotlib where there is no GL."""
+    import numpy as np
+
     from mlivr_gym.figures import configuration_figure, save_image
     from mlivr_gym.rendering import SceneRenderer
 
@@ -299,11 +315,11 @@ def _draw(
         renderer = SceneRenderer(grasp_map, robot, *size, obstacles)
     except RenderError as error:
         print(f"no GL, drawing with matplotlib instead: {error}", flush=True)
-        for path, configuration in pictures.items():
-            configuration_figure(grasp_map, robot, [configuration], path, path.stem)
+        for path, configurations in pictures.items():
+            configuration_figure(grasp_map, robot, configurations, path, path.stem)
     else:
-        for path, configuration in pictures.items():
-            save_image(renderer.render(*configuration), path)
+        for path, configurations in pictures.items():
+            save_image(np.hstack([renderer.render(*shown) for shown in configurations]), path)
         renderer.close()
     for path in pictures:
         print(f"picture: {path}", flush=True)
@@ -376,26 +392,24 @@ def _render(args: argparse.Namespace) -> int:
 
     if args.plan and args.start:
         raise SettingError("give either --plan or --start, not both")
+    if args.stance is not None and not args.plan:
+        raise SettingError("--stance needs --plan: it chooses among the stances of a plan")
     if min(args.size) < 16 or max(args.size) > 1920:
         raise SettingError(f"--size is {tuple(args.size)}; width and height must lie between 16 and 1920")
-    out = Path(args.out)
     if args.plan:
         grasp_map = GraspMap.load(args.map) if args.map else jem_map()
         plan = Plan.load(args.plan, grasp_map)
-        robot, obstacles = plan.robot, plan.obstacles
-        pictures = {
-            out.with_name(f"{out.stem}_{name}{out.suffix}"): (
-                plan.base_positions[k], plan.base_quaternions[k], plan.joint_positions[k],
-            )
-            for name, k in _ends(plan).items()
-        }  # fmt: skip
+        robot, obstacles, last = plan.robot, plan.obstacles, len(plan.stances) - 1
+        if args.stance is not None and not 0 <= args.stance <= last:
+            raise SettingError(f"--stance is {args.stance}; this plan has stances 0 (start) to {last} (goal)")
+        drawn = [plan.configuration(k) for k in ((0, last) if args.stance is None else (args.stance,))]
     else:
         graph = _graph(args)
         grasp_map, robot, obstacles = graph.grasp_map, graph.robot, graph.obstacles
         args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
         state = graph.state(_default_task(graph, args)[0] if args.start is None else args.start)
-        pictures = {out: graph.configuration(state)}
-    _draw(grasp_map, robot, pictures, tuple(args.size), obstacles)
+        drawn = [graph.configuration(state)]
+    _draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles)
     if args.mjcf:
         from mlivr_gym.scene import scene_spec
 
@@ -410,12 +424,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     args = _parser().parse_args(arguments)
     try:
-        code: int = args.run(args)
+        with prompt_interrupts(args.grace):
+            code: int = args.run(args)
     except MlivrError as error:
         print(f"mlivr-gym: {error}", file=sys.stderr)
-        return 2
+        return NO_PLAN if isinstance(error, NoPlanError) else REFUSED
+    except KeyboardInterrupt as stop:
+        say_interrupted(str(stop))
+        return INTERRUPTED
     except BrokenPipeError:
-        return 1
+        return FAILED
     return code
 
 

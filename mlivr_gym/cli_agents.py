@@ -12,6 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.exits import LONG_GRACE
+from mlivr_gym.values import whole
+
+LARGEST_SEED = 2**31
+"""Largest seed; each episode takes the next, and NumPy's old generator, which is seeded too, takes 32 bits."""
+
+MOST_EPISODES = 10**6
+"""Most episodes of one command."""
+
+WIDEST_BEAM = 1000
+"""Most walks that a beam search keeps."""
 
 PLANNERS = ("expert", "astar", "astar-base", "dijkstra", "greedy", "local", "two_level", "mcts", "random")
 """What `evaluate` knows besides learned policies."""
@@ -21,7 +32,8 @@ def add_commands(commands: Any, world: argparse.ArgumentParser) -> None:
     """Add the commands to the parser's; `world` holds the arguments of map, robot and thresholds."""
     train = commands.add_parser(
         "train", parents=[world], help="train a policy",
-        description="Train a policy for two limbs. Every step of the map is checked first, once: one to two minutes for the JEM.",
+        description="Train a policy for two limbs. Every step of the map is checked first, once: one to two minutes for the JEM. "
+        "Ctrl-C ends it early and leaves a checkpoint of what was learned so far.",
     )  # fmt: skip
     train.add_argument("--method", default="dagger", help="bc, dagger, ppo or finetune (default: %(default)s)")
     train.add_argument("--network", default="pointer", help="pointer or mlp (default: %(default)s)")
@@ -37,7 +49,7 @@ def add_commands(commands: Any, world: argparse.ArgumentParser) -> None:
     )
     train.add_argument("--init", metavar="PATH", help="checkpoint to start from, without suffix; finetune needs one")
     train.add_argument("--logs", metavar="FOLDER", help="write TensorBoard logs")
-    train.set_defaults(run=_train)
+    train.set_defaults(run=_train, grace=LONG_GRACE)
 
     evaluate = commands.add_parser(
         "evaluate", parents=[world], help="measure a policy or planner",
@@ -91,6 +103,14 @@ def need(*modules: str, extra: str) -> None:
             raise SettingError(f"this needs the package {module!r}: pip install 'mlivr-gym[{extra}]'")
 
 
+def check_counts(args: argparse.Namespace) -> None:
+    """Refuse a seed, a number of episodes or a width of a beam that cannot be."""
+    for name, least, most in (("seed", 0, LARGEST_SEED), ("episodes", 1, MOST_EPISODES), ("beam", 1, WIDEST_BEAM)):
+        value = getattr(args, name, None)
+        if value is not None:
+            whole(value, f"--{name}", SettingError, least, most)
+
+
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
     """Arguments of `MlivrEnv` from the command line, without defaults."""
     given: dict[str, Any] = {
@@ -106,6 +126,7 @@ def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _train(args: argparse.Namespace) -> int:
+    check_counts(args)
     need("torch", "stable_baselines3", "sb3_contrib", extra="agents")
     from mlivr_gym.agents.training import hyperparameters, train
 
@@ -134,6 +155,7 @@ def _evaluate(args: argparse.Namespace) -> int:
     from mlivr_gym.agents.test_set import SPLITS, load_test_set
     from mlivr_gym.env import MlivrEnv
 
+    check_counts(args)
     arguments = environment_arguments(args)
     worlds: list[tuple[dict[str, Any], Any]] = [({}, args.episodes)]
     if args.split is not None:
@@ -192,6 +214,7 @@ def make_acting(name: str, env: Any, seed: int = 0, beam: int | None = None) -> 
 
 
 def _dataset(args: argparse.Namespace) -> int:
+    check_counts(args)
     need("minari", extra="data")
     from mlivr_gym.agents.dataset import write_dataset
 

@@ -10,13 +10,20 @@ from typing import Any
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import FileError
 
+MOST_FRAMES = 5000
+"""Most pictures of a film; they are kept until it is written."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what `simulate` takes besides the arguments of `plan`."""
     parser.add_argument("--plan", metavar="FILE", help="a plan to carry out; without it, one is made first")
     parser.add_argument("--case", type=int, choices=(1, 2, 3, 4), help="start, goal, map and cost of a case of Table I")
     parser.add_argument(
-        "--duration", type=float, default=50.0, metavar="S", help="duration of a step [s] (default: %(default)s)"
+        "--duration",
+        type=float,
+        default=50.0,
+        metavar="S",
+        help="duration of a step [s]; a robot that is too fast fails (default: %(default)s)",
     )
     parser.add_argument(
         "--timestep", type=float, default=0.002, metavar="S", help="time step [s] (default: %(default)s)"
@@ -42,9 +49,9 @@ def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
     from mlivr_gym.simulation_figure import simulation_figure
     from mlivr_gym.trajectory import Durations
 
-    if min(args.size) < 16 or max(args.size) > 1920 or args.frames < 2:
+    if min(args.size) < 16 or max(args.size) > 1920 or not 2 <= args.frames <= MOST_FRAMES:
         raise SettingError(
-            f"--size is {tuple(args.size)}, --frames {args.frames}; 16 to 1920 pixels, at least 2 frames"
+            f"--size is {tuple(args.size)}, --frames {args.frames}; 16 to 1920 pixels, 2 to {MOST_FRAMES} frames"
         )
     if not args.no_film:
         check_kind(args.film)
@@ -84,6 +91,7 @@ def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
         print(
             f"failed at {failure.time:.2f} s, step {failure.step + 1}, {failure.phase}: {failure.kind}, {failure.message}"
         )
+        _hint(graph, execution)
     execution.save(out / "simulation.npz")
     title = f"{plan.robot.name}, {len(plan.steps)} steps of {durations.total:g} s"
     simulation_figure(execution.recording, execution.captures, execution.failure, out / "simulation.png", title)
@@ -91,6 +99,18 @@ def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
     if not args.no_film:
         _film(args, graph, execution, out / args.film)
     return 0 if execution.failure is None else 1
+
+
+def _hint(graph: Any, execution: Any) -> None:
+    """Say with what duration a walk that was too fast would probably succeed."""
+    from mlivr_gym.planners.pace import longer_step
+
+    longer = longer_step(graph, execution)
+    if longer is not None:
+        print(
+            f"hint: slower steps may succeed, try --duration {longer:g} "
+            f"(an estimate: torques and lag go with 1 / duration^2; this was {execution.durations.total:g} s)"
+        )
 
 
 def _film(args: argparse.Namespace, graph: Any, execution: Any, path: Path) -> None:

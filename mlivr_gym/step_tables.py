@@ -38,9 +38,9 @@ FORMAT = 2
 """Version of the file format; the files of version 0.1.0 carry none."""
 
 NOT_IN_KEY = {
-    "_headless.py", "actions.py", "cli.py", "cli_agents.py", "dm_environment.py", "dynamics.py", "env.py", "failures.py", "feedforward.py",
-    "figures.py", "film.py", "moves.py", "path_kernels.py", "physical_walk.py", "plain_data.py", "planner_kernels.py",
-    "recording.py", "regrasp.py", "reliability.py",
+    "_headless.py", "actions.py", "cli.py", "cli_agents.py", "dm_environment.py", "dynamics.py", "env.py", "exits.py",
+    "failures.py", "feedforward.py", "figures.py", "film.py", "moves.py", "path_kernels.py", "physical_walk.py",
+    "plain_data.py", "planner_kernels.py", "recording.py", "regrasp.py", "reliability.py",
     "rendering.py", "sampling.py", "scene.py", "simulate_command.py", "simulation.py", "simulation_figure.py", "swing.py",
     "table1.py", "table_kernels.py", "tasks.py", "trajectory.py", "vector_env.py",
 }  # fmt: skip

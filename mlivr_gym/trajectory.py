@@ -28,6 +28,12 @@ IntArray = NDArray[np.int64]
 FREE = -1
 """Grasp state of a limb that holds nothing."""
 
+LONGEST_STEP = 3600.0
+"""Largest duration of a step [s]; the paper's is 50 s."""
+
+MOST_SAMPLES = 1_000_000
+"""Most samples of a step's trajectory, half an hour at 2 ms; they take about a gigabyte."""
+
 PIECE_SAMPLES = 65
 """Places at which a piece of a swing is looked at to find the joint that travels farthest."""
 
@@ -47,11 +53,13 @@ class Durations:
     approach: float = 10.0
 
     def __post_init__(self) -> None:
-        """Check that each is above zero."""
+        """Check that each is above zero, and the whole not too long."""
         for field in fields(self):
             value = getattr(self, field.name)
             if not (np.isfinite(value) and value > 0.0):
                 raise SettingError(f"duration of the {field.name} is {value!r}; it must be finite and above 0 [s]")
+        if self.total > LONGEST_STEP:
+            raise SettingError(f"duration of a step is {self.total:g} s; it must be at most {LONGEST_STEP:g} s")
 
     @property
     def total(self) -> float:
@@ -187,6 +195,11 @@ def trajectory(path: RegraspPath, durations: Durations | None = None, period: fl
     durations = durations or Durations()
     if not (np.isfinite(period) and 0.0 < period < durations.total):
         raise SettingError(f"period is {period!r}; it must be above 0 and below {durations.total:g} [s]")
+    if durations.total / period > MOST_SAMPLES:
+        raise SettingError(
+            f"period is {period!r}: a step of {durations.total:g} s has more than {MOST_SAMPLES} samples; "
+            f"take at least {durations.total / MOST_SAMPLES:g} s"
+        )
     step, graph = path.regrasp, path.graph
     count = round(durations.total / period) + 1
     times: Array = np.arange(count, dtype=np.float64) * period

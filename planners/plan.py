@@ -124,6 +124,10 @@ class Plan:
         """Sum of the base displacements [m]."""
         return float(np.linalg.norm(np.diff(self.base_positions, axis=0), axis=1).sum())
 
+    def configuration(self, k: int) -> tuple[Array, Array, Array]:
+        """Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad] in stance `k`."""
+        return self.base_positions[k], self.base_quaternions[k], self.joint_positions[k]
+
     @property
     def w_m_min(self) -> float:
         """Least limb manipulability over all stances and limbs."""

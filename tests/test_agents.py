@@ -305,6 +305,38 @@ def test_each_algorithm_trains_and_its_checkpoint_acts_alike(env, tmp_path, meth
     assert evaluate(env, loaded, 2, max_steps=5).steps.max() <= 5
 
 
+@pytest.mark.parametrize("method", ["bc", "ppo"])
+def test_an_interrupted_training_leaves_what_was_learned(env, tmp_path, method):
+    sizes = {"pointer": {"width": 16, "summary": 8}}
+    ppo = {"copies": 4, "timesteps": 10**6, "ppo": {"n_steps": 32, "batch_size": 64}}
+    settings = {"networks": sizes} | ({"imitation": SHORT} if method == "bc" else ppo)
+    told = []
+
+    def interrupt(*_):
+        told.append(0)
+        if len(told) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match=r"interrupted after .*policy\.pt and \.json hold what was learned"):
+        train(method, seed=1, env=env, settings=settings, out=tmp_path / "policy", progress=interrupt)
+    policy = load_policy(tmp_path / "policy", env)
+    assert policy.config["interrupted"] is True
+    torch.manual_seed(1)
+    untrained = make_policy(env, "pointer", sizes["pointer"]).state_dict()
+    assert any(not torch.equal(value, untrained[name]) for name, value in policy.policy.state_dict().items())
+
+
+def test_a_training_interrupted_at_once_overwrites_nothing(env, tmp_path, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Imitation, "gather", interrupt)
+    settings = {"imitation": SHORT, "networks": {"pointer": {"width": 16, "summary": 8}}}
+    with pytest.raises(KeyboardInterrupt, match="nothing was written"):
+        train("bc", env=env, settings=settings, out=tmp_path / "policy")
+    assert not list(tmp_path.iterdir())
+
+
 def test_imitation_lowers_its_loss_and_arrives(env):
     torch.manual_seed(0)
     policy = make_policy(env, "pointer", {"width": 32, "summary": 16})
@@ -525,3 +557,21 @@ def test_commands_train_and_evaluate(capsys, tmp_path):
     assert "2 of 2 episodes" in capsys.readouterr().out
     assert main(["evaluate", *common, "--policy", "magic"]) == 2
     assert "policy is 'magic'" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_the_command_train_with_a_checkpoint_and_130(capsys, tmp_path, monkeypatch):
+    (tmp_path / "map.json").write_text(json.dumps(LADDER))
+    hyper = {"bc": {"imitation": SHORT}, "networks": {"pointer": {"width": 16, "summary": 8}}}
+    (tmp_path / "hyper.json").write_text(json.dumps(hyper))
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mlivr_gym.cli_agents.bar", lambda _: interrupt)
+    code = main(
+        ["train", "--map", str(tmp_path / "map.json"), "--no-collisions", "--method", "bc",
+         "--hyperparameters", str(tmp_path / "hyper.json"), "--out", str(tmp_path / "policy")]
+    )  # fmt: skip
+    told = capsys.readouterr().err
+    assert code == 130 and told.startswith("mlivr-gym: training interrupted") and told.count("\n") == 1
+    assert (tmp_path / "policy.pt").exists() and (tmp_path / "policy.json").exists()

@@ -1,14 +1,18 @@
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from mlivr_gym.cli import main
 from mlivr_gym.errors import RenderError
 from mlivr_gym.film import film
-from mlivr_gym.planners import Plan
+from mlivr_gym.planners import Plan, Planner
 
 
 def run(capsys, *arguments):
@@ -66,10 +70,8 @@ def test_info_counts(capsys):
     [
         (["plan", "--start", "D1a:4", "Q:1"], "'Q:1'"),
         (["plan", "--start", "D1a:4"], "must name 2 points"),
-        (["plan", "--start", "D1a:4", "D2b:4"], "below the threshold"),
         (["plan", "--goal", "60", "0", "0"], "outside the cabin"),
         (["plan", "--goal", "nan", "0", "0"], "finite"),
-        (["plan", "--goal", "9.5", "0", "0"], "no stance that can be reached"),
         (["plan", "--cost", "fast"], "'fast'"),
         (["plan", "--cost", "weighted"], "regrasp_price"),
         (["plan", "--limb-threshold", "-1"], "limb_threshold"),
@@ -78,12 +80,59 @@ def test_info_counts(capsys):
         (["plan", "--out", "no/such/folder/plan.json"], "cannot write"),
         (["render", "--plan", "nowhere.json"], "nowhere.json"),
         (["render", "--size", "1", "1"], "--size"),
+        (["render", "--stance", "2"], "--stance needs --plan"),
+        (["plan", "--clearance", "1e300"], "clearance is 1e+300 m"),
+        (["plan", "--cost", "weighted", "--regrasp-price", "1e300"], "regrasp_price is 1e+300"),
+        (["plan", "--box", "3200", "-1000", "-1000", "3500", "1000", "300"], "millimetres"),
+        (["plan", "--limit", "0"], "limit is 0"),
+        (["evaluate", "--seed", "-1"], "--seed is -1"),
+        (["evaluate", "--policy", "astar", "--episodes", "0"], "--episodes is 0"),
+        (["evaluate", "--beam", "0"], "--beam is 0"),
+        (["train", "--seed", "9" * 30], "--seed is 999"),
+        (["dataset", "--episodes", "-3"], "--episodes is -3"),
     ],
 )
 def test_bad_input_gives_one_sentence_and_code_2(capsys, arguments, words):
     code, _, err = run(capsys, *arguments)
     assert code == 2 and words in err
     assert err.startswith("mlivr-gym: ") and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--start", "D1a:4", "D2b:4"], "below the threshold"),
+        (["--goal", "9.5", "0", "0"], "no stance that can be reached"),
+        (["--goal", "9.5", "0", "0", "--limit", str(10**30)], "no stance that can be reached"),
+        (["--limit", "1"], "limit reached"),
+        (["--occupied", "D2a:4"], "point 'D2a:4' is occupied"),
+    ],
+)
+def test_no_plan_gives_one_sentence_and_code_3(capsys, arguments, words):
+    code, _, err = run(capsys, "plan", *arguments)
+    assert code == 3 and words in err
+    assert err.startswith("mlivr-gym: ") and err.count("\n") == 1
+
+
+def test_a_start_that_cannot_be_held_is_no_plan_also_where_the_goal_is_drawn(capsys, tmp_path):
+    """On an own map, where the goal has no default; but a point that is not there is bad input."""
+    rails = [
+        {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0], "end": [x, 0.4, 0], "normal": [0, 0, 1]}
+        for k, x in enumerate((0.0, 0.9, 1.8))
+    ]
+    world = tmp_path / "map.json"
+    world.write_text(json.dumps({"segments": rails, "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]}}))
+    code, _, err = run(capsys, "plan", "--map", str(world), "--start", "R0:0", "R0:1", "--occupied", "R0:0")
+    assert code == 3 and "cannot be held" in err
+    code, _, err = run(capsys, "plan", "--map", str(world), "--start", "R0:0", "R9:1")
+    assert code == 2 and "'R9:1'" in err
+
+
+def test_the_help_tells_the_exit_codes(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    out = capsys.readouterr().out
+    assert all(f"\n  {code:<3}  " in out for code in (0, 1, 2, 3, 130)) and "no plan" in out
 
 
 @pytest.mark.parametrize("arguments", [[], ["fly"], ["plan", "--goal", "a", "b", "c"], ["plan", "--wings"]])
@@ -115,6 +164,65 @@ def test_render_falls_back_without_gl(tmp_path):
     assert len(lines) <= 1
 
 
+@pytest.fixture(scope="module")
+def plan_file(checked_graph, tmp_path_factory):
+    path = tmp_path_factory.mktemp("plan") / "plan.json"
+    Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap().save(path)
+    return path
+
+
+def test_render_writes_the_file_that_is_named_and_no_other(capsys, tmp_path, plan_file):
+    """Start and goal side by side, and each of them alone."""
+    seen = {}
+    for name, extra in (("both.png", []), ("start.png", ["--stance", "0"]), ("goal.png", ["--stance", "4"])):
+        out = tmp_path / name
+        code, told, _ = run(
+            capsys, "render", "--plan", str(plan_file), "--out", str(out), "--size", "80", "40", *extra
+        )  # fmt: skip
+        assert code == 0 and f"picture: {out}" in told
+        seen[name] = np.asarray(Image.open(out))
+        assert {path.name for path in tmp_path.iterdir()} == set(seen)
+    if seen["start.png"].shape == (40, 80, 3):  # rendered, not drawn without a GL library
+        np.testing.assert_array_equal(seen["both.png"], np.hstack([seen["start.png"], seen["goal.png"]]))
+    assert (seen["start.png"] != seen["goal.png"]).any()
+    code, _, err = run(capsys, "render", "--plan", str(plan_file), "--stance", "5", "--out", str(tmp_path / "x.png"))
+    assert code == 2 and "--stance is 5; this plan has stances 0 (start) to 4 (goal)" in err
+
+
+def test_a_plan_of_another_map_or_with_a_branch_too_many_is_refused(capsys, tmp_path, plan_file):
+    data = json.loads(plan_file.read_text())
+    data["branches"][1][0] = 1_000_000
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(data))
+    for command in ("simulate", "render"):
+        code, _, err = run(capsys, command, "--plan", str(path), "--out", str(tmp_path / "out"))
+        assert code == 2 and "branches" in err and "from 0 to 7" in err and err.count("\n") == 1
+
+
+def test_ctrl_c_ends_a_search_with_one_line_and_130(tmp_path):
+    """Also in the middle of the compiled search, which would go on for a minute."""
+    code = "from mlivr_gym.cli import main; print('ready', flush=True); exit(main(['plan', '--method', 'dijkstra']))"
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", code], **pipes) as process:
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(2.5)
+        process.send_signal(signal.SIGINT)
+        began = time.perf_counter()
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and (out, err) == ("", "mlivr-gym: interrupted\n")
+    assert time.perf_counter() - began < 10.0
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), KeyboardInterrupt("two of three done")])
+def test_an_interruption_is_told_in_one_line(capsys, monkeypatch, error):
+    def stop(_):
+        raise error
+
+    monkeypatch.setattr("mlivr_gym.cli._info", stop)
+    code, out, err = run(capsys, "info")
+    assert code == 130 and out == "" and err == f"mlivr-gym: {str(error) or 'interrupted'}\n"
+
+
 def test_table1_holds_every_relation(capsys, tmp_path):
     code, _, _ = run(capsys, "table1", "--out", str(tmp_path / "results"))
     assert code == 0
@@ -131,8 +239,6 @@ def test_table1_holds_every_relation(capsys, tmp_path):
 
 
 def test_simulate_leaves_measurements_plot_and_film(capsys, tmp_path, checked_graph):
-    from mlivr_gym.planners import Planner
-
     goal = Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap().base_positions[1]
     code, out, _ = run(
         capsys, "simulate", "--start", "D2a:4", "D1b:3", "--goal", *(f"{x:.6f}" for x in goal), "--cost", "steps",
@@ -151,6 +257,7 @@ def test_simulate_leaves_measurements_plot_and_film(capsys, tmp_path, checked_gr
         capsys, "simulate", "--plan", plan, "--duration", "3", "--no-film", "--out", str(tmp_path / "fast")
     )
     assert code == 1 and "failed at" in out
+    assert "hint: slower steps may succeed, try --duration " in out
     failure = json.loads((tmp_path / "fast" / "simulation.json").read_text())["failure"]
     assert failure["message"] in out and failure["phase"] in ("departure", "swing", "approach")
 

@@ -147,6 +147,10 @@ def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
         Durations(swing=-1.0)
     with pytest.raises(SettingError, match="period is 80"):
         step_trajectory(checked_graph, plan, 0, period=80.0)
+    with pytest.raises(SettingError, match="duration of a step is 1e.09 s; it must be at most 3600 s"):
+        Durations.of_step(1e9)
+    with pytest.raises(SettingError, match="period is 1e-09: a step of 50 s has more than 1000000 samples"):
+        step_trajectory(checked_graph, plan, 0, period=1e-9)
 
 
 def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
