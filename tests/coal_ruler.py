@@ -7,10 +7,12 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import GraspMap
+from mlivr_gym import Box, GraspMap
 from mlivr_gym.scene import scene_spec, set_configuration
 
 REQUEST = coal.DistanceRequest()
+PLATE, ROD = (1.5, 1.5, 0.0005), (0.0005, 0.3, 0.0005)
+"""Half edges of thin obstacles [m]."""
 
 
 def solid(box):
@@ -24,6 +26,12 @@ def capsule(radius, start, end):
     length = float(np.linalg.norm(along))
     turn = Rotation.align_vectors([along / length], [[0.0, 0.0, 1.0]])[0].as_matrix() if length > 1e-6 else np.eye(3)
     return coal.Capsule(float(radius), length), coal.Transform3s(turn, 0.5 * (start + end))
+
+
+def in_front(point, direction, gap, half):
+    """A thin box whose face is `gap` in front of a point, across a direction."""
+    turn = Rotation.align_vectors([direction], [[0.0, 0.0, 1.0]])[0].as_matrix()
+    return Box("thin", "obstacle", tuple(point + (gap + half[2]) * direction), half, Box.rows(turn))
 
 
 def apart(first, second):

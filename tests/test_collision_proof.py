@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from coal_ruler import Ruler, apart, capsule, grasps_of, solid
-from scipy.optimize import brentq
+from coal_ruler import PLATE, ROD, Ruler, apart, capsule, grasps_of, in_front, solid
+from limb_pairs import by_coal, draw, in_body, least_apart, shift_to
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import Box, robot_spec, stance_graph
+from mlivr_gym import robot_spec, stance_graph
 from mlivr_gym.base_path import ARC, STRAIGHT
 from mlivr_gym.bodies import Bodies
 from mlivr_gym.contacts import capsule_ends
-from mlivr_gym.distance_kernels import CLEAR, segments_apart
+from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.hold_kernels import MOVER, STANDING, hold_free, holds_apart
 from mlivr_gym.limb_shapes import LimbShapes
 from mlivr_gym.path_kernels import joints_along
@@ -34,7 +34,6 @@ SHAPES = LimbShapes(ROBOT)
 RADII = SHAPES.arrays[2]
 MOUNTS = ROBOT.mount_rotations, ROBOT.mount_positions
 NO_LIMBS = np.empty((0, len(SHAPES), 2, 3))
-PLATE, ROD = (1.5, 1.5, 0.0005), (0.0005, 0.3, 0.0005)
 
 
 class Swing(NamedTuple):
@@ -99,17 +98,6 @@ class Spheres(NamedTuple):
         k, c = np.unravel_index(int(np.argmax(heights)), heights.shape)
         kind = "limb" if c < 14 else "mount" if c < 18 else "body"
         return self.centres[k, c] + self.radii[c] * direction, int(k), kind
-
-
-def in_front(point, direction, gap, half):
-    """A thin box whose face is `gap` in front of a point, across a direction."""
-    turn = Rotation.align_vectors([direction], [[0.0, 0.0, 1.0]])[0].as_matrix()
-    return Box("thin", "obstacle", tuple(point + (gap + half[2]) * direction), half, Box.rows(turn))
-
-
-def draw(rng):
-    direction = rng.normal(size=3)
-    return direction / np.linalg.norm(direction)
 
 
 def moving(measured, still):
@@ -209,55 +197,6 @@ def held_joints(graph, limb, point, branch, path, samples):
     mount = MOUNTS[0][limb], MOUNTS[1][limb], ROBOT.limb.lengths
     assert joints_along(*grip, *poses, *mount, branch, np.zeros(6), out) == samples
     return out
-
-
-def in_body(limb, joints):
-    """Ends of a limb's capsules in the body frame, shape (k, c, 2, 3)."""
-    both = np.zeros((len(joints), 2, 6))
-    both[:, limb] = joints
-    here = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    return np.array([capsule_ends(ROBOT, SHAPES, (*here, q))[limb] for q in both])
-
-
-def least_apart(first, second):
-    """Least distance between the capsules of two limbs over k moments, ends (k, c, 2, 3): value, moment and pair."""
-    # Distances of middles tell which pairs are worth a look.
-    reach = (
-        np.linalg.norm(np.ptp(first, axis=2), axis=-1)[:, :, None]
-        + np.linalg.norm(np.ptp(second, axis=2), axis=-1)[:, None]
-    )
-    rough = np.linalg.norm(first.mean(axis=2)[:, :, None] - second.mean(axis=2)[:, None], axis=-1) - 0.5 * reach
-    rough -= RADII[:, None] + RADII[None]
-    best = (np.inf, None)
-    for index in np.argsort(rough, axis=None):
-        k, i, j = np.unravel_index(int(index), rough.shape)
-        if rough[k, i, j] > best[0]:
-            break
-        p, q = first[k, i], second[k, j]
-        gap = np.sqrt(segments_apart(tuple(p[0]), tuple(p[1] - p[0]), tuple(q[0]), tuple(q[1] - q[0])))
-        best = min(best, (gap - RADII[i] - RADII[j], (int(k), int(i), int(j))))
-    return best
-
-
-def by_coal(first, second, at):
-    k, i, j = at
-    return apart(capsule(RADII[i], *first[k, i]), capsule(RADII[j], *second[k, j]))
-
-
-def shift_to(first, second, direction, gap):
-    """A shift of the second limb after which its least distance from the first is `gap` [m].
-
-    From where both forearms cross half way it goes in a direction until they are that far apart.
-    """
-    half = len(first) // 2
-    crossed = first[half, 2].mean(axis=0) - second[half, 2].mean(axis=0)
-    x = 0.0
-    while least_apart(first, second + crossed + x * direction)[0] < gap:
-        x += 0.05
-    root = brentq(lambda x: least_apart(first, second + crossed + x * direction)[0] - gap, x - 0.05, x, xtol=1e-6)
-    shift = crossed + root * direction
-    assert by_coal(first, second + shift, least_apart(first, second + shift)[1]) == pytest.approx(gap, abs=1e-4)
-    return shift
 
 
 def test_a_limb_that_holds_keeps_the_clearance_to_boxes_and_no_more(small_checked_graph):
