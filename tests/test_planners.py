@@ -24,8 +24,11 @@ def weight(cost, price, displacement):
     return {"base": displacement, "steps": 1.0, "weighted": displacement + (price or 0.0)}[cost]
 
 
-def branch_graph(graph, cost, price):
-    """Every (stance, branch of limb 0, branch of limb 1) as a node of a networkx graph: the plain definition."""
+def branch_graph(graph):
+    """Every (stance, branch of limb 0, branch of limb 1) as a node of a networkx graph: the plain definition.
+
+    Edges carry the base displacement.
+    """
     out = nx.DiGraph()
     full = [State(tuple(graph.points[s].tolist()), tuple(graph.mask[s].tolist())) for s in range(len(graph))]
     for s, state in enumerate(full):
@@ -37,7 +40,7 @@ def branch_graph(graph, cost, price):
             stance = list(state.stance)
             stance[limb] = int(point)
             t, held = graph.find(tuple(stance)), 1 - limb
-            price_of = weight(cost, price, float(np.linalg.norm(position - graph.position[s])))
+            displacement = float(np.linalg.norm(position - graph.position[s]))
             kept = [b for b in range(16) if masks[held] >> b & 1]
             old = [b for b in range(16) if state.masks[limb] >> b & 1]
             new = [b for b in range(16) if graph.mask[t, limb] >> b & 1]
@@ -45,7 +48,7 @@ def branch_graph(graph, cost, price):
                 for first, then in itertools.product(old, new):
                     here = (s, b, first) if held == 0 else (s, first, b)
                     there = (t, b, then) if held == 0 else (t, then, b)
-                    out.add_edge(here, there, weight=price_of)
+                    out.add_edge(here, there, displacement=displacement)
     return out
 
 
@@ -58,17 +61,23 @@ def tiny():
     return stance_graph(full.subset(keep, "tiny"), settings=NO_COLLISIONS)
 
 
+@pytest.fixture(scope="module")
+def tiny_truth(tiny):
+    return branch_graph(tiny)
+
+
 @pytest.mark.parametrize(("cost", "price"), COSTS)
-def test_plans_are_optimal_by_exhaustive_search_of_another_library(tiny, cost, price):
-    truth = branch_graph(tiny, cost, price)
-    planner = Planner(tiny)
+def test_plans_are_optimal_by_exhaustive_search_of_another_library(tiny, tiny_truth, cost, price):
+    truth, planner = tiny_truth, Planner(tiny)
     rng = np.random.default_rng(0)
     for _ in range(5):
         s, g = (int(v) for v in rng.integers(0, len(tiny), 2))
         goal = np.clip(tiny.position[g], *tiny.grasp_map.cabin)
         goals = {v for v in truth if np.linalg.norm(tiny.position[v[0]] - goal) <= 0.2}
         sources = {v for v in truth if v[0] == s}
-        reached = nx.multi_source_dijkstra_path_length(truth, sources)
+        reached = nx.multi_source_dijkstra_path_length(
+            truth, sources, weight=lambda _, __, edge: weight(cost, price, edge["displacement"])
+        )
         expected = min((reached[v] for v in goals if v in reached), default=np.inf)
         table = planner.cost_to_go(goal, cost, regrasp_price=price)
         assert table.values[s] == pytest.approx(expected, abs=1e-9)
