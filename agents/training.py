@@ -79,7 +79,7 @@ def train(
 
     Raises:
         MlivrError: If an argument cannot be used; the message names it.
-        KeyboardInterrupt: If it is interrupted; with `out` there is a checkpoint of what was learned so far then.
+        KeyboardInterrupt: If it is interrupted; `out` then holds what was learned so far.
     """
     choice("method", method, METHODS)
     settings = hyperparameters(method) if settings is None else settings

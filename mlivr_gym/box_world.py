@@ -74,7 +74,7 @@ class BoxWorld:
 
 
 def _grid(low: Array, high: Array) -> tuple[float, NDArray[np.int64]]:
-    """Edge of the cells [m] and their number along each axis, for boxes whose lower corners start at 0.
+    """Edge of the cells [m] and their number along each axis, for boxes with corners from 0 on.
 
     The edge is doubled until there are few enough cells, and few enough boxes in them.
     """

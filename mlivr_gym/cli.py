@@ -144,8 +144,8 @@ def _parser() -> argparse.ArgumentParser:
 
     render = commands.add_parser(
         "render", parents=[world], help="picture of the scene", epilog=EXAMPLES, formatter_class=formatter,
-        description="Picture of the MuJoCo scene with the robot in a stance. Of a plan, one picture of its start and its goal "
-        "side by side, or of the stance chosen with --stance.",
+        description="Picture of the MuJoCo scene with the robot in a stance. Of a plan, one picture of its start and "
+        "its goal side by side, or of the stance chosen with --stance.",
     )  # fmt: skip
     render.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
     render.add_argument("--plan", metavar="FILE", help="a plan; its start and goal stance are drawn")
@@ -305,7 +305,10 @@ def _draw(
     size: tuple[int, int],
     obstacles: Sequence[Any] = (),
 ) -> None:
-    """Render configurations with MuJoCo, those of one picture side by side, or draw them with matplotlib where there is no GL."""
+    """Render configurations with MuJoCo, those of one picture side by side.
+
+    Where there is no GL library they are drawn with matplotlib.
+    """
     import numpy as np
 
     from mlivr_gym.figures import configuration_figure, save_image

@@ -16,7 +16,7 @@ from mlivr_gym.exits import LONG_GRACE
 from mlivr_gym.values import whole
 
 LARGEST_SEED = 2**31
-"""Largest seed; each episode takes the next, and NumPy's old generator, which is seeded too, takes 32 bits."""
+"""Largest seed; each episode takes the next, and NumPy's old generator takes 32 bits."""
 
 MOST_EPISODES = 10**6
 """Most episodes of one command."""
@@ -32,8 +32,8 @@ def add_commands(commands: Any, world: argparse.ArgumentParser) -> None:
     """Add the commands to the parser's; `world` holds the arguments of map, robot and thresholds."""
     train = commands.add_parser(
         "train", parents=[world], help="train a policy",
-        description="Train a policy for two limbs. Every step of the map is checked first, once: one to two minutes for the JEM. "
-        "Ctrl-C ends it early and leaves a checkpoint of what was learned so far.",
+        description="Train a policy for two limbs. Every step of the map is checked first, once: one to two minutes "
+        "for the JEM. Ctrl-C ends it early and leaves a checkpoint of what was learned so far.",
     )  # fmt: skip
     train.add_argument("--method", default="dagger", help="bc, dagger, ppo or finetune (default: %(default)s)")
     train.add_argument("--network", default="pointer", help="pointer or mlp (default: %(default)s)")

@@ -54,7 +54,7 @@ class PlanError(MlivrError):
 
 
 class NoPlanError(PlanError):
-    """The planner has found no plan: there is none, the start cannot be held, or the limit was reached."""
+    """There is no plan, the start cannot be held, or the limit of the search was reached."""
 
 
 class SimulationError(MlivrError):

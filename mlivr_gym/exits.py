@@ -1,7 +1,8 @@
 """How the command ends: its exit codes, and what an interruption does.
 
-A compiled search runs for a minute without a look at signals, which Python handles only in between. So
-`prompt_interrupts` lets a thread wait for the signal too, which ends the process where the main one does not answer.
+A compiled search runs for a minute without a look at signals, which Python handles only in
+between. So `prompt_interrupts` lets a thread wait for the signal too, which ends the process where
+the main one does not answer.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ def say_interrupted(reason: str = "") -> None:
 def prompt_interrupts(grace: float = GRACE) -> Iterator[None]:
     """Let Ctrl-C end the process also while compiled code runs; in the main thread only.
 
-    Where Python comes to handle the signal, the block ends with a `KeyboardInterrupt`, also if a library made another
-    error of it; else the process ends.
+    Where Python comes to handle the signal, the block ends with a `KeyboardInterrupt`, also if a
+    library made another error of it; else the process ends.
 
     Args:
         grace: How long Python may take to come to it [s].

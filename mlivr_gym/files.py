@@ -53,8 +53,8 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
         error: Type of the error.
 
     Raises:
-        MlivrError: of the type `error`, naming the file, if it cannot be read, is too large or nested too deeply, is no
-            JSON, or holds something other than an object.
+        MlivrError: of the type `error`, naming the file, if it cannot be read, is too large or
+            nested too deeply, is no JSON, or holds something other than an object.
     """
     try:
         with open(path, "rb") as stream:

@@ -96,7 +96,8 @@ class GraspMap:
         m = len(self.ids)
         text(self.name, "the name of the map", MapError)
         if not 0 < m <= MOST_POINTS:
-            raise MapError(f"map {self.name!r} has {m or 'no'} graspable point(s); at most {MOST_POINTS} are taken")
+            count = f"{m or 'no'} graspable point(s)"
+            raise MapError(f"map {self.name!r} has {count}; at most {MOST_POINTS} are taken")
         once(self.ids, "point", MapError)
         once([box.id for box in self.boxes], "box", MapError)
         object.__setattr__(self, "_index", {point: i for i, point in enumerate(self.ids)})
@@ -369,7 +370,7 @@ def _frame(where: str, rail: NDArray[np.float64], normal: NDArray[np.float64]) -
 
 
 def _discretise(segment: Segment, spacing: float, room: int) -> list[_Row]:
-    """Points at multiples of `spacing` either side of the segment's middle, at most `room` of them."""
+    """Points at multiples of `spacing` either side of the segment's middle, about `room` at most."""
     start, end = np.array(segment.start), np.array(segment.end)
     length = float(np.linalg.norm(end - start))
     frame = _frame(f"segment {segment.id!r}", end - start, np.array(segment.normal))
@@ -387,7 +388,7 @@ def _discretise(segment: Segment, spacing: float, room: int) -> list[_Row]:
 
 
 def _clear_of_handrails(rows: list[_Row], handrails: tuple[Handrail, ...], clearance: float) -> list[_Row]:
-    """Points whose rail's strip keeps `clearance` from the footprint of every handrail on their face."""
+    """Points whose rail's strip keeps `clearance` from the footprint of each handrail on the face."""
     if not rows:
         return []
     faces, positions = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])

@@ -44,7 +44,7 @@ SMALLEST_BODY = 1e-3
 """Least edge of the body [m]: of one lighter and smaller MuJoCo refuses the inertia."""
 
 MOST_CAPSULES = 64
-"""Most collision shapes of a limb: the compiled checks keep them on the stack, and one bit for each."""
+"""Most collision shapes of a limb: the compiled checks keep them on the stack."""
 
 MOST_POSES = 64
 """Most heights or rolls that are tried for a stance; the robots that ship have four and five."""
@@ -76,8 +76,8 @@ class Limb:
         limits = numbers(self.joint_limits, (6, 2), "joint_limits", RobotError)
         if not (limits[:, 0] < limits[:, 1]).all() or np.abs(limits).max() > FARTHEST_TURN:
             raise RobotError(
-                f"joint_limits {limits.tolist()} must be lower below upper, from {-FARTHEST_TURN:g} to "
-                f"{FARTHEST_TURN:g} rad"
+                f"joint_limits {limits.tolist()} must be lower below upper, "
+                f"from {-FARTHEST_TURN:g} to {FARTHEST_TURN:g} rad"
             )
         object.__setattr__(self, "joint_limits", tuple((float(a), float(b)) for a, b in limits))
 
@@ -208,9 +208,9 @@ class RobotSpec:
     def _check(self, name: str, least: float, most: float) -> None:
         value = number(getattr(self, name), name, RobotError)
         if not least <= value <= most:
+            unit = "kg" if name.endswith("mass") else "m: lengths are in metres"
             raise RobotError(
-                f"{name} of robot {self.name!r} is {value:g}; it must lie between {least:g} and {most:g} "
-                f"{'kg' if name.endswith('mass') else 'm: lengths are in metres'}"
+                f"{name} of robot {self.name!r} is {value:g}; it must lie between {least:g} and {most:g} {unit}"
             )
         object.__setattr__(self, name, value)
 

@@ -51,12 +51,13 @@ def rgba(colour: str) -> tuple[float, float, float, float]:
 def scene_spec(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()) -> mujoco.MjSpec:
     """Scene of a robot in a cabin.
 
-    Its geoms are the shapes that collisions are checked with; boxes are called `"box/{id}"`, capsules of limb i
-    `"limb{i}/{link}/{number}"`, the body `"body"`. Pairs of a limb's links that cannot meet are excluded.
+    Its geoms are the shapes that collisions are checked with; boxes are called `"box/{id}"`, capsules
+    of limb i `"limb{i}/{link}/{number}"`, the body `"body"`. Pairs of a limb's links that cannot meet
+    are excluded.
 
-    The robot's body is `"base"` with free joint `"base"`; joint k of limb i is `"limb{i}/joint{k}"`, its
-    flange frame is site `"limb{i}/flange"`, its grasp point site `"limb{i}/grasp"`. Graspable points are sites
-    `"point/{id}"`.
+    The robot's body is `"base"` with free joint `"base"`; joint k of limb i is `"limb{i}/joint{k}"`,
+    its flange frame is site `"limb{i}/flange"`, its grasp point site `"limb{i}/grasp"`. Graspable
+    points are sites `"point/{id}"`.
 
     Raises:
         ShapeError: If two boxes have the same id.
@@ -96,16 +97,16 @@ def scene_spec(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] =
         )  # fmt: skip
     for box in boxes:
         world.add_geom(
-            name=scene_name(BOX, box.id), type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre, size=box.half, rgba=_COLOURS[box.kind],
-            material="metal" if box.kind in _METAL else "matt", group=FACE_GROUPS.get(box.face, 0),
+            name=scene_name(BOX, box.id), type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre,
+            size=box.half, rgba=_COLOURS[box.kind], material="metal" if box.kind in _METAL else "matt", group=FACE_GROUPS.get(box.face, 0),
             contype=SURROUNDINGS, conaffinity=ROBOT, quat=_quaternion(np.array(box.rotation)),
         )  # fmt: skip
     for point, face, position, rotation in zip(
         grasp_map.ids, grasp_map.faces, grasp_map.positions, grasp_map.rotations, strict=True
     ):
         world.add_site(
-            name=scene_name(POINT, point), pos=position, quat=_quaternion(rotation), type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            size=[0.016, 0.003, 0.0], rgba=_POINT, group=FACE_GROUPS[face],
+            name=scene_name(POINT, point), pos=position, quat=_quaternion(rotation),
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.016, 0.003, 0.0], rgba=_POINT, group=FACE_GROUPS[face],
         )  # fmt: skip
     _add_robot(spec, robot)
     return spec

@@ -46,7 +46,8 @@ UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 def scene_name(kind: str, name: str) -> str:
     """The name in the MuJoCo scene of something that a user has named.
 
-    Shapes and sites of the robot are called `"body"` or `"limb..."`, so no name that is given can be taken for one.
+    Shapes and sites of the robot are called `"body"` or `"limb..."`, so that no name that a user
+    gives can be taken for one.
 
     Args:
         kind: `BOX` or `POINT`.
@@ -79,7 +80,8 @@ class Box:
         """Check every figure."""
         text(self.id, "the id of a box", ShapeError)
         if self.kind not in KINDS:
-            raise ShapeError(f"box {self.id!r}: unknown kind {shown(self.kind)}; valid kinds are {', '.join(KINDS)}")
+            kinds = ", ".join(KINDS)
+            raise ShapeError(f"box {self.id!r}: unknown kind {shown(self.kind)}; valid kinds are {kinds}")
         where = f"box {self.id!r}:"
         for name in ("centre", "half"):
             values = numbers(getattr(self, name), (3,), f"{where} {name}", ShapeError, LONGEST)
@@ -207,7 +209,7 @@ def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
     """Boxes and ids of occupied points from a JSON file `{"boxes": [...], "occupied": [...]}`; see `Box.from_dict`.
 
     Raises:
-        ShapeError: If the file cannot be read or an entry is faulty; the message names file and entry.
+        ShapeError: If the file cannot be read or an entry is faulty; it names file and entry.
     """
     data = read_json(path, "obstacles", ShapeError)
     try:

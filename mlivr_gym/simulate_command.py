@@ -108,8 +108,8 @@ def _hint(graph: Any, execution: Any) -> None:
     longer = longer_step(graph, execution)
     if longer is not None:
         print(
-            f"hint: slower steps may succeed, try --duration {longer:g} "
-            f"(an estimate: torques and lag go with 1 / duration^2; this was {execution.durations.total:g} s)"
+            f"hint: slower steps may succeed, try --duration {longer:g} (an estimate: torques and lag "
+            f"go with 1 / duration^2; this was {execution.durations.total:g} s)"
         )
 
 

@@ -40,7 +40,7 @@ IntArray = NDArray[np.int64]
 
 
 MOST_PAIRS = 2_000_000
-"""Most ordered pairs of points that are worked out: about those of the JEM with points every 0.03 m, gigabytes and minutes."""
+"""Most ordered pairs of points: those of the JEM with points every 0.03 m, which takes gigabytes."""
 
 TOUCHED = {
     UNDECIDED: "something", SELF: "the robot itself", CABIN: "the cabin", HANDRAIL: "a handrail", OBSTACLE: "an obstacle",
@@ -77,8 +77,8 @@ class StanceGraph(StepChecks):
         near = int(tree.count_neighbors(tree, robot.span)) - len(grasp_map)
         if near > MOST_PAIRS:
             raise MapError(
-                f"map {grasp_map.name!r} has {near} pairs of points within the span of {robot.span:g} m; "
-                f"at most {MOST_PAIRS} can be worked out: take a larger spacing or a smaller span"
+                f"map {grasp_map.name!r} has {near} pairs of points within the span of {robot.span:g} "
+                f"m; at most {MOST_PAIRS} can be worked out: take a larger spacing or a smaller span"
             )
         pairs = tree.query_pairs(robot.span + 1e-9, output_type="ndarray").astype(np.int64)
         distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)

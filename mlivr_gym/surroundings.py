@@ -50,7 +50,8 @@ def module_boxes(scene: Any, racks: list[Any]) -> Iterator[Box]:
     """Racks, corner closeouts and end bulkheads of a module, where the figures are given.
 
     Args:
-        scene: The map's `scene`: plane of the rack fronts on each face, rack sections, closeouts and ends [m].
+        scene: The map's `scene`: plane of the rack fronts on each face, rack sections, closeouts
+            and ends [m].
         racks: Face and centre of each rack [m].
 
     Raises:
@@ -61,10 +62,8 @@ def module_boxes(scene: Any, racks: list[Any]) -> Iterator[Box]:
     if not scene.get("panel_planes"):
         return
     figures = _Figures(scene)
-    levels = {
-        "deck": figures.get("panel_planes.deck_z"), "overhead": figures.get("panel_planes.overhead_z"),
-        "forward": figures.get("panel_planes.forward_y"), "aft": figures.get("panel_planes.aft_y"),
-    }  # fmt: skip
+    planes = {"deck": "deck_z", "overhead": "overhead_z", "forward": "forward_y", "aft": "aft_y"}
+    levels = {face: figures.get(f"panel_planes.{plane}") for face, plane in planes.items()}
     start, end = figures.get("rack_zone_x", 2)
     middle, half_x = 0.5 * (start + end), 0.5 * (end - start)
     for face, (axis, sign) in FACE_AXES.items():
@@ -86,7 +85,8 @@ def _racks(figures: _Figures, racks: list[Any], levels: dict[str, float]) -> Ite
         x, run_centre = rack.get("x_centre"), rack.get("run_centre")
         face = entry.get("face")
         if face not in tuple(FACE_AXES):
-            raise MapError(f"racks[{number}]: unknown face {shown(face)}; valid faces are {', '.join(FACE_AXES)}")
+            valid = ", ".join(FACE_AXES)
+            raise MapError(f"racks[{number}]: unknown face {shown(face)}; valid faces are {valid}")
         axis, sign = FACE_AXES[face]
         run = 3 - axis
         centre, half = np.zeros(3), np.zeros(3)

@@ -197,8 +197,8 @@ def trajectory(path: RegraspPath, durations: Durations | None = None, period: fl
         raise SettingError(f"period is {period!r}; it must be above 0 and below {durations.total:g} [s]")
     if durations.total / period > MOST_SAMPLES:
         raise SettingError(
-            f"period is {period!r}: a step of {durations.total:g} s has more than {MOST_SAMPLES} samples; "
-            f"take at least {durations.total / MOST_SAMPLES:g} s"
+            f"period is {period!r}: a step of {durations.total:g} s has more than {MOST_SAMPLES} "
+            f"samples; take at least {durations.total / MOST_SAMPLES:g} s"
         )
     step, graph = path.regrasp, path.graph
     count = round(durations.total / period) + 1

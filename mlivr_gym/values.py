@@ -12,10 +12,16 @@ from mlivr_gym.errors import MlivrError, shown
 Array = NDArray[np.float64]
 
 LONGEST = 1000.0
-"""Largest coordinate or size in a map [m]. The whole of the ISS spans 109 m; a module given in millimetres lies beyond."""
+"""Largest coordinate or size in a map [m].
+
+The whole of the ISS spans 109 m; a module given in millimetres lies beyond.
+"""
 
 LONGEST_ROBOT = 100.0
-"""Largest length of a robot [m]. The longest arm flown is 17.6 m; an arm given in millimetres lies beyond."""
+"""Largest length of a robot [m].
+
+The longest arm flown is 17.6 m; an arm given in millimetres lies beyond.
+"""
 
 SMALLEST = 1e-9
 """Least size of a shape [m]: what rounding leaves of a coordinate of 1000 m is not much less."""
@@ -37,15 +43,17 @@ def text(value: object, where: str, error: type[MlivrError]) -> str:
     """Return `value` if it can be a name: printable text, not empty.
 
     Raises:
-        MlivrError: of the type `error`, naming the value. Half of a surrogate pair, for example, could not be written.
+        MlivrError: of the type `error`, naming the value. Half of a surrogate pair, for example,
+            could not be written.
     """
     if not isinstance(value, str) or not value or not value.isprintable() or len(value) > LONGEST_TEXT:
-        raise error(f"{where} is {shown(value)}; it must be a text of 1 to {LONGEST_TEXT} printable characters")
+        kind = f"a text of 1 to {LONGEST_TEXT} printable characters"
+        raise error(f"{where} is {shown(value)}; it must be {kind}")
     return value
 
 
 def number(value: object, where: str, error: type[MlivrError], most: float = np.inf) -> float:
-    """Return `value` as a float if it is one finite number from `-most` to `most`; see `numbers`."""
+    """Return `value` as a float if it is a finite number from `-most` to `most`; see `numbers`."""
     return float(numbers(value, (), where, error, most))
 
 
@@ -74,7 +82,8 @@ def numbers(value: object, shape: tuple[int, ...], where: str, error: type[Mlivr
     if found.shape != shape or not np.isfinite(found).all():
         raise error(f"{where} is {shown(value)}; it must be {kind}")
     if (np.abs(found) > most).any():
-        raise error(f"{where} is {shown(value)}, beyond {most:g} m; lengths are in metres: is this in millimetres?")
+        hint = "lengths are in metres: is this in millimetres?"
+        raise error(f"{where} is {shown(value)}, beyond {most:g} m; {hint}")
     return found
 
 

@@ -46,7 +46,8 @@ class Cost:
             regrasp_price: Metres charged for a regrasp; only for `"weighted"`.
 
         Raises:
-            SettingError: If the name is unknown or the price is missing, misplaced, below zero or too high.
+            SettingError: If the name is unknown or the price is missing, misplaced, below zero or
+                too high.
         """
         choice("cost", name, NAMES)
         if (name == "weighted") != (regrasp_price is not None):

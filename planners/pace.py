@@ -1,7 +1,8 @@
 """How long a step should take: an estimate for a walk that failed because it was too fast.
 
-At twice the duration a robot runs through the same configurations at half the speed, so that all accelerations,
-and with them the torques they need and the lag of the controller, fall to a quarter: they go with `1 / T^2`.
+At twice the duration a robot runs through the same configurations at half the speed, so that all
+accelerations, and with them the torques they need and the lag of the controller, fall to a quarter:
+they go with `1 / T^2`.
 """
 
 from __future__ import annotations
@@ -20,22 +21,22 @@ from mlivr_gym.stance_graph import StanceGraph
 from mlivr_gym.trajectory import Durations
 
 MARGIN = 1.05
-"""Factor on the duration for what the estimate leaves out: grasps that give way, and the controller."""
+"""Factor on the duration for what is left out: grasps that give way, and the controller."""
 
 SAMPLES = 300
 """Places on the time grid of a step at which torques are looked at."""
 
 
 def longer_step(graph: StanceGraph, execution: Execution) -> float | None:
-    """Duration of a step [s] at which a failed walk would probably succeed; None if time is not what it lacks.
+    """Duration of a step [s] at which a failed walk would probably succeed.
 
     Args:
         graph: The stance graph of the plan's robot and map.
         execution: A plan carried out.
 
     Returns:
-        An estimate, rounded up to tenths of a second, where a torque was at its limit, or a grasp was missed or
-        lost its hold.
+        An estimate, rounded up to tenths of a second, where a torque was at its limit, or a grasp was
+        missed or lost its hold; None if time is not what the walk lacks.
     """
     failure = execution.failure
     if failure is None:
@@ -56,7 +57,7 @@ def longer_step(graph: StanceGraph, execution: Execution) -> float | None:
 
 
 def torque_demand(graph: StanceGraph, plan: Plan, durations: Durations, physics: Physics) -> float:
-    """Largest torque that a plan needs of any joint by the robot's dynamics, over that joint's limit.
+    """Largest torque that a plan needs of a joint by the robot's dynamics, over the joint's limit.
 
     Args:
         graph: The stance graph of the plan's robot and map.

@@ -125,7 +125,7 @@ class Plan:
         return float(np.linalg.norm(np.diff(self.base_positions, axis=0), axis=1).sum())
 
     def configuration(self, k: int) -> tuple[Array, Array, Array]:
-        """Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad] in stance `k`."""
+        """Base position [m], quaternion w, x, y, z, and joint angles (N, 6) [rad] in stance `k`."""
         return self.base_positions[k], self.base_quaternions[k], self.joint_positions[k]
 
     @property
@@ -222,8 +222,10 @@ def _values(data: dict[str, Any]) -> dict[str, Any]:
     _check_order(stances, steps, actions)
     values: dict[str, Any] = {
         "robot": robot, "stances": stances, "steps": steps, "actions": actions,
-        "settings": _settings(data["settings"]), "obstacles": boxes_from(data["obstacles"], "obstacle"),
-        "occupied": _texts(data["occupied"], "occupied"), "cost_name": choice("cost_name", data["cost_name"], NAMES),
+        "settings": _settings(data["settings"]),
+        "obstacles": boxes_from(data["obstacles"], "obstacle"),
+        "occupied": _texts(data["occupied"], "occupied"),
+        "cost_name": choice("cost_name", data["cost_name"], NAMES),
         "regrasp_price": data["regrasp_price"],
     }  # fmt: skip
     if values["regrasp_price"] is not None:
@@ -239,7 +241,7 @@ def _values(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _arrays(data: dict[str, Any], k: int, limbs: int) -> dict[str, NDArray[Any]]:
-    """Arrays of a plan of k stances; the compiled kernels look nothing up that is not checked here."""
+    """Arrays of a plan of k stances; no kernel looks up what is not checked here."""
     shapes = {"base_quaternions": (k, 4), "joint_positions": (k, limbs, 6), "w_m": (k, limbs), "w_b": (k,)}
     found = {name: numbers(data[name], shape, name, PlanError) for name, shape in shapes.items()}
     found["base_positions"] = numbers(data["base_positions"], (k, 3), "base_positions", PlanError, LONGEST)
@@ -248,13 +250,15 @@ def _arrays(data: dict[str, Any], k: int, limbs: int) -> dict[str, NDArray[Any]]
     _check_angles(found["joint_positions"], "joint_positions")
     branches = numbers(data["branches"], (k, limbs), "branches", PlanError)
     if not np.isin(branches, range(BRANCHES)).all():
-        raise PlanError(f"branches is {shown(data['branches'])}; each must be a whole number from 0 to {BRANCHES - 1}")
+        kind = f"a whole number from 0 to {BRANCHES - 1}"
+        raise PlanError(f"branches is {shown(data['branches'])}; each must be {kind}")
     return found | {"branches": branches.astype(np.int64)}
 
 
 def _check_angles(angles: Array, where: str) -> None:
     if np.abs(angles).max(initial=0.0) > FARTHEST_TURN:
-        raise PlanError(f"{where} has an angle of {np.abs(angles).max():g} rad; at most {FARTHEST_TURN:g} is possible")
+        largest = np.abs(angles).max()
+        raise PlanError(f"{where} has an angle of {largest:g} rad; at most {FARTHEST_TURN:g} is possible")
 
 
 def _step(data: Any, where: str, limbs: int) -> Step:

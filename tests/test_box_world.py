@@ -26,7 +26,7 @@ FAR = [Box(f"far{side}", "obstacle", (side * 990.0,) * 3, (10.0,) * 3) for side 
 
 @pytest.mark.parametrize("far", [[], FAR], ids=["near", "far"])
 def test_the_grid_finds_what_pairwise_distances_find(far):
-    """Brute force over the boxes; with boxes 2 km apart the cells are large and few, and the answers the same."""
+    """Brute force over the boxes; with some 2 km apart the cells are large, the answers the same."""
     rng = np.random.default_rng(0)
     boxes = random_boxes(rng, 12) + far
     world = BoxWorld(boxes)

@@ -176,9 +176,8 @@ def test_render_writes_the_file_that_is_named_and_no_other(capsys, tmp_path, pla
     seen = {}
     for name, extra in (("both.png", []), ("start.png", ["--stance", "0"]), ("goal.png", ["--stance", "4"])):
         out = tmp_path / name
-        code, told, _ = run(
-            capsys, "render", "--plan", str(plan_file), "--out", str(out), "--size", "80", "40", *extra
-        )  # fmt: skip
+        arguments = ["--plan", str(plan_file), "--out", str(out), "--size", "80", "40", *extra]
+        code, told, _ = run(capsys, "render", *arguments)
         assert code == 0 and f"picture: {out}" in told
         seen[name] = np.asarray(Image.open(out))
         assert {path.name for path in tmp_path.iterdir()} == set(seen)
@@ -201,7 +200,8 @@ def test_a_plan_of_another_map_or_with_a_branch_too_many_is_refused(capsys, tmp_
 
 def test_ctrl_c_ends_a_search_with_one_line_and_130(tmp_path):
     """Also in the middle of the compiled search, which would go on for a minute."""
-    code = "from mlivr_gym.cli import main; print('ready', flush=True); exit(main(['plan', '--method', 'dijkstra']))"
+    code = "from mlivr_gym.cli import main; print('ready', flush=True); exit(main({}))"
+    code = code.format(["plan", "--method", "dijkstra"])
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", code], **pipes) as process:
         assert process.stdout.readline() == "ready\n"

@@ -5,8 +5,8 @@ from mlivr_gym.errors import MlivrError, SettingError, nonnegative, shown
 from mlivr_gym.values import LONGEST, entries, number, numbers, rotation, text, whole
 
 NO_NUMBERS = [
-    None, True, "1", [1], {}, float("nan"), float("inf"), 10**400, [[1, 2], [3]], ["1", "2", "3"], [1, 2, None],
-    [True, False, True], [1, 2, "x"], object(),
+    None, True, "1", [1], {}, float("nan"), float("inf"), 10**400, [[1, 2], [3]], ["1", "2", "3"],
+    [1, 2, None], [True, False, True], [1, 2, "x"], object(),
 ]  # fmt: skip
 
 
