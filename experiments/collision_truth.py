@@ -85,7 +85,10 @@ class Judge:
         return found
 
     def least_distance(self, configuration: Configuration, points: list[tuple[int, int]]) -> float:
-        """Coal's least distance of limbs, body and mounts to boxes and between limbs [m], grippers at a grasp left out."""
+        """Coal's least distance of the robot to boxes and between limbs [m].
+
+        Grippers at a grasp are left out.
+        """
         ends = capsule_ends(self.robot, self.shapes, configuration)
         base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
         radius = self.shapes.arrays[2]
@@ -104,7 +107,7 @@ class Judge:
             (_distance(a, b) for first, second in combinations(limbs, 2) for a in first for b in second), default=np.inf
         )
         for shape, pose in with_boxes:
-            # The smallest sphere about a shape's middle that holds it tells the boxes that it cannot come near.
+            # The sphere round a shape tells which boxes it cannot come near.
             shape.computeLocalAABB()
             middle = pose.getTranslation()
             for box in self.graph.grasp_map.boxes:

@@ -26,7 +26,11 @@ class Bodies:
 
     @cached_property
     def arrays(self) -> tuple[Any, ...]:
-        """Shapes of a limb, first capsules of gripper and hand, what limbs meet on the body, boxes, clearance, body and mounts."""
+        """Seven parts for the kernels.
+
+        Shapes of a limb, first capsules of gripper and hand, what limbs meet on the body, boxes,
+        clearance, and what of body and mounts is compared with boxes.
+        """
         shapes = self.shapes
         return (
             shapes.arrays, shapes.first_gripper, shapes.hand, shapes.fixed, self.world.arrays, self.clearance,

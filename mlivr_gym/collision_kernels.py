@@ -250,7 +250,7 @@ def _behind(boxes, b, point, normal):
 
 @kernel
 def body_against_boxes(position, rotation, travel, swing, body, world, clearance):
-    """The body and the mounts of all limbs against the boxes, at a base pose and round it; an answer.
+    """The body and the mounts of all limbs against the boxes, at and about a base pose; an answer.
 
     Args:
         position: Base position [m], shape (3,).
@@ -269,7 +269,9 @@ def body_against_boxes(position, rotation, travel, swing, body, world, clearance
         for e in range(2):
             rho = np.sqrt(local[c, e, 0] ** 2 + local[c, e, 1] ** 2 + local[c, e, 2] ** 2)
             motion[c, e] = travel + swing * rho
-    return against_boxes(ends, motion, EVERY, count, radius, world, count, position, position, clearance)[0]
+    return against_boxes(
+        ends, motion, EVERY, count, radius, world, count, position, position, clearance
+    )[0]  # fmt: skip
 
 
 @kernel

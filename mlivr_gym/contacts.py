@@ -33,7 +33,8 @@ class Contact:
     Attributes:
         first: A shape of the robot, as the scene names it: `"limb0/forearm/0"` or `"body"`.
         second: Another of its shapes, or a box: `"box/{id}"`.
-        distance: Distance of the surfaces [m], negative where a capsule overlaps, 0 where the body does.
+        distance: Distance of the surfaces [m], negative where a capsule overlaps, 0 where the body
+            reaches into a box.
     """
 
     first: str
@@ -63,8 +64,9 @@ def contacts(
 ) -> list[Contact]:
     """Every pair of shapes that is compared and nearer than the clearance, or overlaps, the nearest first.
 
-    All pairs but those of `uncompared.NOT_COMPARED`. The body is the box that it is; the compiled checks take capsules that
-    contain it where they compare it with boxes, see `limb_shapes.round_cube`.
+    All pairs but those of `uncompared.NOT_COMPARED`. The body is the box that it is; the compiled
+    checks take capsules that contain it where they compare it with boxes, see
+    `limb_shapes.round_cube`.
 
     Args:
         robot: The robot.
@@ -82,12 +84,12 @@ def contacts(
         *_limbs_with_boxes(shapes, boxes, ends, at_grasp),
         *_base_with_boxes(robot, shapes, boxes, (configuration[0], base), clearance),
     ]
-    near = [Contact(first, second, float(apart)) for first, second, apart in found if apart < clearance or apart <= 0.0]
+    near = [Contact(*pair) for pair in found if pair[2] < clearance or pair[2] <= 0.0]
     return sorted(near, key=lambda contact: contact.distance)
 
 
 def _among_themselves(robot: RobotSpec, shapes: LimbShapes, local: Array) -> Iterator[Pair]:
-    """Distances of the robot's shapes from each other; capsule ends in the body frame, shape (N, c, 2, 3)."""
+    """Distances of the robot's shapes from each other; capsule ends in the body frame."""
     radius, names = shapes.arrays[2], _names(shapes)
     mounts, mount_radius, half, least = shapes.fixed
     for i in range(robot.limbs):
@@ -124,18 +126,23 @@ def _limbs_with_boxes(
 
 
 def _base_with_boxes(
-    robot: RobotSpec, shapes: LimbShapes, boxes: Sequence[Box], base: tuple[Array, Array], clearance: float
+    robot: RobotSpec,
+    shapes: LimbShapes,
+    boxes: Sequence[Box],
+    base: tuple[Array, Array],
+    clearance: float,
 ) -> Iterator[Pair]:
-    """Distances of the body and the mounts from boxes; the body only from those that its corners' sphere comes near."""
+    """Distances of body and mounts from boxes; the body from those alone that its sphere is near."""
     position, rotation = base
     mounts, mount_radius, half, _ = shapes.fixed
+    names = _mount_names(robot, shapes)
     body = Box(BODY, "obstacle", tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation))
     for box in boxes:
         if _to_box(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
             # Two boxes are nearest, or first overlap, at an edge of one of them.
             edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
             yield BODY, scene_name(BOX, box.id), min(_to_box(*pair) for pair in edges)
-        for name, axis, radius in zip(_mount_names(robot, shapes), mounts, mount_radius, strict=True):
+        for name, axis, radius in zip(names, mounts, mount_radius, strict=True):
             yield name, scene_name(BOX, box.id), _to_box(position + axis @ rotation.T, box) - radius
 
 

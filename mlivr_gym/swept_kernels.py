@@ -204,7 +204,7 @@ def swing_free(
         world: `BoxWorld.arrays`.
         clearance: Least distance [m].
         inside: Whether the robot's own shapes are looked at, not the boxes alone.
-        body: `LimbShapes.body`, compared with the boxes if the base moves; at rest the stance has been.
+        body: `LimbShapes.body`, compared with the boxes if the base moves; at rest the stance was.
 
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.

@@ -1,7 +1,8 @@
 """The one table of pairs of shapes that are not compared, each with its reason.
 
-Every other pair of a robot's shapes, and every shape with every box, is compared in each stance and along each motion.
-`LimbShapes` and with it the compiled checks, `contacts` and the MuJoCo scene leave out these pairs and no others.
+Every other pair of a robot's shapes, and every shape with every box, is compared in each stance and
+along each motion. `LimbShapes`, and with it the compiled checks, `contacts` and the MuJoCo scene,
+leave out these pairs and no others.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ BODY = "body"
 """Name of the robot's body among the links."""
 
 OWN, OTHER, ANY, BOXES = "one limb", "two limbs", "any limbs", "boxes"
-"""Whose shapes a row is about: links of one limb, of two, of one or two (the body has all), or links and boxes."""
+"""Whose shapes a row is about: of one limb, of two, of one or two, or of a limb and the world."""
 
 FIXED = "fixed to each other"
 
@@ -31,7 +32,7 @@ class Uncompared(NamedTuple):
     reason: str
     """Why they need not be compared."""
     checked: bool = False
-    """Whether the reason is worked out for the robot's capsules; where it does not hold they are compared."""
+    """Whether the reason is tested for the robot's capsules; where it fails they are compared."""
 
 
 NOT_COMPARED: tuple[Uncompared, ...] = (
@@ -48,20 +49,22 @@ NOT_COMPARED: tuple[Uncompared, ...] = (
     Uncompared("wrist_2", "wrist_3", OWN, "joined by joint 6"),
     Uncompared("wrist_2", "gripper", OWN, "joined by joint 6: the gripper is fixed to wrist 3"),
     Uncompared("base", "upper_arm", OWN, "the upper arm moves in a plane beside joint 1", True),
-    Uncompared("forearm", "wrist_2", OWN, "the wrist point lies beside the forearm's plane, by d4", True),
+    Uncompared("forearm", "wrist_2", OWN, "the wrist point lies beside the forearm, by d4", True),
     Uncompared("wrist_1", "wrist_3", OWN, "the flange axis lies beside wrist 1, by d5", True),
     Uncompared("wrist_1", "gripper", OWN, "the flange axis lies beside wrist 1, by d5", True),
-    Uncompared("gripper", "behind a surface, at a grasp on it and straight above", BOXES, "it takes hold there"),
+    Uncompared("gripper", "behind the surface that it grasps", BOXES, "it takes hold there"),
 )  # fmt: skip
 """All pairs that are not compared.
 
-What stands still in the world is compared once and not again along a motion: limbs at rest and the capsules on the flange
-axis of a limb that holds, with boxes, by `clear_kernels`.
+Gripper and boxes that lie behind the surface are left out at the grasp and on the line straight
+above it, nowhere else. What stands still in the world is compared with boxes once and not again
+along a motion, by `clear_kernels`: limbs at rest, and of a limb that holds the capsules on the
+flange axis.
 """
 
 
 def not_compared(first: str, second: str, whose: str = OWN) -> Uncompared | None:
-    """The row of two links of one limb (`OWN`) or of two (`OTHER`), in any order, None where they are compared."""
+    """The row of two links of one limb (`OWN`) or of two (`OTHER`), None if they are compared."""
     for row in NOT_COMPARED:
         if {row.first, row.second} == {first, second} and row.whose in (whose, ANY):
             return row
