@@ -62,7 +62,7 @@ def test_a_thin_rod_in_the_notch_keeps_stances_away(small_checked_graph):
         tried += 1
         assert near[0][0] < -0.007
         found = contacts(ROBOT, (box,), here, CLEARANCE)
-        assert [(c.first, c.second) for c in found] == [(f"limb{limb}/base/0", "rod")]
+        assert [(c.first, c.second) for c in found] == [(f"limb{limb}/base/0", "box/rod")]
         with obstacles(graph, box):
             assert not all(m & now for m, now in zip(mask, graph.mask[s].tolist(), strict=True))
 

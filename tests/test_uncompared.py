@@ -108,13 +108,13 @@ def test_the_plain_definition_leaves_out_what_the_table_says(robot):
     box = Box.between("crate", "obstacle", (1.0, 1.0, 1.0), (2.0, 2.0, 2.0))
     here = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.full((robot.limbs, 6), 0.3))
     found = contacts(robot, (box,), here, 100.0)
-    among = [(c.first, c.second) for c in found if c.second != "crate"]
+    among = [(c.first, c.second) for c in found if c.second != "box/crate"]
     assert every_pair() - compared_by_name(among) == left_out(robot)
     names = {f"limb{i}/{link}/0" for i in range(robot.limbs) for link in LINKS} | {"body"}
-    assert {c.first for c in found if c.second == "crate"} == names
+    assert {c.first for c in found if c.second == "box/crate"} == names
     # At a grasp in front of the box the gripper, and nothing else, may come near it.
     at_grasp = contacts(robot, (box,), here, 100.0, [(1, np.array([2.0, 1.5, 1.5]), np.array([1.0, 0.0, 0.0]))])
-    assert {c.first for c in at_grasp if c.second == "crate"} == names - {"limb1/gripper/0"}
+    assert {c.first for c in at_grasp if c.second == "box/crate"} == names - {"limb1/gripper/0"}
     assert [row.first for row in NOT_COMPARED if row.whose == BOXES] == ["gripper"]
 
 
@@ -125,7 +125,7 @@ def test_mujoco_leaves_out_what_the_table_says(ladder, robot):
     shapes = {pair for pair in pairs if all(name == "body" or name.startswith("limb") for name in pair)}
     assert every_pair() - compared_by_name(shapes) == left_out(robot)
     names = {f"limb{i}/{link}/0" for i in range(robot.limbs) for link in LINKS} | {"body"}
-    assert {min(pair, key=lambda name: name == "crate") for pair in pairs if "crate" in pair} == names
+    assert {min(pair, key=lambda name: name == "box/crate") for pair in pairs if "box/crate" in pair} == names
 
 
 def test_every_row_has_a_reason_of_its_own_place():
