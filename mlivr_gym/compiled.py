@@ -73,6 +73,11 @@ def second_process(module: str, wanted: bool) -> Iterator[None]:
             process = None
     try:
         yield
+    except BaseException:
+        # An error or an interruption is not to wait for what nobody will call.
+        if process is not None:
+            process.kill()
+        raise
     finally:
         if process is not None:
             try:

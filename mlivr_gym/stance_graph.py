@@ -83,6 +83,11 @@ class StanceGraph(StepChecks):
         pairs = tree.query_pairs(robot.span + 1e-9, output_type="ndarray").astype(np.int64)
         distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
         pairs = pairs[distance >= robot.grasp_separation - 1e-9]
+        if not len(pairs):
+            raise RobotError(
+                f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: no two of its "
+                f"points are between {robot.grasp_separation:g} m and {robot.span:g} m apart"
+            )
         both = np.concatenate([pairs, pairs[:, ::-1]])
         self.pairs: IntArray = both[np.lexsort((both[:, 1], both[:, 0]))]
         """Ordered pairs of points that may be held at once, shape (p, 2)."""

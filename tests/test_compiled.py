@@ -1,10 +1,11 @@
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
 
-from mlivr_gym import compiled, planner_kernels
+from mlivr_gym import MlivrError, compiled, planner_kernels
 from mlivr_gym.hold_kernels import hold_free
 from mlivr_gym.planners import Planner, planner
 from mlivr_gym.planners.cost_to_go import backward
@@ -31,6 +32,16 @@ def test_second_process_is_waited_for_and_may_fail(monkeypatch):
     monkeypatch.setattr(compiled.sys, "executable", "/no/such/python")
     with compiled.second_process("mlivr_gym.planner_kernels", True):
         pass
+
+
+def test_an_interruption_does_not_wait_for_the_second_process(monkeypatch, tmp_path):
+    (tmp_path / "sleeper.py").write_text("import time\ntime.sleep(60)\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    began = time.perf_counter()
+    for error in (KeyboardInterrupt, MlivrError):
+        with pytest.raises(error), compiled.second_process("sleeper", True):
+            raise error
+    assert time.perf_counter() - began < 10.0
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 5000])

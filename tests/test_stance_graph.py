@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from paper import NO_COLLISIONS
 
-from mlivr_gym import Limb, Settings, State, jem_map, robot_spec, stance_graph
+from mlivr_gym import GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.base_path import ARC, STRAIGHT
 from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
 from mlivr_gym.lazy_graph import LazyGraph
@@ -193,6 +193,15 @@ def test_a_smaller_arm_works_with_its_own_heights(ladder):
         ladder, robot, Settings(collisions=False, limb_threshold=0.01, base_threshold=0.0, path_floor=0.002)
     )
     assert len(graph) > 10
+
+
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
+@pytest.mark.parametrize("apart", [None, 0.05, 2.5])
+def test_a_map_without_two_points_to_hold_at_once_is_refused(robot, apart):
+    point = {"id": "P", "face": "deck", "position": [0, 0, 0], "normal": [0, 0, 1], "rail": [1, 0, 0]}
+    other = [] if apart is None else [point | {"id": "Q", "position": [0, apart, 0]}]
+    with pytest.raises(RobotError, match="no two of its points are between 0.1 m and 2.4 m apart"):
+        stance_graph(GraspMap.from_dict({"points": [point, *other]}), robot)
 
 
 def test_a_map_with_too_many_pairs_of_points_is_refused_before_they_are_made(jem):
