@@ -90,7 +90,7 @@ def contacts(
 
 def _among_themselves(robot: RobotSpec, shapes: LimbShapes, local: Array) -> Iterator[Pair]:
     """Distances of the robot's shapes from each other; capsule ends in the body frame."""
-    radius, names = shapes.arrays[2], _names(shapes)
+    radius, names, fixed = shapes.arrays[2], _names(shapes), _mount_names(robot, shapes)
     mounts, mount_radius, half, least = shapes.fixed
     for i in range(robot.limbs):
         for c in range(len(shapes)):
@@ -98,7 +98,7 @@ def _among_themselves(robot: RobotSpec, shapes: LimbShapes, local: Array) -> Ite
             p, u = axis_of(local[i], c)
             if shapes.arrays[0][c] >= 2:
                 yield name, BODY, np.sqrt(segment_box_apart(p, u, tuple(half))) - radius[c]
-                for m, mount in enumerate(_mount_names(robot, shapes)):
+                for m, mount in enumerate(fixed):
                     if shapes.arrays[0][c] >= least[i, m]:
                         apart = np.sqrt(segments_apart(p, u, *axis_of(mounts, m)))
                         yield name, mount, apart - radius[c] - mount_radius[m]

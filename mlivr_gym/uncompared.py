@@ -63,9 +63,14 @@ flange axis.
 """
 
 
+_ROWS = {
+    (frozenset((row.first, row.second)), whose): row
+    for row in NOT_COMPARED
+    for whose in (OWN, OTHER)
+    if row.whose in (whose, ANY)
+}
+
+
 def not_compared(first: str, second: str, whose: str = OWN) -> Uncompared | None:
     """The row of two links of one limb (`OWN`) or of two (`OTHER`), None if they are compared."""
-    for row in NOT_COMPARED:
-        if {row.first, row.second} == {first, second} and row.whose in (whose, ANY):
-            return row
-    return None
+    return _ROWS.get((frozenset((first, second)), whose))

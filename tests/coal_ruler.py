@@ -17,14 +17,17 @@ PLATE, ROD = (1.5, 1.5, 0.0005), (0.0005, 0.3, 0.0005)
 
 def solid(box):
     """A box for coal, and where it is."""
-    return coal.Box(*(2.0 * np.array(box.half))), coal.Transform3s(np.array(box.rotation), np.array(box.centre))
+    where = coal.Transform3s(np.array(box.rotation), np.array(box.centre))
+    return coal.Box(*(2.0 * np.array(box.half))), where
 
 
 def capsule(radius, start, end):
     """A capsule for coal, and where it is."""
     along = end - start
     length = float(np.linalg.norm(along))
-    turn = Rotation.align_vectors([along / length], [[0.0, 0.0, 1.0]])[0].as_matrix() if length > 1e-6 else np.eye(3)
+    turn = np.eye(3)
+    if length > 1e-6:
+        turn = Rotation.align_vectors([along / length], [[0.0, 0.0, 1.0]])[0].as_matrix()
     return coal.Capsule(float(radius), length), coal.Transform3s(turn, 0.5 * (start + end))
 
 
@@ -40,7 +43,10 @@ def apart(first, second):
 
 
 def mujoco_pairs(model):
-    """Names of the geoms that MuJoCo compares, as sorted pairs: with a margin beyond every distance all are in contact."""
+    """Names of the geoms that MuJoCo compares, as sorted pairs.
+
+    With a margin beyond every distance all of them are in contact.
+    """
     kept = model.geom_margin.copy(), model.opt.disableflags
     model.geom_margin[:] = 100.0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
@@ -56,16 +62,18 @@ class Ruler:
     """Least distances of a robot's shapes, which MuJoCo places, from each other and from boxes."""
 
     def __init__(self, robot, boxes=()):
-        floor = GraspMap.from_dict({"segments": [FLOOR], "cabin": {"min": [-1, -1, 0], "max": [1, 1, 2]}})
-        self.model = scene_spec(floor, robot).compile()
+        self.model = scene_spec(GraspMap.from_dict({"segments": [FLOOR]}), robot).compile()
         self.data = mujoco.MjData(self.model)
         names = [self.model.geom(g).name for g in range(self.model.ngeom)]
-        self.shapes = {g: name for g, name in enumerate(names) if name == "body" or name.startswith("limb")}
+        own = ("body", "limb")
+        self.shapes = {g: name for g, name in enumerate(names) if name.startswith(own)}
         self.geoms, self.radii = {}, {}
         for g, name in self.shapes.items():
             size = self.model.geom_size[g]
-            self.geoms[g] = coal.Box(*(2.0 * size)) if name == "body" else coal.Capsule(size[0], 2.0 * size[1])
-            self.radii[g] = np.linalg.norm(size) if name == "body" else size[0] + size[1]
+            cube = name == "body"
+            edges = 2.0 * size
+            self.geoms[g] = coal.Box(*edges) if cube else coal.Capsule(size[0], edges[1])
+            self.radii[g] = np.linalg.norm(size) if cube else size[0] + size[1]
         compared = mujoco_pairs(self.model)
         pairs = itertools.combinations(self.shapes, 2)
         self.pairs = [(a, b) for a, b in pairs if tuple(sorted((names[a], names[b]))) in compared]
@@ -80,8 +88,8 @@ class Ruler:
     def measured(self, configuration, grasps=(), beyond=0.1):
         """Distances below `beyond` [m] with the names of both shapes, the least first.
 
-        Left out are pairs that MuJoCo leaves out, and grippers with what lies behind the surface they are at; `grasps` are
-        limb, point and normal.
+        Left out are pairs that MuJoCo leaves out, and grippers with what lies behind the surface
+        they are at; `grasps` are limb, point and normal.
         """
         set_configuration(self.model, self.data, *configuration)
         where, turned = self.data.geom_xpos.copy(), self.data.geom_xmat.reshape(-1, 3, 3).copy()
@@ -92,7 +100,7 @@ class Ruler:
                 found.append((apart(placed[a], placed[b]), self.shapes[a], self.shapes[b]))
         at_grasp = {f"limb{limb}/gripper": (point, normal) for limb, point, normal in grasps}
         for g, name in self.shapes.items():
-            away = np.maximum(np.maximum(self.bounds[:, 0] - where[g], where[g] - self.bounds[:, 1]), 0.0)
+            away = where[g] - np.clip(where[g], self.bounds[:, 0], self.bounds[:, 1])
             for k in np.flatnonzero((away**2).sum(axis=1) < (self.radii[g] + beyond) ** 2):
                 grasp = at_grasp.get(name.rsplit("/", 1)[0])
                 if grasp is None or not behind(self.boxes[k], *grasp):
@@ -105,10 +113,12 @@ FLOOR = {"id": "R", "face": "deck", "start": [-0.4, 0, 0], "end": [0.4, 0, 0], "
 
 def behind(box, point, normal):
     """Whether no corner of a box stands out of a surface by more than 2 mm."""
-    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * box.half @ np.array(box.rotation).T
-    return ((np.array(box.centre) + corners - point) @ normal).max() <= 2e-3
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    corners = np.array(box.centre) + signs * box.half @ np.array(box.rotation).T
+    return ((corners - point) @ normal).max() <= 2e-3
 
 
 def grasps_of(graph, points):
     """Limb, point and normal of limbs at grasps; `points` are pairs of limb and point index."""
-    return [(limb, graph.solver.points[point], graph.solver.normals[point]) for limb, point in points]
+    solver = graph.solver
+    return [(limb, solver.points[point], solver.normals[point]) for limb, point in points]

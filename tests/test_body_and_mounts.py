@@ -1,4 +1,4 @@
-"""What is fixed to the body, its cube and the limbs' mounts, is compared with every box; coal tells how near it is."""
+"""The body's cube and the limbs' mounts are compared with every box; coal is the ruler."""
 
 from contextlib import contextmanager
 from dataclasses import replace
@@ -37,12 +37,16 @@ def rod(centre, axes, thickness, length):
 
 def configuration(graph, s, rng):
     """A stance on random ones of the branches it allows, and its mask."""
-    mask = tuple(1 << int(rng.choice([b for b in range(16) if m >> b & 1])) for m in graph.mask[s].tolist())
+    bits = ([b for b in range(16) if m >> b & 1] for m in graph.mask[s].tolist())
+    mask = tuple(1 << int(rng.choice(some)) for some in bits)
     return graph.configuration(State(tuple(graph.points[s].tolist()), mask)), mask
 
 
 def notch(limb, around):
-    """A place in the notch between body and shoulder, 8 mm inside the mount, in the body frame; and axes there, z tangential."""
+    """A place between body and shoulder, 8 mm inside the mount, in the body frame, and axes there.
+
+    The third is tangential.
+    """
     axes = ROBOT.mount_rotations[limb] @ Rotation.from_euler("z", around).as_matrix()
     return axes @ np.array([0.045, 0.0, 0.19]), axes[:, [2, 0, 1]]
 
@@ -68,7 +72,7 @@ def test_a_thin_rod_in_the_notch_keeps_stances_away(small_checked_graph):
 
 
 def test_stances_among_random_rods_keep_their_clearance(small_checked_graph):
-    """Rods of 6 to 40 mm about the body: what stays allowed is no nearer than the clearance, what is near is not allowed."""
+    """Rods of 6 to 40 mm about the body: no stance that stays allowed is nearer to one."""
     graph, ruler, rng = small_checked_graph, Ruler(ROBOT), np.random.default_rng(1)
     free = mount_alone = 0
     for _ in range(400):
@@ -117,7 +121,10 @@ def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):
 
 
 def moving_base(graph, rng):
-    """A random edge whose base moves, carried folded on a straight line: stances, limb that holds, base path and fold."""
+    """A random edge made by carrying a fold on a straight line while the base moves.
+
+    Stances, limb that holds, base path and fold.
+    """
     while True:
         s0, held = int(rng.integers(len(graph))), int(rng.integers(2))
         row = graph.row(held, s0)
@@ -142,7 +149,7 @@ def moving_base(graph, rng):
 
 
 def test_a_rod_that_only_a_mount_meets_on_the_way_blocks_the_step(small_checked_graph):
-    """Placed in the notch at half of the base path and well away from all else, at all other times and at both ends."""
+    """It stands in the notch half way, and away from all else, at all times and at both ends."""
     graph, ruler, rng = small_checked_graph, Ruler(ROBOT), np.random.default_rng(4)
     places = np.linspace(0.0, 1.0, 101)
     tried = looked = 0
@@ -162,8 +169,9 @@ def test_a_rod_that_only_a_mount_meets_on_the_way_blocks_the_step(small_checked_
         near = set()
         for k in range(len(places)):
             measured = ruler.measured((where[k], quaternion(turned[k]), joints))
-            near |= {(k, name) for gap, name, _ in measured if gap < CLEARANCE and not name.startswith(f"limb{held}/")}
-            near |= {(k, "mount") for gap, name, _ in measured if gap < CLEARANCE and name == f"limb{held}/base/0"}
+            touched = {name for gap, name, _ in measured if gap < CLEARANCE}
+            near |= {(k, name) for name in touched if not name.startswith(f"limb{held}/")}
+            near |= {(k, "mount") for name in touched if name == f"limb{held}/base/0"}
         moments = {k for k, _ in near}
         if {name for _, name in near} != {"mount"} or 0 in moments or 100 in moments:
             continue
@@ -175,7 +183,18 @@ def test_a_rod_that_only_a_mount_meets_on_the_way_blocks_the_step(small_checked_
 
 
 @pytest.mark.parametrize(
-    "link", ["body", "base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3", "gripper"]
+    "link",
+    [
+        "body",
+        "base",
+        "shoulder",
+        "upper_arm",
+        "forearm",
+        "wrist_1",
+        "wrist_2",
+        "wrist_3",
+        "gripper",
+    ],
 )
 def test_a_box_in_any_shape_keeps_the_stance_away(small_checked_graph, link):
     """A box of a millimetre in the middle of each shape in turn, for both limbs."""
@@ -186,7 +205,8 @@ def test_a_box_in_any_shape_keeps_the_stance_away(small_checked_graph, link):
         for limb in range(2):
             ruler.measured(here)
             name = "body" if link == "body" else f"limb{limb}/{link}/0"
-            middle = ruler.data.geom_xpos[next(g for g, shape in ruler.shapes.items() if shape == name)]
+            geom = next(g for g, shape in ruler.shapes.items() if shape == name)
+            middle = ruler.data.geom_xpos[geom]
             with obstacles(graph, rod(middle.copy(), np.eye(3), 0.001, 0.001)):
                 now = graph.mask[s].tolist()
                 assert not all(m & n for m, n in zip(mask, now, strict=True))

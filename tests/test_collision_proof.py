@@ -1,7 +1,8 @@
 """Motions are called clear at 1.2 times the clearance and never at 0.8 times; coal is the ruler.
 
-Obstacles are placed by construction: a motion is sampled densely, and a thin plate or rod is put in front of the point that
-reaches farthest in some direction, so that its distance to the swept shapes is known.
+Obstacles are placed by construction: a motion is sampled densely, and a thin plate or rod is put in
+front of the point that reaches farthest in some direction, so that its distance to the swept shapes
+is known.
 """
 
 from itertools import product
@@ -10,17 +11,29 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from coal_ruler import PLATE, ROD, Ruler, apart, capsule, grasps_of, in_front, solid
-from limb_pairs import by_coal, draw, in_body, least_apart, shift_to
+from limb_motions import (
+    MOUNTS,
+    NO_LIMBS,
+    NOBODY,
+    RADII,
+    ROBOT,
+    SHAPES,
+    Hold,
+    by_coal,
+    draw,
+    held_joints,
+    in_body,
+    least_apart,
+    shift_to,
+)
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import robot_spec, stance_graph
+from mlivr_gym import stance_graph
 from mlivr_gym.base_path import ARC, STRAIGHT
 from mlivr_gym.bodies import Bodies
 from mlivr_gym.contacts import capsule_ends
 from mlivr_gym.distance_kernels import CLEAR
-from mlivr_gym.hold_kernels import MOVER, STANDING, hold_free, holds_apart
-from mlivr_gym.limb_shapes import LimbShapes
-from mlivr_gym.path_kernels import joints_along
+from mlivr_gym.hold_kernels import MOVER, STANDING, holds_apart
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.motion import step_motion
 from mlivr_gym.swept_kernels import swing_free
@@ -29,11 +42,7 @@ from mlivr_gym.transitions import base_path, quaternion
 
 CLEARANCE = 0.02
 NEAR, FAR = 0.8 * CLEARANCE, 1.2 * CLEARANCE
-ROBOT = robot_spec("mlivr2")
-SHAPES = LimbShapes(ROBOT)
-RADII = SHAPES.arrays[2]
-MOUNTS = ROBOT.mount_rotations, ROBOT.mount_positions
-NO_LIMBS = np.empty((0, len(SHAPES), 2, 3))
+EMPTY = Bodies(SHAPES, (), CLEARANCE).arrays
 
 
 class Swing(NamedTuple):
@@ -48,20 +57,27 @@ class Swing(NamedTuple):
         """Where the robot is at some places along the swing; limb 1 does not count."""
         where, turned = base_path(*self.path, places * self.last)
         own = self.start + places[:, None] * (self.end - self.start)
-        return [(w, quaternion(r), np.array([q, np.zeros(6)])) for w, r, q in zip(where, turned, own, strict=True)]
+        joints = np.stack([own, np.zeros_like(own)], axis=1)
+        return [(w, quaternion(r), q) for w, r, q in zip(where, turned, joints, strict=True)]
 
     def answer(self, box):
         """What the compiled check says, boxes alone."""
         shapes, _, _, fixed, world, clearance, body = Bodies(SHAPES, (box,), CLEARANCE).arrays
         return swing_free(
-            0, self.path, 0.0, self.last, self.start, self.end, ROBOT.limb.lengths, MOUNTS[0][0], MOUNTS[1][0], NO_LIMBS,
-            shapes, fixed, world, clearance, False, body,
+            0, self.path, 0.0, self.last, self.start, self.end, ROBOT.limb.lengths, MOUNTS[0][0],
+            MOUNTS[1][0], NO_LIMBS, shapes, fixed, world, clearance, False, body,
         )  # fmt: skip
 
 
-def random_swing(rng, kind, wanted):
-    """The limb turns most if it is to be met, else the base, which travels or turns, most of all."""
-    joints, travel, swing = {"limb": (0.5, 0.1, 0.2), "mount": (0.05, 0.01, 1.2), "body": (0.05, 0.4, 0.2)}[wanted]
+CASES = (
+    ("limb", 0.5, 0.1, 0.2), ("mount", 0.05, 0.01, 1.2), ("body", 0.05, 0.4, 0.2),
+    ("limb", 0.0, 0.4, 0.0), ("limb", 0.0, 0.0, 0.8),
+)  # fmt: skip
+"""What reaches farthest, and how far joints turn [rad] and the base travels [m] and turns [rad]."""
+
+
+def random_swing(rng, kind, joints, travel, swing):
+    """A swing from a random place; the base follows a path of a kind, or stays if that is None."""
     start, turn = rng.uniform(-np.pi, np.pi, 6), Rotation.random(rng=rng)
     first, more = rng.uniform(-1.0, 1.0, 3), travel * draw(rng)
     after = (turn * Rotation.from_rotvec(swing * draw(rng))).as_matrix()
@@ -78,7 +94,10 @@ class Spheres(NamedTuple):
 
     @classmethod
     def of(cls, moments, still=False, containing=False):
-        """The body as its corners or, if `containing`, as the capsules that the checks take for it; only the limb if `still`."""
+        """The body as its corners or, if `containing`, as the capsules that the checks take for it.
+
+        Only the limb if `still`.
+        """
         mounts, mount_radius, half, _ = SHAPES.fixed
         body, thick = np.array(list(product((-1.0, 1.0), repeat=3))) * half, 0.0
         if containing:
@@ -93,7 +112,7 @@ class Spheres(NamedTuple):
         return cls(np.array(centres), radii[: centres[0].shape[0]])
 
     def farthest(self, direction):
-        """Where they reach farthest in a direction: the point, at which moment and on which shape."""
+        """Where they reach farthest in a direction: point, moment and kind of shape."""
         heights = self.centres @ direction + self.radii
         k, c = np.unravel_index(int(np.argmax(heights)), heights.shape)
         kind = "limb" if c < 14 else "mount" if c < 18 else "body"
@@ -101,7 +120,10 @@ class Spheres(NamedTuple):
 
 
 def moving(measured, still):
-    """Least distance of the thin box from what moves in a swing of limb 0 [m]; `still` if the base is at rest."""
+    """Least distance of the thin box from what moves in a swing of limb 0 [m].
+
+    `still` if the base is at rest.
+    """
     distances = [1.0]
     for gap, name, other in measured:
         fixed = name == "body" or "/base/" in name
@@ -110,11 +132,11 @@ def moving(measured, still):
     return min(distances)
 
 
-def meeting(rng, kind, wanted):
-    """A random swing and a direction in which a limb, a mount or the body reaches farthest."""
+def meeting(rng, kind, wanted, *motion):
+    """A random swing and a direction in which the limb, a mount or the body reaches farthest."""
     places = np.linspace(0.0, 1.0, 151)
     while True:
-        swing = random_swing(rng, kind, wanted)
+        swing = random_swing(rng, kind, *motion)
         moments = swing.moments(places)
         exact = Spheres.of(moments, kind is None)
         for direction in (draw(rng) for _ in range(30)):
@@ -125,13 +147,14 @@ def meeting(rng, kind, wanted):
 
 @pytest.mark.parametrize("kind", [None, STRAIGHT, ARC], ids=["rest", "straight", "arc"])
 def test_a_swing_keeps_the_clearance_and_no_more(kind):
-    """A thin obstacle before limb, mount or body at 0.8 and 1.2 times the clearance from all that moves in a swing."""
+    """A thin obstacle before limb, mount or body, whichever reaches farthest in a swing."""
     rng, ruler, still = np.random.default_rng(0), Ruler(ROBOT), kind is None
-    for n in range(18):
-        wanted, half = ("limb", "mount", "body")[0 if still else n % 3], (PLATE, ROD)[n % 2]
-        swing, moments, direction, point, k = meeting(rng, kind, wanted)
+    for n in range(12 if still else 20):
+        case, half = CASES[0 if still else n % len(CASES)], (PLATE, ROD)[n % 2]
+        swing, moments, direction, point, k = meeting(rng, kind, *case)
         near = in_front(point, direction, NEAR, half)
-        assert moving(ruler.among([near]).measured(moments[k]), still) == pytest.approx(NEAR, abs=1e-5)
+        least = moving(ruler.among([near]).measured(moments[k]), still)
+        assert least == pytest.approx(NEAR, abs=1e-5)
         assert swing.answer(near) != CLEAR
         containing = Spheres.of(moments, still, True)
         far = in_front(containing.farthest(direction)[0], direction, FAR, half)
@@ -140,83 +163,27 @@ def test_a_swing_keeps_the_clearance_and_no_more(kind):
         assert swing.answer(far) == CLEAR
 
 
-class Hold(NamedTuple):
-    """A limb that holds a point on a branch while the base follows a path, at k moments."""
-
-    graph: object
-    limb: int
-    point: int
-    branch: int
-    path: tuple
-    joints: np.ndarray  # (k, 6)
-
-    @classmethod
-    def random(cls, graph, rng, samples=151):
-        """What a random edge of a graph holds on."""
-        while True:
-            s0, limb = int(rng.integers(len(graph))), int(rng.integers(2))
-            s1 = int(rng.choice(graph.row(limb, s0)))
-            mask = int(graph.edge_masks(limb, s0, np.array([s1]))[0])
-            far = np.linalg.norm(graph.position[s1] - graph.position[s0]) > 0.1
-            if mask and far:
-                break
-        bit = int(rng.choice([b for b in range(16) if mask >> b & 1]))
-        stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
-        way = graph.way(*stances, 1 - limb, None, [1 << bit, 1 << bit])
-        point = stances[0][limb]
-        path = (graph.position[s0], graph.rotation[s0], graph.position[s1], graph.rotation[s1], way.kind)
-        path = (*path, graph.solver.points[point])
-        return cls(graph, limb, point, bit & 7, path, held_joints(graph, limb, point, bit & 7, path, samples))
-
-    @property
-    def grip(self):
-        return self.graph.grips[self.point], self.graph.solver.tools[self.point]
-
-    def world(self):
-        """Ends of its capsules in the world, shape (k, c, 2, 3)."""
-        where, turned = base_path(*self.path, np.linspace(0.0, 1.0, len(self.joints)))
-        return np.array([
-            w + local @ r.T for w, r, local in zip(where, turned, in_body(self.limb, self.joints), strict=True)
-        ])  # fmt: skip
-
-    def answer(self, boxes, mover, parts):
-        """What the compiled check says of `parts`, among boxes and beside a mover: joint angles at both ends, mount."""
-        lengths, mounts = ROBOT.limb.lengths, (MOUNTS[0][self.limb], MOUNTS[1][self.limb])
-        shapes, _, hand, fixed, world, clearance, _ = Bodies(SHAPES, boxes, CLEARANCE).arrays
-        return hold_free(
-            self.limb, *self.grip, self.path, 0.0, 1.0, self.branch, lengths, *mounts, *mover, shapes, hand, fixed, world,
-            clearance, True, parts,
-        )  # fmt: skip
-
-
-def held_joints(graph, limb, point, branch, path, samples):
-    """Joint angles of a limb that holds along a base path, shape (samples, 6)."""
-    out = np.empty((samples, 6))
-    poses = base_path(*path, np.linspace(0.0, 1.0, samples))
-    grip = graph.grips[point][None], graph.solver.tools[point][None]
-    mount = MOUNTS[0][limb], MOUNTS[1][limb], ROBOT.limb.lengths
-    assert joints_along(*grip, *poses, *mount, branch, np.zeros(6), out) == samples
-    return out
-
-
 def test_a_limb_that_holds_keeps_the_clearance_to_boxes_and_no_more(small_checked_graph):
-    """A thin plate or rod before the arm that follows the base, its hand left out: that stands still."""
+    """A thin obstacle before the arm that follows the base; its hand stands still."""
     rng = np.random.default_rng(1)
     for n in range(30):
         hold = Hold.random(small_checked_graph, rng)
         ends, direction = hold.world()[:, : SHAPES.hand], draw(rng)
         spheres = Spheres(ends.reshape(len(ends), -1, 3), np.repeat(RADII[: SHAPES.hand], 2))
         point, k, _ = spheres.farthest(direction)
-        mover = np.zeros(6), np.zeros(6), MOUNTS[0][0], MOUNTS[1][0]
         for gap in (NEAR, FAR):
             box = in_front(point, direction, gap, (PLATE, ROD)[n % 2])
-            least = min(apart(capsule(r, *axis), solid(box)) for r, axis in zip(RADII, ends[k], strict=False))
+            arm = [capsule(r, *axis) for r, axis in zip(RADII, ends[k], strict=False)]
+            least = min(apart(shape, solid(box)) for shape in arm)
             assert least == pytest.approx(gap, abs=1e-5)
-            assert (hold.answer((box,), mover, STANDING) == CLEAR) == (gap == FAR)
+            bodies = Bodies(SHAPES, (box,), CLEARANCE).arrays
+            assert (hold.answer(bodies, NOBODY, STANDING) == CLEAR) == (gap == FAR)
 
 
-def test_a_limb_that_holds_keeps_the_clearance_to_the_one_that_swings_and_no_more(small_checked_graph):
-    """The mover's mount is shifted until the least distance of both limbs is 0.8 or 1.2 times the clearance."""
+def test_a_limb_that_holds_keeps_the_clearance_to_the_one_that_swings_and_no_more(
+    small_checked_graph,
+):
+    """The mover's mount is shifted until both limbs are 0.8 or 1.2 times the clearance apart."""
     rng, places = np.random.default_rng(2), np.linspace(0.0, 1.0, 151)
     for _ in range(6):
         hold = Hold.random(small_checked_graph, rng)
@@ -229,11 +196,11 @@ def test_a_limb_that_holds_keeps_the_clearance_to_the_one_that_swings_and_no_mor
         for gap in (NEAR, FAR):
             offset = shift_to(ours, theirs, direction, gap)
             line = start, end, MOUNTS[0][mover], MOUNTS[1][mover] + offset
-            assert (hold.answer((), line, MOVER) == CLEAR) == (gap == FAR)
+            assert (hold.answer(EMPTY, line, MOVER) == CLEAR) == (gap == FAR)
 
 
 def test_a_line_through_a_limb_that_holds_is_not_clear(small_checked_graph):
-    """Random lines of the mover on its own mount: clear only where coal finds the clearance at every sample."""
+    """Random lines of the mover: clear only where coal finds the clearance at every sample."""
     rng, places = np.random.default_rng(3), np.linspace(0.0, 1.0, 201)
     answers = []
     for _ in range(40):
@@ -244,7 +211,8 @@ def test_a_line_through_a_limb_that_holds_is_not_clear(small_checked_graph):
         theirs = in_body(mover, start + places[:, None] * (end - start))
         _, at = least_apart(ours, theirs)
         least = by_coal(ours, theirs, at)
-        clear = hold.answer((), (start, end, MOUNTS[0][mover], MOUNTS[1][mover]), MOVER) == CLEAR
+        line = start, end, MOUNTS[0][mover], MOUNTS[1][mover]
+        clear = hold.answer(EMPTY, line, MOVER) == CLEAR
         assert not clear or least >= CLEARANCE - 1e-9
         assert clear or least < 2.0 * CLEARANCE
         answers.append(clear)
@@ -252,11 +220,21 @@ def test_a_line_through_a_limb_that_holds_is_not_clear(small_checked_graph):
 
 
 def both_hold(graph, rng):
-    """Two limbs that hold while the base moves a little without turning: their joint angles, branches, path and points."""
+    """Two limbs that hold while the base moves a little without turning.
+
+    Their joint angles, branches, path and points.
+    """
     while True:
         s = int(rng.integers(len(graph)))
         points, turn = graph.points[s].tolist(), graph.rotation[s]
-        path = (graph.position[s], turn, graph.position[s] + 0.08 * draw(rng), turn, STRAIGHT, np.zeros(3))
+        path = (
+            graph.position[s],
+            turn,
+            graph.position[s] + 0.08 * draw(rng),
+            turn,
+            STRAIGHT,
+            np.zeros(3),
+        )
         branches = graph.branch[s].tolist()
         try:
             joints = [held_joints(graph, i, points[i], branches[i], path, 101) for i in range(2)]
@@ -266,7 +244,7 @@ def both_hold(graph, rng):
 
 
 def apart_answer(graph, branches, path, points, offset=(0.0, 0.0, 0.0)):
-    """`holds_apart` of both limbs, the second with its mount and its grip shifted by an offset in the body frame."""
+    """`holds_apart`, the second limb's mount and grip shifted by an offset in the body frame."""
     grips, tools = graph.grips[points].copy(), graph.solver.tools[points]
     grips[1] += path[1] @ offset
     places = MOUNTS[1].copy()
@@ -276,7 +254,7 @@ def apart_answer(graph, branches, path, points, offset=(0.0, 0.0, 0.0)):
 
 
 def test_two_limbs_that_hold_keep_the_clearance_and_no_more(small_checked_graph):
-    """The second limb is shifted, mount and grip, until the least distance is 0.8 or 1.2 times the clearance."""
+    """The second limb is shifted until they are 0.8 or 1.2 times the clearance apart."""
     rng, graph = np.random.default_rng(4), small_checked_graph
     for _ in range(6):
         joints, branches, path, points = both_hold(graph, rng)
@@ -288,15 +266,19 @@ def test_two_limbs_that_hold_keep_the_clearance_and_no_more(small_checked_graph)
 
 
 def nearest(graph, plan, ruler, samples):
-    """Least distances of a plan's steps, sampled, grippers at their grasps left out: sorted distances and names."""
+    """Distances at samples of a plan's steps, grippers at grasps left out, the least first."""
     found = []
     for k, step in enumerate(plan.steps):
         motion = step_motion(graph, plan, k, samples)
         before, after = (graph.indices(plan.stances[n]) for n in (k, k + 1))
         for n, phase in enumerate(motion.phase):
             points = [(i, p) for i, p in enumerate(before) if i != step.limb]
-            # It departs from one point along the normal and approaches the other; between them it is at none.
-            points += {0: [(step.limb, before[step.limb])], 1: [], 2: [(step.limb, after[step.limb])]}[int(phase)]
+            # It departs along one normal and approaches along the other; between it is at no grasp.
+            points += {
+                0: [(step.limb, before[step.limb])],
+                1: [],
+                2: [(step.limb, after[step.limb])],
+            }[int(phase)]
             here = motion.base_positions[n], motion.base_quaternions[n], motion.joint_positions[n]
             found += ruler.measured(here, grasps_of(graph, points), 2.0 * CLEARANCE)
     return sorted(found)
@@ -304,7 +286,7 @@ def nearest(graph, plan, ruler, samples):
 
 @pytest.mark.parametrize(("robot", "plans"), [("mlivr2", 10), ("mlivr3", 2)])
 def test_all_along_plans_coal_finds_the_clearance(jem, checked_graph, robot, plans):
-    """Between all limbs, mounts, body and boxes that are compared, at every sample of every step."""
+    """Between all shapes that are compared, at every sample of every step."""
     graph = checked_graph if robot == "mlivr2" else stance_graph(jem, robot)
     rng, ruler, planner = np.random.default_rng(5), Ruler(graph.robot, jem.boxes), Planner(graph)
     found = []

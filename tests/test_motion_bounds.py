@@ -1,4 +1,4 @@
-"""How far shapes move is bounded from above, and not by more than three times; MuJoCo moves them."""
+"""Bounds of how far shapes move hold, and are no more than three times too large."""
 
 import mujoco
 import numpy as np
@@ -46,7 +46,7 @@ def turns():
 
 
 def postures(rng):
-    """Joint angles among which each bound is nearly reached: arms bent every way in their plane, the rest at random."""
+    """Joint angles among which bounds are nearly reached: arms bent every way in their plane."""
     right = 0.5 * np.pi * np.arange(4)
     plane = np.stack(np.meshgrid(right, right, right), axis=-1).reshape(-1, 3)
     other = rng.uniform(-np.pi, np.pi, (len(plane), 3))
@@ -65,7 +65,8 @@ def ends_seen(q):
 def farthest(q, minus, plus, shares=(-1.0, -0.6, -0.3, 0.3, 0.6, 1.0)):
     """How far each end moves from the middle of a motion, shape (7, c, 2) [m].
 
-    Joint angles go on a parabola from `q + minus` through `q` to `q + plus`, a line where these are opposite.
+    Joint angles go on a parabola from `q + minus` through `q` to `q + plus`, a line where these
+    are opposite.
     """
     middle, out = ends_seen(q), np.zeros((7, len(LINK), 2))
     for s in shares:
@@ -75,7 +76,10 @@ def farthest(q, minus, plus, shares=(-1.0, -0.6, -0.3, 0.3, 0.6, 1.0)):
 
 
 def bounds(minus, plus):
-    """Bound of each end's motion seen from each of the links 0 to 4, NaN for ends on links before, shape (5, c, 2) [m]."""
+    """Bound of each end's motion seen from each of the links 0 to 4, shape (5, c, 2) [m].
+
+    NaN for ends on that link or before.
+    """
     shift, spin = np.empty((5, 4)), np.empty((5, 7))
     joint_motion(plus, minus, ROBOT.limb.lengths, shift, spin)
     out = np.full((5, len(LINK), 2), np.nan)
@@ -90,7 +94,7 @@ def bounds(minus, plus):
 
 
 def from_grasp(minus, plus):
-    """Bound of each end's motion followed from the flange, infinite where that gives none, shape (c, 2) [m]."""
+    """Bound of each end's motion seen from the flange, infinite where there is none, (c, 2) [m]."""
     out = np.full((len(LINK), 2), np.inf)
     seen_from_grasp(plus, minus, ROBOT.limb.lengths, SHAPES.arrays, out)
     return out
@@ -116,14 +120,16 @@ def test_the_turn_of_every_joint_counts(joint):
     moves = found[0] > 1e-6
     assert moves.any() == (joint < 5)  # what is beyond joint 6 lies on its axis
     assert (limit[0][moves] >= found[0][moves]).all()
-    assert (found[6] <= from_grasp(-plus, plus) + 1e-12).all() and (found[6] > 1e-6).any() == (joint > 0)
+    assert (found[6] <= from_grasp(-plus, plus) + 1e-12).all()
+    assert (found[6] > 1e-6).any() == (joint > 0)
 
 
 @given(turns())
 @examples(max_examples=25, deadline=None)
 def test_bounds_are_no_more_than_three_times_what_some_posture_needs(plus):
-    """The end that moves farthest on lines in joint space, among many postures, from each link and from the grasp."""
-    found = np.max([farthest(q, -plus, plus, (1.0,)) for q in postures(np.random.default_rng(0))], axis=0)
+    """The farthest motion on lines in joint space among many postures, from links and grasp."""
+    many = postures(np.random.default_rng(0))
+    found = np.max([farthest(q, -plus, plus, (1.0,)) for q in many], axis=0)
     for row, limit in enumerate(bounds(-plus, plus)):
         # Seen from the base the shoulder turns in place.
         beyond = LINK > max(row, 1)
@@ -134,10 +140,16 @@ def test_bounds_are_no_more_than_three_times_what_some_posture_needs(plus):
     assert followed[LINK > 2].max() <= LOOSE * found[6][LINK > 2].max() + 1e-9
 
 
-@given(numbers(-1.0, 1.0, 3), st.floats(0.0, 0.2), st.floats(0.0, 0.3), st.floats(0.0, 0.05), st.integers(0, 999))
+@given(
+    numbers(-1.0, 1.0, 3),
+    st.floats(0.0, 0.2),
+    st.floats(0.0, 0.3),
+    st.floats(0.0, 0.05),
+    st.integers(0, 999),
+)
 @examples(max_examples=100, deadline=None)
 def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, own, seed):
-    """An end that moves by `own` in the body frame while the base travels and turns about any axis."""
+    """An end that moves by `own` in the body frame while the base travels and turns."""
     rng = np.random.default_rng(seed)
     ends, motion, out = np.array([[place, -place]]), np.full((1, 2), own), np.empty((1, 2))
     moved_by_base(ends, motion, travel, swing, out)
@@ -149,7 +161,8 @@ def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, own, se
             turn = Rotation.from_rotvec(share * swing * axis).as_matrix()
             away = turn @ place - place
             for way in (away, rng.normal(size=3)):
-                way = way / np.linalg.norm(way) if np.linalg.norm(way) > 1e-12 else np.array([1.0, 0.0, 0.0])
+                length = np.linalg.norm(way)
+                way = way / length if length > 1e-12 else np.array([1.0, 0.0, 0.0])
                 end = place + own * (turn.T @ way)
                 gone = share * travel * way + turn @ end - place
                 farthest = max(farthest, float(np.linalg.norm(gone)))
@@ -157,7 +170,12 @@ def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, own, se
     assert out.max() <= LOOSE * farthest + 1e-9
 
 
-@given(numbers(-0.5, 0.5, 3), numbers(-0.5, 0.5, 3), numbers(0.2, 0.8, 3), st.sampled_from([STRAIGHT, ARC]))
+@given(
+    numbers(-0.5, 0.5, 3),
+    numbers(-0.5, 0.5, 3),
+    numbers(0.2, 0.8, 3),
+    st.sampled_from([STRAIGHT, ARC]),
+)
 @examples(max_examples=60, deadline=None)
 def test_the_base_is_no_faster_than_its_bound(start, end, pivot, kind):
     pivot = pivot + 0.5

@@ -1,4 +1,4 @@
-"""Boxes from files stand where they should, and what they and one's own shapes take away is what touches."""
+"""Boxes from files stand where they should; what boxes and own shapes take away is what touches."""
 
 import json
 from collections import Counter
@@ -56,12 +56,23 @@ def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn,
     place = np.repeat((centre + rotation @ local)[None, None], 2, axis=1)
     world = Bodies(SHAPES, (loaded,), 0.0).arrays[4]
     speck, nowhere = np.array([1e-9]), np.zeros(3)
-    answer, _ = against_boxes(place, np.zeros((1, 2)), EVERY, 1, speck, world, 1, nowhere, nowhere, 0.0)
+    still = np.zeros((1, 2))
+    answer, _ = against_boxes(place, still, EVERY, 1, speck, world, 1, nowhere, nowhere, 0.0)
     assert answer == (OBSTACLE if inside else CLEAR)
 
 
 FLOOR = GraspMap.from_dict(
-    {"segments": [{"id": "R", "face": "deck", "start": [-0.4, 0, 0], "end": [0.4, 0, 0], "normal": [0, 0, 1]}]}
+    {
+        "segments": [
+            {
+                "id": "R",
+                "face": "deck",
+                "start": [-0.4, 0, 0],
+                "end": [0.4, 0, 0],
+                "normal": [0, 0, 1],
+            }
+        ]
+    }
 )
 SHAPES = LimbShapes(ROBOT)
 
@@ -73,7 +84,10 @@ def test_a_step_is_the_same_in_both_directions(small_map):
     for _ in range(800):
         s, held = int(rng.integers(len(first))), int(rng.integers(2))
         other = int(rng.choice(first.row(held, s)))
-        forth, back = edge_entry(held, s, other, first.edges), edge_entry(held, other, s, second.edges)
+        forth, back = (
+            edge_entry(held, s, other, first.edges),
+            edge_entry(held, other, s, second.edges),
+        )
         found["possible" if forth & 0xFFFF else "blocked"] += 1
         if not forth & DIRECT:
             assert forth == back
@@ -87,7 +101,7 @@ def test_a_step_is_the_same_in_both_directions(small_map):
 
 
 def test_whole_graph_and_lazy_graph_keep_the_same_branches(small_map, small_checked_graph):
-    """The limb that moves lands on the same branches; the one that holds keeps some of the lazy graph's, mostly all."""
+    """The limb that moves lands on the same; the one that holds keeps some of them, mostly all."""
     graph, rng = small_checked_graph, np.random.default_rng(1)
     lazy = LazyGraph(small_map, graph.robot, graph.settings)
     same = []
@@ -110,7 +124,8 @@ def test_a_plan_goes_round_occupied_points(small_map, small_checked_graph, robot
     for _ in range(4):
         start, goal = sample_task(graph, rng, 0.4)
         plan = Planner(graph).plan(start.stance, goal, **cost).unwrap()
-        taken = sorted({point for stance in plan.stances for point in stance} - set(plan.stances[0]))[:1]
+        used = {point for stance in plan.stances for point in stance}
+        taken = sorted(used - set(plan.stances[0]))[:1]
         try:
             graph.occupy(taken)
             other = Planner(graph).plan(start.stance, goal, **cost).plan
@@ -124,7 +139,7 @@ def test_a_plan_goes_round_occupied_points(small_map, small_checked_graph, robot
 
 
 def best_postures(graph, stances):
-    """Configuration of each stance in its best posture, and limbs, points and normals of its grasps."""
+    """Configuration of each stance in its best posture, and its grasps."""
     for stance in stances:
         s = graph.find(stance)
         masks = tuple(1 << int(branch) for branch in graph.branch[s])
@@ -134,7 +149,7 @@ def best_postures(graph, stances):
 def test_a_shelf_and_a_mast_take_away_what_they_touch(ladder):
     """A map's own box, and a capsule across each forearm.
 
-    Stances that are gone touch in their best posture; those that are left keep the clearance by coal.
+    Stances that are gone touch in their best posture, those that are left keep the clearance.
     """
     settings = Settings(limb_threshold=0.05)
     shelf = Box.between("shelf", "obstacle", (0.3, -0.5, 0.5), (0.6, 0.5, 0.55))

@@ -1,7 +1,7 @@
-"""Stances, departures and swings keep the robot's shapes apart from each other; coal tells how far they are.
+"""Stances, departures and swings keep the robot's shapes apart from each other; coal is the ruler.
 
-The least distance on a motion is measured, and the motion checked with a clearance a quarter above it and a sixth below it:
-never clear with the first, clear with the second.
+The least distance on a motion is measured, and the motion checked with a clearance a quarter above
+it and a sixth below it: never clear with the first, clear with the second.
 """
 
 from collections import Counter
@@ -9,37 +9,42 @@ from collections import Counter
 import numpy as np
 import pytest
 from coal_ruler import PLATE, Ruler, apart, capsule, grasps_of, in_front, solid
-from limb_pairs import draw, in_body, shift_to
+from limb_motions import (
+    MOUNTS,
+    NO_LIMBS,
+    NOBODY,
+    RADII,
+    ROBOT,
+    SHAPES,
+    Hold,
+    draw,
+    in_body,
+    shift_to,
+)
 
-from mlivr_gym import robot_spec
 from mlivr_gym.base_path import STRAIGHT
 from mlivr_gym.bodies import Bodies
 from mlivr_gym.contacts import capsule_ends
 from mlivr_gym.distance_kernels import CLEAR
 from mlivr_gym.grasp_kernels import flange_at
-from mlivr_gym.limb_shapes import LimbShapes
+from mlivr_gym.hold_kernels import STANDING
 from mlivr_gym.stance_graph import State
 from mlivr_gym.swept_kernels import departure_free, swing_free
 from mlivr_gym.ur_kinematics import branch_angles
 
 CLEARANCE = 0.02
-ROBOT = robot_spec("mlivr2")
-SHAPES = LimbShapes(ROBOT)
-RADII = SHAPES.arrays[2]
-NO_LIMBS = np.empty((0, len(SHAPES), 2, 3))
-MOUNTS = ROBOT.mount_rotations, ROBOT.mount_positions
 SPLINTER = (0.0005, 0.01, 0.0005)
 AT_ORIGIN = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 REST = (np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), STRAIGHT, np.zeros(3))
 
 
 def verdicts(check, least):
-    """Whether a check calls a motion clear whose least distance is 0.8 and 1.2 times the clearance."""
+    """Whether a motion is called clear whose least distance is 0.8 and 1.2 times the clearance."""
     return [check(Bodies(SHAPES, (), least / share).arrays) == CLEAR for share in (0.8, 1.2)]
 
 
 class Limb:
-    """Distances of limb 0 from its own links, body and mounts and, if wanted, from limb 1 and boxes."""
+    """Distances of limb 0 from its own links, body and mounts and, if wanted, from others."""
 
     def __init__(self, other=False, boxes=()):
         self.ruler = Ruler(ROBOT, boxes)
@@ -54,7 +59,7 @@ class Limb:
         self.ruler.pairs = [pair for pair in self.ruler.pairs if counts(*pair)]
 
     def nearest(self, configurations, grasps=()):
-        """Least distance over some configurations, below half a metre, and what limb 0 is nearest to."""
+        """Least distance over some configurations, below 0.5 m, and what limb 0 is nearest to."""
         best = (0.5, "")
         for here in configurations:
             for gap, first, second in self.ruler.measured(here, grasps, best[0]):
@@ -72,13 +77,13 @@ def kind(name):
 
 
 def swing_check(start, end, others):
-    """The compiled check of a line of limb 0 in joint space while the base rests, as a function of `Bodies.arrays`."""
+    """The check of a line of limb 0 while the base rests, as a function of `Bodies.arrays`."""
 
     def check(bodies):
         shapes, _, _, fixed, world, clearance, body = bodies
         return swing_free(
-            0, REST, 0.0, 0.0, start, end, ROBOT.limb.lengths, MOUNTS[0][0], MOUNTS[1][0], others, shapes, fixed, world,
-            clearance, True, body,
+            0, REST, 0.0, 0.0, start, end, ROBOT.limb.lengths, MOUNTS[0][0], MOUNTS[1][0], others,
+            shapes, fixed, world, clearance, True, body,
         )  # fmt: skip
 
     return check
@@ -102,7 +107,7 @@ def test_a_swing_keeps_clear_of_the_robots_own_shapes_and_no_more():
 
 
 def test_a_swing_keeps_clear_of_a_limb_at_rest_and_no_more():
-    """Of each of the branches on which the other limb may be, the last of three too; it is shifted to where it is met."""
+    """On each of three branches on which that may be; it is shifted to where it is met."""
     rng, share, met = np.random.default_rng(1), np.linspace(0.0, 1.0, 101)[:, None], 0
     while met < 8:
         start, rest = rng.uniform(-np.pi, np.pi, (2, 6))
@@ -110,12 +115,31 @@ def test_a_swing_keeps_clear_of_a_limb_at_rest_and_no_more():
         if swing_check(start, end, NO_LIMBS)(Bodies(SHAPES, (), CLEARANCE).arrays) != CLEAR:
             continue
         met += 1
-        ours, theirs, direction = in_body(0, start + share * (end - start)), in_body(1, [rest]), draw(rng)
+        ours, theirs, direction = (
+            in_body(0, start + share * (end - start)),
+            in_body(1, [rest]),
+            draw(rng),
+        )
         for gap in (0.8 * CLEARANCE, 1.2 * CLEARANCE):
             branches = np.repeat(theirs + 9.0, 3, axis=0)
-            branches[rng.integers(3)] = theirs[0] + shift_to(ours, np.repeat(theirs, 101, axis=0), direction, gap)
+            shift = shift_to(ours, np.repeat(theirs, 101, axis=0), direction, gap)
+            branches[rng.integers(3)] = theirs[0] + shift
             answer = swing_check(start, end, branches)(Bodies(SHAPES, (), CLEARANCE).arrays)
             assert (answer == CLEAR) == (gap > CLEARANCE)
+
+
+def test_a_limb_that_holds_keeps_clear_of_the_robot_and_no_more(small_checked_graph):
+    """Of its own links, the body and the mounts, while the base follows a path."""
+    rng, limb, met = np.random.default_rng(4), Limb(), Counter()
+    while sum(met.values()) < 20:
+        hold = Hold.random(small_checked_graph, rng, 61)
+        if hold.limb == 0:
+            moments = [(*AT_ORIGIN, np.array([q, np.zeros(6)])) for q in hold.joints]
+            gap, other = limb.nearest(moments)
+            met[kind(other)] += 1
+            answers = verdicts(lambda bodies, h=hold: h.answer(bodies, NOBODY, STANDING), gap)
+            assert answers == [False, True]
+    assert len(met) > 1
 
 
 class Departure:
@@ -124,12 +148,24 @@ class Departure:
     def __init__(self, graph, rng, samples=41):
         s = int(rng.integers(len(graph)))
         stance, solver = graph.points[s].tolist(), graph.solver
-        bits = [int(rng.choice([b for b in range(16) if mask >> b & 1])) for mask in graph.mask[s].tolist()]
+        allowed = ([b for b in range(16) if mask >> b & 1] for mask in graph.mask[s].tolist())
+        bits = [int(rng.choice(some)) for some in allowed]
         here = graph.configuration(State(tuple(stance), tuple(1 << bit for bit in bits)))
-        self.base, self.branch, self.grasps = here[:2], bits[0] & 7, grasps_of(graph, enumerate(stance))
+        self.base, self.branch, self.grasps = (
+            here[:2],
+            bits[0] & 7,
+            grasps_of(graph, enumerate(stance)),
+        )
         self.pose, self.at = [np.empty(3) for _ in range(4)], (graph.position[s], graph.rotation[s])
         mount = MOUNTS[0][0], MOUNTS[1][0]
-        flange_at(*self.grasps[0][1:], solver.rails[stance[0]], ROBOT.tool_length, *self.at, *mount, *self.pose)
+        flange_at(
+            *self.grasps[0][1:],
+            solver.rails[stance[0]],
+            ROBOT.tool_length,
+            *self.at,
+            *mount,
+            *self.pose,
+        )
         p, x, z, away = self.pose
         self.joints = np.empty((samples, 6))
         for q, height in zip(self.joints, np.linspace(0.0, ROBOT.lift, samples), strict=True):
@@ -146,8 +182,9 @@ class Departure:
         def check(bodies):
             shapes, gripper, _, fixed, world, clearance, _ = bodies
             return departure_free(
-                0, *self.pose, ROBOT.lift, ROBOT.limb.lengths, self.branch, MOUNTS[0][0], MOUNTS[1][0], *self.at, others,
-                shapes, gripper, fixed, world, *self.grasps[0][1:], clearance, inside,
+                0, *self.pose, ROBOT.lift, ROBOT.limb.lengths, self.branch, MOUNTS[0][0],
+                MOUNTS[1][0], *self.at, others, shapes, gripper, fixed, world, *self.grasps[0][1:],
+                clearance, inside,
             )  # fmt: skip
 
         return check
@@ -169,7 +206,7 @@ def test_a_departure_keeps_clear_of_the_robot_and_no_more(small_checked_graph):
 
 
 def test_a_departure_keeps_clear_of_boxes_and_no_more(small_checked_graph):
-    """Of a thin plate before the capsule that reaches farthest, and of a splinter before the hand."""
+    """Of a plate before the capsule that reaches farthest, and of a splinter before the hand."""
     rng, hand = np.random.default_rng(3), 0
     for n in range(40):
         lift = Departure(small_checked_graph, rng)
@@ -181,13 +218,12 @@ def test_a_departure_keeps_clear_of_boxes_and_no_more(small_checked_graph):
         heights = ends[:, first:] @ direction + RADII[first:, None]
         k, c, e = np.unravel_index(int(np.argmax(heights)), heights.shape)
         point = ends[k, first + c, e] + RADII[first + c] * direction
-        boxes = [in_front(point, direction, gap, half) for gap in (0.8 * CLEARANCE, 1.2 * CLEARANCE)]
+        boxes = [in_front(point, direction, share * CLEARANCE, half) for share in (0.8, 1.2)]
         near = apart(capsule(RADII[first + c], *ends[k, first + c]), solid(boxes[0]))
         assert near == pytest.approx(0.8 * CLEARANCE, abs=1e-5)
         assert lift.check(NO_LIMBS, False)(Bodies(SHAPES, boxes[:1], CLEARANCE).arrays) != CLEAR
-        least = min(
-            apart(capsule(r, *axis), solid(boxes[1])) for limb in ends for r, axis in zip(RADII, limb, strict=True)
-        )  # fmt: skip
+        everywhere = ((r, axis) for limb in ends for r, axis in zip(RADII, limb, strict=True))
+        least = min(apart(capsule(r, *axis), solid(boxes[1])) for r, axis in everywhere)
         if least > 1.2 * CLEARANCE - 1e-5:
             hand += n % 2
             assert lift.check(NO_LIMBS, False)(Bodies(SHAPES, boxes[1:], CLEARANCE).arrays) == CLEAR
@@ -200,7 +236,8 @@ def test_free_stances_keep_the_clearance(checked_graph, jem):
     found = []
     for s in rng.choice(len(graph), 500, replace=False):
         stance = tuple(graph.points[s].tolist())
-        bits = (1 << int(rng.choice([b for b in range(16) if mask >> b & 1])) for mask in graph.mask[s].tolist())
-        here = graph.configuration(State(stance, tuple(bits)))
+        allowed = ([b for b in range(16) if mask >> b & 1] for mask in graph.mask[s].tolist())
+        bits = tuple(1 << int(rng.choice(some)) for some in allowed)
+        here = graph.configuration(State(stance, bits))
         found += ruler.measured(here, grasps_of(graph, enumerate(stance)), 0.05)
     assert CLEARANCE - 1e-9 <= min(found)[0] < 1.1 * CLEARANCE
