@@ -35,7 +35,7 @@ FIRST_GRIPPER_BIT = 2
 """Bit of `contype` that stands for the gripper of limb 0; those of the other limbs follow."""
 
 SAME_LENGTH = 1e-3
-"""Limbs whose lengths differ by less are the same arm [m]; so do two of them when calibrated."""
+"""Limbs whose lengths differ by less are one kind of arm [m]: calibrated figures vary a little."""
 
 AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 """Axes of a grasp, in the order of its actuators and sensors."""
