@@ -414,10 +414,10 @@ def _render(args: argparse.Namespace) -> int:
         drawn = [graph.configuration(state)]
     _draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles)
     if args.mjcf:
-        from mlivr_gym.scene import scene_spec
+        from mlivr_gym.scene import compiled, scene_spec
 
         spec = scene_spec(grasp_map, robot, obstacles)
-        spec.compile()
+        compiled(spec)
         write_whole(args.mjcf, spec.to_xml())
         print(f"scene: {args.mjcf}")
     return 0

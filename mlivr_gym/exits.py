@@ -15,6 +15,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
+from mlivr_gym.errors import MlivrError
+
 SUCCESS, FAILED, REFUSED, NO_PLAN, INTERRUPTED = 0, 1, 2, 3, 130
 
 EXIT_CODES = """exit codes:
@@ -40,15 +42,17 @@ def say_interrupted(reason: str = "") -> None:
 
 @contextmanager
 def prompt_interrupts(grace: float = GRACE) -> Iterator[None]:
-    """Let Ctrl-C end the process also while compiled code runs; in the main thread only.
+    """Let Ctrl-C end the process also while compiled code runs.
 
     Where Python comes to handle the signal, the block ends with a `KeyboardInterrupt`, also if a
-    library made another error of it; else the process ends.
+    library made another error of it; else the process ends. Nothing changes outside the main thread,
+    where somebody else handles or ignores the signal, and on Windows.
 
     Args:
         grace: How long Python may take to come to it [s].
     """
-    if threading.current_thread() is not threading.main_thread():
+    ours = threading.current_thread() is threading.main_thread() and sys.platform != "win32"
+    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
     answered, interrupted = threading.Event(), False
@@ -68,7 +72,7 @@ def prompt_interrupts(grace: float = GRACE) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if interrupted:
+        if interrupted and not isinstance(error, MlivrError):
             raise KeyboardInterrupt from error
         raise
     finally:

@@ -200,8 +200,13 @@ def test_a_plan_of_another_map_or_with_a_branch_too_many_is_refused(capsys, tmp_
 
 def test_ctrl_c_ends_a_search_with_one_line_and_130(tmp_path):
     """Also in the middle of the compiled search, which would go on for a minute."""
-    code = "from mlivr_gym.cli import main; print('ready', flush=True); exit(main({}))"
-    code = code.format(["plan", "--method", "dijkstra"])
+    code = """
+import signal
+from mlivr_gym.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores the signal
+print("ready", flush=True)
+exit(main(["plan", "--method", "dijkstra"]))
+"""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", code], **pipes) as process:
         assert process.stdout.readline() == "ready\n"
