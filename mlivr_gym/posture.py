@@ -35,8 +35,9 @@ from mlivr_gym.clear_kernels import clear_of_world, hands_clear
 from mlivr_gym.compiled import in_parallel
 from mlivr_gym.grasp_map import GraspMap
 from mlivr_gym.limb_shapes import LimbShapes
-from mlivr_gym.posture_kernels import TIE, solve_geometries
+from mlivr_gym.posture_kernels import solve_geometries
 from mlivr_gym.robot import RobotSpec, geometric_order
+from mlivr_gym.rule_kernels import TIE
 from mlivr_gym.settings import Settings
 
 Array = NDArray[np.float64]

@@ -108,7 +108,7 @@ class Hold(NamedTuple):
                 break
         bit = int(rng.choice([b for b in range(16) if mask >> b & 1]))
         stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
-        way = graph.way(*stances, 1 - limb, None, [1 << bit, 1 << bit])
+        way = graph.way(*stances, 1 - limb, graph.node_postures(np.array([s0, s1])), [1 << bit, 1 << bit])
         point = stances[0][limb]
         path = (
             graph.position[s0],

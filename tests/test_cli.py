@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mlivr_gym import stance_graph
 from mlivr_gym.cli import main
 from mlivr_gym.errors import RenderError
 from mlivr_gym.film import film
 from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.table1 import default_setup
 
 
 def run(capsys, *arguments):
@@ -23,7 +25,9 @@ def run(capsys, *arguments):
 
 def test_plan_with_defaults(capsys):
     code, out, _ = run(capsys, "plan")
-    assert code == 0 and "6 steps" in out
+    setup = default_setup()
+    plan = Planner(stance_graph()).plan(setup["start"], setup["goal"], "base").unwrap()
+    assert code == 0 and f": {len(plan.steps)} steps, {plan.base_translation:.3f} m" in out
 
 
 def test_plan_writes_plan_and_picture(capsys, tmp_path, jem):
@@ -105,7 +109,7 @@ def test_bad_input_gives_one_sentence_and_code_2(capsys, arguments, words):
         (["--goal", "9.5", "0", "0"], "no stance that can be reached"),
         (["--goal", "9.5", "0", "0", "--limit", str(10**30)], "no stance that can be reached"),
         (["--limit", "1"], "limit reached"),
-        (["--occupied", "D2a:4"], "point 'D2a:4' is occupied"),
+        (["--start", "D2a:4", "D2b:4", "--occupied", "D2a:4"], "point 'D2a:4' is occupied"),
     ],
 )
 def test_no_plan_gives_one_sentence_and_code_3(capsys, arguments, words):
@@ -202,6 +206,7 @@ def test_ctrl_c_ends_a_search_with_one_line_and_130(tmp_path):
     """Also in the middle of the compiled search, which would go on for a minute."""
     code = """
 import signal
+from mlivr_gym import stance_graph
 from mlivr_gym.cli import main
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores the signal
 print("ready", flush=True)

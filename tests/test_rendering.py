@@ -70,12 +70,12 @@ def test_the_window_shows_the_obstacles_of_now(monkeypatch):
     env = MlivrEnv(render_mode="human")
     env.graph.add_obstacles([LEFT])
     _, info = env.reset(seed=0)
-    assert len(opened) == 1 and "left" in opened[0] and not closed
+    assert len(opened) == 1 and "box/left" in opened[0] and not closed
     env.step(int(np.flatnonzero(info["action_mask"])[0]))
     assert len(opened) == 1
     env.graph.add_obstacles([RIGHT])
     env.render()
-    assert closed == [1] and {"left", "right"} <= set(opened[1])
+    assert closed == [1] and {"box/left", "box/right"} <= set(opened[1])
     env.graph.remove_obstacles()
     env.render()
-    assert closed == [1, 2] and not {"left", "right"} & set(opened[2])
+    assert closed == [1, 2] and not {"box/left", "box/right"} & set(opened[2])

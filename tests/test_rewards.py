@@ -100,6 +100,6 @@ def test_a_failed_grasp_costs_the_way_there_and_back_and_keeps_the_branches_that
         assert after["stance"] == info["stance"] and not terminated
         np.testing.assert_array_equal(after["base_position"], info["base_position"])
         masks, holder = env.masks(), 1 - limb
-        assert masks[holder] == steps.masks[k, holder] and masks[limb] == graph.landed(state.stance, limb)
+        assert masks[holder] == steps.masks[k, holder] and masks[limb] == graph.landed(state, limb)
         failures, narrowed = failures + 1, narrowed + (masks[holder] != state.masks[holder])
     assert failures >= 15 and narrowed > 0
