@@ -65,8 +65,7 @@ def contacts(
     """Every pair of shapes that is compared and nearer than the clearance, the nearest first.
 
     All pairs but those of `uncompared.NOT_COMPARED`. The body is the box that it is; the compiled
-    checks take capsules that contain it where they compare it with boxes, see
-    `limb_shapes.round_cube`.
+    checks take the sphere round it where they compare it with boxes.
 
     Args:
         robot: The robot.
