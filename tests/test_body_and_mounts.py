@@ -199,3 +199,27 @@ def test_a_box_in_any_shape_keeps_the_stance_away(small_checked_graph, link):
             with obstacles(graph, rod(middle.copy(), np.eye(3), 0.001, 0.001)):
                 now = graph.mask[s].tolist()
                 assert not all(m & n for m, n in zip(mask, now, strict=True))
+
+
+def test_the_plain_definition_measures_what_coal_measures():
+    """Every pair of shapes nearer than 0.3 m, a turned box among them, and no other."""
+    rng, ruler = np.random.default_rng(6), Ruler(ROBOT)
+    met = set()
+    for _ in range(40):
+        turn = Rotation.random(rng=rng).as_quat(scalar_first=True)
+        here = (rng.uniform(-1.0, 1.0, 3), turn, rng.uniform(-3.0, 3.0, (2, 6)))
+        axes = Rotation.random(rng=rng).as_matrix()
+        half = tuple(rng.uniform(0.01, 0.3, 3))
+        middle = tuple(here[0] + rng.normal(0.0, 0.25, 3))
+        box = Box("box", "obstacle", middle, half, Box.rows(axes))
+        found = contacts(ROBOT, (box,), here, 0.3)
+        ours = {frozenset((c.first, c.second)): c.distance for c in found}
+        theirs = ruler.among([box]).measured(here, beyond=0.3)
+        assert {frozenset(pair) for _, *pair in theirs} == set(ours)
+        for gap, *pair in theirs:
+            if gap > 1e-6:
+                assert ours[frozenset(pair)] == pytest.approx(gap, abs=1e-6)
+                met |= {name for name in pair if "box" in pair}
+            else:
+                assert ours[frozenset(pair)] <= 1e-6
+    assert {"body", "limb0/base/0", "limb1/forearm/0"} <= met
