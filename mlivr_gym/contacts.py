@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations, product
 
 import numpy as np
@@ -65,8 +66,7 @@ def contacts(
     """Every pair of shapes that is compared and nearer than the clearance, or overlaps, the nearest first.
 
     All pairs but those of `uncompared.NOT_COMPARED`. The body is the box that it is; the compiled
-    checks take capsules that contain it where they compare it with boxes, see
-    `limb_shapes.round_cube`.
+    checks take the sphere round it where they compare it with boxes.
 
     Args:
         robot: The robot.
@@ -75,7 +75,7 @@ def contacts(
         clearance: Least distance [m].
         grasps: Limb, point [m] and surface normal of each limb at a grasp: its gripper may come near what lies behind.
     """
-    shapes = LimbShapes(robot)
+    shapes = _shapes(robot)
     ends = capsule_ends(robot, shapes, configuration)
     base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
     at_grasp = {limb: (point, normal) for limb, point, normal in grasps}
@@ -164,6 +164,12 @@ def _mount_names(robot: RobotSpec, shapes: LimbShapes) -> list[str]:
     count = len(shapes.fixed[1])
     per_limb = max(count // robot.limbs, 1)
     return [f"limb{m // per_limb}/base/{m % per_limb}" for m in range(count)]
+
+
+@lru_cache(maxsize=8)
+def _shapes(robot: RobotSpec) -> LimbShapes:
+    """A robot's shapes, worked out once."""
+    return LimbShapes(robot)
 
 
 def _names(shapes: LimbShapes) -> list[str]:

@@ -1,6 +1,7 @@
 """Independent truth about distances: MuJoCo puts the shapes in place, coal measures."""
 
 import itertools
+from contextlib import contextmanager
 
 import coal
 import mujoco
@@ -122,3 +123,13 @@ def grasps_of(graph, points):
     """Limb, point and normal of limbs at grasps; `points` are pairs of limb and point index."""
     solver = graph.solver
     return [(limb, solver.points[point], solver.normals[point]) for limb, point in points]
+
+
+@contextmanager
+def obstacles(graph, *boxes):
+    """A graph with boxes in the way for a while."""
+    graph.add_obstacles(boxes)
+    try:
+        yield
+    finally:
+        graph.remove_obstacles()

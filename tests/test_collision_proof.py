@@ -94,21 +94,21 @@ class Spheres(NamedTuple):
 
     @classmethod
     def of(cls, moments, still=False, containing=False):
-        """The body as its corners or, if `containing`, as the capsules that the checks take for it.
+        """The body as its corners or, if `containing`, as the sphere that the checks take for it.
 
         Only the limb if `still`.
         """
         mounts, mount_radius, half, _ = SHAPES.fixed
         body, thick = np.array(list(product((-1.0, 1.0), repeat=3))) * half, 0.0
         if containing:
-            body, thick = SHAPES.body[0][:4].reshape(-1, 3), SHAPES.body[1][0]
+            body, thick = SHAPES.body[0][0], SHAPES.body[1][0]
         fixed = np.zeros((0, 3)) if still else np.concatenate([mounts.reshape(-1, 3), body])
         centres = []
         for here in moments:
             base = Rotation.from_quat(here[1], scalar_first=True).as_matrix()
             limb = capsule_ends(ROBOT, SHAPES, here)[0].reshape(-1, 3)
             centres.append(np.concatenate([limb, here[0] + fixed @ base.T]))
-        radii = np.concatenate([np.repeat(RADII, 2), np.repeat(mount_radius, 2), np.full(8, thick)])
+        radii = np.concatenate([np.repeat(RADII, 2), np.repeat(mount_radius, 2), np.full(len(body), thick)])
         return cls(np.array(centres), radii[: centres[0].shape[0]])
 
     def farthest(self, direction):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from coal_ruler import Ruler, grasps_of
+from coal_ruler import Ruler, grasps_of, obstacles
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
@@ -166,3 +166,18 @@ def test_a_shelf_and_a_mast_take_away_what_they_touch(ladder):
         for here, grasps in best_postures(graph, graph.points.tolist()):
             near = ruler.measured(here, grasps, 2.0 * CLEARANCE)
             assert not near or near[0][0] >= CLEARANCE - 1e-9
+
+
+@pytest.mark.parametrize(("height", "held"), [(0.001, True), (0.004, False)])
+def test_only_what_is_flush_with_a_surface_lies_behind_a_grasp(small_checked_graph, height, held):
+    """A block under the gripper that stands out by one millimetre, or by four."""
+    graph, rng = small_checked_graph, np.random.default_rng(3)
+    for point in rng.choice(np.unique(graph.points), 10, replace=False).tolist():
+        turn, middle = graph.grasp_map.rotations[point], graph.solver.points[point]
+        middle = middle + (height - 0.01) * graph.solver.normals[point]
+        block = Box("block", "obstacle", tuple(middle), (0.02, 0.02, 0.01), Box.rows(turn))
+        here = (graph.points == point).any(axis=1)
+        before = graph.mask[here].copy()
+        with obstacles(graph, block):
+            after = graph.mask[here].copy()
+        assert np.array_equal(before, after) if held else not after.all(axis=1).any()
