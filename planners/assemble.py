@@ -228,6 +228,13 @@ def _joint_angles(
                     follow(
                         grip, tool, *here, *here, STRAIGHT, here[0], *mount, branches[k, limb], 0, start, q, low, high
                     )  # fmt: skip
+                # Where the limb lands and where it leaves, it also moves along the normal.
+                if ways and (k == first > 0 or k == last < len(points) - 1):
+                    lifted = here[0] - graph.robot.lift * solver.normals[points[k, limb]]
+                    follow(
+                        grip, tool, *here, lifted, here[1], STRAIGHT, lifted, *mount, branches[k, limb], SAMPLES,
+                        np.empty(6), start.copy(), low, high,
+                    )  # fmt: skip
             joints[first : last + 1, limb, 5] += np.pi * flips[first, limb]
             low[5] += np.pi * flips[first, limb]
             high[5] += np.pi * flips[first, limb]
