@@ -47,7 +47,7 @@ def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn,
     model = scene_spec(FLOOR, ROBOT, (loaded,)).compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    geom = model.geom("crate").id
+    geom = next(g for g in range(model.ngeom) if model.geom(g).name.endswith("crate"))
     np.testing.assert_allclose(data.geom_xmat[geom].reshape(3, 3), rotation, atol=1e-7)
     np.testing.assert_allclose(data.geom_xpos[geom], centre, atol=1e-12)
     # A speck at a place in the box's own axes, inside or outside.
