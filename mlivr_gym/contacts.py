@@ -66,7 +66,7 @@ def contacts(
     """Every pair of shapes that is compared and nearer than the clearance, or overlaps, the nearest first.
 
     All pairs but those of `uncompared.NOT_COMPARED`. The body is the box that it is; the compiled
-    checks take the sphere round it where they compare it with boxes.
+    checks take capsules that contain it where they compare it with boxes, `limb_shapes.round_cube`.
 
     Args:
         robot: The robot.

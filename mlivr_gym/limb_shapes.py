@@ -32,8 +32,9 @@ class LimbShapes:
             the posture.
         fixed: Ends (k, 2, 3) and radii (k,) of the capsules fixed to the body, in its frame [m], half edges of the body
             (3,) [m], and the first link of each limb that can meet each of those capsules (N, k).
-        body: Ends (1 + k, 2, 3) and radii (1 + k,) of what moves with the base, in the body frame,
-            for comparison with boxes [m]: the sphere round the body and the capsules of `fixed`.
+        body: Ends (4 + k, 2, 3) and radii (4 + k,) of capsules in the body frame that contain all
+            that moves with the base, for comparison with boxes [m]: four round the body, see
+            `round_cube`, and the mounts of `fixed`.
     """
 
     def __init__(self, robot: RobotSpec) -> None:
@@ -74,9 +75,10 @@ class LimbShapes:
             np.array(mounts).reshape(-1, 2, 3), np.array(mount_radius), half,
             np.array(least, dtype=np.int64).reshape(-1, robot.limbs).T.copy(),
         )  # fmt: skip
+        round_ends, round_radius = round_cube(float(half[0]))
         self.body = (
-            np.concatenate([np.zeros((1, 2, 3)), self.fixed[0]]),
-            np.concatenate([[np.linalg.norm(half)], self.fixed[1]]),
+            np.concatenate([round_ends, self.fixed[0]]),
+            np.concatenate([round_radius, self.fixed[1]]),
         )
 
     def never(self, limb: int) -> list[tuple[str, str]]:
@@ -91,6 +93,20 @@ class LimbShapes:
     def __len__(self) -> int:
         """Number of capsules that move."""
         return len(self.names)
+
+
+def round_cube(half: float) -> tuple[Array, Array]:
+    """Four capsules that together contain a cube of half edge `half` [m].
+
+    Each holds a quarter of it, whose eighths lie in the spheres about their middles. They stand out
+    beyond the faces by 0.37 half edges, the sphere round the cube by 0.73.
+
+    Returns:
+        Ends, shape (4, 2, 3), and radii, shape (4,) [m].
+    """
+    at = 0.5 * half
+    ends = np.array([[[x, y, -at], [x, y, at]] for x in (-at, at) for y in (-at, at)])
+    return ends, np.full(4, np.sqrt(3.0) * at)
 
 
 def _can_meet(robot: RobotSpec, first: Capsule, second: Capsule) -> bool:

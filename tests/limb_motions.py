@@ -13,6 +13,7 @@ from mlivr_gym.distance_kernels import segments_apart
 from mlivr_gym.hold_kernels import hold_free
 from mlivr_gym.limb_shapes import LimbShapes
 from mlivr_gym.path_kernels import joints_along
+from mlivr_gym.stance_graph import join
 from mlivr_gym.transitions import base_path
 
 ROBOT = robot_spec("mlivr2")
@@ -108,7 +109,8 @@ class Hold(NamedTuple):
                 break
         bit = int(rng.choice([b for b in range(16) if mask >> b & 1]))
         stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
-        way = graph.way(*stances, 1 - limb, graph.node_postures(np.array([s0, s1])), [1 << bit, 1 << bit])
+        postures = join(*(graph.posture(stance) for stance in stances))
+        way = graph.way(*stances, 1 - limb, postures, [1 << bit, 1 << bit])
         point = stances[0][limb]
         path = (
             graph.position[s0],

@@ -213,7 +213,7 @@ def test_the_plain_definition_measures_what_coal_measures():
         middle = tuple(here[0] + rng.normal(0.0, 0.25, 3))
         box = Box("box", "obstacle", middle, half, Box.rows(axes))
         found = contacts(ROBOT, (box,), here, 0.3)
-        ours = {frozenset((c.first, c.second)): c.distance for c in found}
+        ours = {frozenset((c.first, c.second.removeprefix("box/"))): c.distance for c in found}
         theirs = ruler.among([box]).measured(here, beyond=0.3)
         assert {frozenset(pair) for _, *pair in theirs} == set(ours)
         for gap, *pair in theirs:
