@@ -31,6 +31,7 @@ from mlivr_gym.agents.learned import beam_policy, load_policy
 from mlivr_gym.agents.policies import foreign_plan_policy
 from mlivr_gym.agents.test_set import World, freeze_test_set, load_test_set
 from mlivr_gym.env import MlivrEnv
+from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole
 from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Planner
@@ -185,7 +186,10 @@ def carry_out(env: MlivrEnv, states: tuple[State, ...]) -> bool | None:
     if len(states) < 2:
         return None
     plan = plan_of(env.graph, states, env.goal, env.goal_tolerance, "walk")
-    return plan is not None and execute(env.graph, plan).failure is None
+    try:
+        return plan is not None and execute(env.graph, plan).failure is None
+    except PlanError:  # it cannot be followed inside the joint limits
+        return False
 
 
 def forget(graph: PairGraph, pristine: tuple[np.ndarray, ...]) -> None:
