@@ -217,10 +217,11 @@ def markdown(data: dict[str, Any]) -> str:
             f"| {step} | {row['peak_torque_rms_N_m']:.4f} | {row['peak_grasp_force_N']:.3f} | {row['largest_base_error_mm']:.4f} "
             f"| {row['largest_capture_distance_mm']:.4f} | {100 * row['impulse_error']:.1f} | {row['simulation_time_s']:.1f} |"
         )
-    speed, wall = data["overhead"], data["walks"]["PD and feedforward"]["durations"]["50"]["simulation_time_s"]
+    walk = data["walks"]["PD and feedforward"]["durations"]["50"]
+    speed, wall = data["overhead"], walk["simulation_time_s"]
     lines += [
         "", "## Speed", "",
-        f"Five steps, 250 s simulated: {wall:.1f} s. A step with its trajectory and measurements takes "
+        f"{walk['steps']} steps, {50 * walk['steps']} s simulated: {wall:.1f} s. A step with its trajectory and measurements takes "
         f"{speed['ratio_median']:.2f} times a bare loop of `mj_step` on the same model (largest of five {speed['ratio_largest']:.2f}; "
         f"{speed['bare_step_us']:.0f} us a time step). {data['machine']}.", "",
     ]  # fmt: skip
