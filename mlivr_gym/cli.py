@@ -199,7 +199,8 @@ def _default_task(graph: Any, args: argparse.Namespace) -> tuple[Any, Any]:
             if start is not None:
                 graph.indices(start)  # what is no stance at all is refused as such
             try:
-                given = graph.state(start) if start is not None else None
+                stands = (getattr(args, "start_pose", None), getattr(args, "start_joints", None))
+                given = graph.state(start, *stands) if start is not None else None
                 state, target = sample_task(graph, np.random.default_rng(0), args.tolerance, given)
             except StanceError as error:
                 raise NoPlanError(str(error)) from None
