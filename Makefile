@@ -24,7 +24,7 @@ types: $(VENV)/.dev
 unit: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto --dist loadfile
 
-# Everything published under results/; takes several minutes.
+# Everything published under results/ but the comparison; takes half an hour.
 results: $(VENV)/.dev
 	$(BIN)/python experiments/calibrate_start_goal.py
 	$(BIN)/python experiments/table1.py
