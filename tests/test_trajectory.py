@@ -170,3 +170,12 @@ def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
     assert [rows[k]["limb0_grasp"], rows[k]["limb1_grasp"]] == held
     with pytest.raises(PlanError, match="cannot read"):
         Trajectory.load_npz(tmp_path / "walk.csv")
+
+
+def test_the_windings_of_a_plan_leave_room_for_departure_and_approach(checked_graph):
+    """A hold inside the joint limits whose limb left them while it departed, by 0.03 rad."""
+    goal = (5.234714283826891, -0.29340000000000005, 0.3656556302831988)
+    plan = Planner(checked_graph).plan(("F1a:5", "O1a:0"), goal, "base").unwrap()
+    angles = plan_trajectory(checked_graph, plan, period=0.1).joint_positions
+    limits = checked_graph.robot.limb.limits
+    assert (angles >= limits[:, 0] - 1e-6).all() and (angles <= limits[:, 1] + 1e-6).all()
