@@ -1,0 +1,22 @@
+"""The names that the scaffold needs, where they lie at present."""
+
+from mlivr_gym import Box, Settings, jem_map, stance_graph  # noqa: F401
+from mlivr_gym.pair_graph import fill_rows  # noqa: F401
+from mlivr_gym.planners import Planner  # noqa: F401
+from mlivr_gym.planners.motion import plan_trajectory  # noqa: F401
+from mlivr_gym.step_tables import step_tables  # noqa: F401
+from mlivr_gym.tasks import random_state, sample_task  # noqa: F401
+
+
+def step_way(graph, tables, s, s2, moving, left):
+    """How the step from stance s to stance s2 is made, on the first branch left to the limb that holds."""
+    bit = left & -left
+    masks = [0, 0]
+    masks[1 - moving] = bit
+    masks[moving] = 1
+    before, after = tuple(graph.points[s].tolist()), tuple(graph.points[s2].tolist())
+    from mlivr_gym.stance_graph import join
+
+    both = join(graph.posture(before), graph.posture(after))
+    way = graph.way(before, after, moving, both, masks)
+    return s, s2, moving, way.kind, way.fold, way.pair, way.left.get(1 - moving, 0)
