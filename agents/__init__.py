@@ -1,6 +1,7 @@
 """Policies that act in the environment, and one way to evaluate them all.
 
-What learns needs PyTorch and is imported from its own module: `mlivr_gym.agents.learned`, `mlivr_gym.agents.training`.
+What learns needs PyTorch and is imported from its own module: `mlivr_gym.agents.learned`,
+`mlivr_gym.agents.training`.
 """
 
 from __future__ import annotations

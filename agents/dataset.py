@@ -13,7 +13,7 @@ import numpy as np
 
 from mlivr_gym import __version__
 from mlivr_gym.agents.policies import ExpertPolicy
-from mlivr_gym.env import ActionMaskObservation, MlivrEnv
+from mlivr_gym.envs.env import ActionMaskObservation, MlivrEnv
 from mlivr_gym.errors import SettingError
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 
@@ -49,8 +49,8 @@ def write_dataset(
         The `minari.MinariDataset`.
 
     Raises:
-        SettingError: If there is no episode, the id is no id of Minari or taken, or the extra [data] is
-            not installed; all before the first episode.
+        SettingError: If there is no episode, the id is no id of Minari or taken, or the extra
+            [data] is not installed; all before the first episode.
     """
     _need_minari()
     import minari
@@ -58,7 +58,9 @@ def write_dataset(
     if episodes < 1:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
     _check_id(dataset_id)
-    masked = ActionMaskObservation(gymnasium.make("mlivr_gym:MLIVR-JEM-v0", **(env_arguments or {})))
+    masked = ActionMaskObservation(
+        gymnasium.make("mlivr_gym:MLIVR-JEM-v0", **(env_arguments or {}))
+    )
     env = masked.unwrapped
     assert isinstance(env, MlivrEnv)
     expert = ExpertPolicy()
@@ -79,7 +81,9 @@ def write_dataset(
         # Author and link are the user's to add.
         warnings.filterwarnings("ignore", message=".*is set to None")
         # Minari leaves its temporary folders to the garbage collector.
-        warnings.filterwarnings("ignore", message="Implicitly cleaning up", category=ResourceWarning)
+        warnings.filterwarnings(
+            "ignore", message="Implicitly cleaning up", category=ResourceWarning
+        )
         dataset = collector.create_dataset(
             dataset_id=dataset_id,
             algorithm_name="optimal expert (exact cost-to-go: the costs of A*)",
@@ -96,8 +100,8 @@ def load_dataset(dataset_id: str) -> Any:
     """A data set of `write_dataset`, a `minari.MinariDataset`.
 
     Raises:
-        SettingError: If there is none of this id, its walks were made under other rules of the stance
-            graph, or the extra [data] is not installed.
+        SettingError: If there is none of this id, its walks were made under other rules of the
+            stance graph, or the extra [data] is not installed.
     """
     _need_minari()
     import minari
@@ -114,7 +118,9 @@ def load_dataset(dataset_id: str) -> Any:
 def _need_minari() -> None:
     for package in NEEDED:
         if importlib.util.find_spec(package) is None:
-            raise SettingError(f"data sets need the package {package!r}: pip install 'mlivr-gym[data]'")
+            raise SettingError(
+                f"data sets need the package {package!r}: pip install 'mlivr-gym[data]'"
+            )
 
 
 def _check_id(dataset_id: str) -> None:
@@ -126,13 +132,19 @@ def _check_id(dataset_id: str) -> None:
         parse_dataset_id(dataset_id)
         fault = "" if PurePosixPath(dataset_id).as_posix() == dataset_id else "it has an empty part"
     except (ValueError, TypeError):
-        fault = "it must be names of letters, digits, - and _, joined by /, with a version at the end"
+        fault = (
+            "it must be names of letters, digits, - and _, joined by /, with a version at the end"
+        )
     if fault:
-        raise SettingError(f"data set id {dataset_id!r} is not valid: {fault}, for example {EXAMPLE!r}")
+        raise SettingError(
+            f"data set id {dataset_id!r} is not valid: {fault}, for example {EXAMPLE!r}"
+        )
     try:
         get_dataset_path(dataset_id).lstat()
     except FileNotFoundError:
         return
     except OSError as error:
         raise SettingError(f"data set {dataset_id!r} cannot be written: {error}") from None
-    raise SettingError(f"there is a data set {dataset_id!r} already; delete it with minari.delete_dataset")
+    raise SettingError(
+        f"there is a data set {dataset_id!r} already; delete it with minari.delete_dataset"
+    )

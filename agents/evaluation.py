@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.agents.policies import Policy
-from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
-from mlivr_gym.stance_graph import State
+from mlivr_gym.stances.stance_graph import State
 
 Array = NDArray[np.float64]
 
@@ -38,10 +38,12 @@ class Evaluation:
         success: Whether the goal was reached, shape (k,).
         steps: Steps taken, shape (k,).
         base_translation: Sum of base displacements [m], shape (k,).
-        first_decision: Time from the reset to the first action, world and policy together [s], shape (k,).
+        first_decision: Time from the reset to the first action, world and policy together [s],
+            shape (k,).
         decision: Mean time of the policy alone for an action [s], shape (k,).
         failed_grasps: Attempts that failed, shape (k,).
-        carried_out: 1 where `execute` carried the walk out, 0 where it did not, NaN where it was not executed, shape (k,).
+        carried_out: 1 where `execute` carried the walk out, 0 where it did not, NaN where it was
+            not executed, shape (k,).
     """
 
     success: NDArray[np.bool_]
@@ -70,16 +72,17 @@ def evaluate(
     """Run a policy; episode k starts from `reset(seed=seed + k)`.
 
     Args:
-        env: The environment, unwrapped. Tasks occupy points of its graph; in the end those are occupied that were before.
+        env: The environment, unwrapped. Tasks occupy points of its graph; in the end those are
+            occupied that were before.
         policy: The policy.
         episodes: Number of episodes, or their tasks.
         seed: Seed of the first episode.
-        max_steps: Steps after which an episode counts as failed. One whose policy takes an action that
-            is not possible counts as failed at once (the policy would only repeat it), and so does one
-            in which a simulated step fails.
+        max_steps: Steps after which an episode counts as failed. One whose policy takes an action
+            that is not possible counts as failed at once (the policy would only repeat it), and so
+            does one in which a simulated step fails.
         progress: Called with the number of episodes done.
-        execute: Carries a walk out, for example in MuJoCo; given the environment and the states of each successful episode, tells
-            whether it could be, None if it was not tried.
+        execute: Carries a walk out, for example in MuJoCo; given the environment and the states of
+            each successful episode, tells whether it could be, None if it was not tried.
 
     Raises:
         SettingError: If there is no episode.
@@ -97,7 +100,8 @@ def evaluate(
     _occupy(env, before)
     success, steps, translation, first, decision, failed, carried = zip(*rows, strict=True)
     return Evaluation(
-        np.array(success), np.array(steps), np.array(translation), np.array(first), np.array(decision),
+        np.array(success), np.array(steps), np.array(translation), np.array(first),
+        np.array(decision),
         np.array(failed), np.array(carried, dtype=np.float64),
     )  # fmt: skip
 
@@ -132,10 +136,20 @@ def _episode(
     answer = execute(env, tuple(states)) if success and execute is not None else None
     carried = math.nan if answer is None else float(answer)
     steps = int(info["steps"])
-    return success, steps, float(info["base_translation"]), first, spent / max(steps, 1), failed, carried
+    return (
+        success,
+        steps,
+        float(info["base_translation"]),
+        first,
+        spent / max(steps, 1),
+        failed,
+        carried,
+    )
 
 
-def bootstrap(values: Array, statistic: Callable[[Array], float] = np.mean, seed: int = 0) -> tuple[float, float]:
+def bootstrap(
+    values: Array, statistic: Callable[[Array], float] = np.mean, seed: int = 0
+) -> tuple[float, float]:
     """95 % percentile bootstrap interval of a statistic of independent values, shape (k,); NaN without values."""
     if not len(values):
         return float("nan"), float("nan")

@@ -10,11 +10,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from mlivr_gym.env import MlivrEnv
-from mlivr_gym.pair_graph import PairGraph
-from mlivr_gym.stance_graph import StanceGraph, State
-from mlivr_gym.step_tables import StepTables
-from mlivr_gym.table_kernels import legal_places
+from mlivr_gym.envs.batch import legal_places
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.stance_graph import StanceGraph, State
+from mlivr_gym.stances.step_tables import StepTables
 
 Array = NDArray[np.float64]
 Features = dict[str, NDArray[np.float32]]
@@ -30,8 +30,10 @@ FAR = 10.0
 
 
 def point_features(
-    positions: Array, normals: Array, free: NDArray[np.bool_], risk: Array, base: Array, rotation: Array, stance: NDArray[np.int64],
-    goal: Array, tolerance: float, legal: NDArray[np.bool_], after: Array, reach: Array, onward: NDArray[np.bool_],
+    positions: Array, normals: Array, free: NDArray[np.bool_], risk: Array, base: Array,
+    rotation: Array, stance: NDArray[np.int64],
+    goal: Array, tolerance: float, legal: NDArray[np.bool_], after: Array, reach: Array,
+    onward: NDArray[np.bool_],
 ) -> Features:  # fmt: skip
     """Features of k states with N limbs on m points, all in the robot's frame.
 
@@ -46,15 +48,17 @@ def point_features(
         goal: Goal positions [m], shape (k, 3).
         tolerance: Radius of the goal region [m].
         legal: Which actions are possible, shape (k, N, m).
-        after: Base position after each possible action [m], shape (k, N, m, 3); anything for the others.
+        after: Base position after each possible action [m], shape (k, N, m, 3); anything for the
+            others.
         reach: What `reach_of_points` returns [m], shape (k, N, m, DEPTH).
-        onward: Whether a limb that holds could let go after each possible action, shape (k, N, m); anything for the others.
+        onward: Whether a limb that holds could let go after each possible action, shape (k, N, m);
+            anything for the others.
 
     Returns:
-        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6 + DEPTH): whether the limb holds the
-        point, whether it may move there, the base's displacement if it does, whether a limb that holds could let go
-        then, and the reach. `goal` (k, 5): where the goal
-        lies, its distance, and the tolerance.
+        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6 + DEPTH):
+        whether the limb holds the point, whether it may move there, the base's displacement if it
+        does, whether a limb that holds could let go then, and the reach. `goal` (k, 5): where the
+        goal lies, its distance, and the tolerance.
     """
     k, limbs = stance.shape
     m = len(positions)
@@ -75,11 +79,14 @@ def point_features(
     return {"points": points, "limbs": seen, "goal": ahead.astype(np.float32)}
 
 
-def reach_of_points(graph: StanceGraph, goal: Array, held: NDArray[np.bool_] | None = None) -> Array:
+def reach_of_points(
+    graph: StanceGraph, goal: Array, held: NDArray[np.bool_] | None = None
+) -> Array:
     """Least distance to the goal that the base can have 1 to `DEPTH` steps after a limb took hold of a point [m], at most `FAR`.
 
-    Over all stances that can be held, whether steps lead there or not, the limbs moving in turns. For more than two
-    limbs the stances are not known beforehand; it is then the distance of the point itself.
+    Over all stances that can be held, whether steps lead there or not, the limbs moving in turns.
+    For more than two limbs the stances are not known beforehand; it is then the distance of the
+    point itself.
 
     Args:
         graph: The stance graph.
@@ -104,7 +111,9 @@ def reach_of_points(graph: StanceGraph, goal: Array, held: NDArray[np.bool_] | N
                 distance[limb] = out[1 - limb, other, depth - 1]
             distance[limb, lost[limb]] = FAR
             known = np.flatnonzero(graph.degree[limb])
-            out[limb, known, depth] = np.minimum.reduceat(distance[limb], graph.row_start[limb, known])
+            out[limb, known, depth] = np.minimum.reduceat(
+                distance[limb], graph.row_start[limb, known]
+            )
     return out
 
 
@@ -125,8 +134,10 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     free = np.ones(m, dtype=np.bool_)
     free[list(graph.occupied)] = False
     return point_features(
-        graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability, base, rotation,
-        np.array([state.stance for state in states]), np.tile(env.goal, (k, 1)), env.goal_tolerance, legal, after,
+        graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability, base,
+        rotation,
+        np.array([state.stance for state in states]), np.tile(env.goal, (k, 1)), env.goal_tolerance,
+        legal, after,
         reach_of_points(graph, env.goal)[None], onward,
     )  # fmt: skip
 
@@ -165,13 +176,17 @@ class TableFeatures:
         free = np.ones(m, dtype=np.bool_) if free is None else free
         legal &= free[..., None, :]
         return point_features(
-            self.grasp_map.positions, self.grasp_map.normals, free, self.risk, tables.position[stances],
-            self.rotation[stances], tables.points[stances].astype(np.int64), goals, self.tolerance, legal.view(np.bool_),
+            self.grasp_map.positions, self.grasp_map.normals, free, self.risk,
+            tables.position[stances],
+            self.rotation[stances], tables.points[stances].astype(np.int64), goals, self.tolerance,
+            legal.view(np.bool_),
             after, reach, onward.view(np.bool_),
         )  # fmt: skip
 
 
-class PointObservation(gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
+class PointObservation(
+    gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs
+):
     """Observations for the point-wise policy: `point_features` of the present state."""
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
@@ -198,4 +213,6 @@ def point_space(env: MlivrEnv) -> spaces.Dict:
     """Space of `point_features` for an environment."""
     m, limbs = len(env.graph.grasp_map), env.graph.limbs
     shapes = {"points": (m, POINT), "limbs": (limbs, m, LIMB), "goal": (GOAL,)}
-    return spaces.Dict({name: spaces.Box(-100.0, 100.0, shape, np.float32) for name, shape in shapes.items()})
+    return spaces.Dict(
+        {name: spaces.Box(-100.0, 100.0, shape, np.float32) for name, shape in shapes.items()}
+    )

@@ -1,8 +1,9 @@
 """Imitation of the planner: behaviour cloning and DAgger (Ross et al., 2011) on sets of optimal actions.
 
-The expert is a table of the cost-to-go of every state to a goal, from one backward search. It knows the cost of all actions,
-not one of them, and optimal actions come in ties: the loss is minus the logarithm of the summed probability of the optimal set. Points are
-taken out at random, layout by layout, so that the policy learns maps that it will never see.
+The expert is a table of the cost-to-go of every state to a goal, from one backward search. It knows
+the cost of all actions, not one of them, and optimal actions come in ties: the loss is minus the
+logarithm of the summed probability of the optimal set. Points are taken out at random, layout by
+layout, so that the policy learns maps that it will never see.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ from torch import Tensor
 
 from mlivr_gym.agents.features import TableFeatures, reach_of_points
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
-from mlivr_gym.env import MlivrEnv
-from mlivr_gym.moves import BITS
+from mlivr_gym.envs.batch import advance, draw_tasks
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.table_values import TableValues
-from mlivr_gym.step_tables import without_points
-from mlivr_gym.table_kernels import advance, draw_tasks
+from mlivr_gym.stances.moves import BITS
+from mlivr_gym.stances.step_tables import without_points
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -35,19 +36,21 @@ class ImitationSettings:
     """How a policy imitates the planner.
 
     Attributes:
-        rounds: Times that data are gathered and learnt from; in the first the expert walks, in the others the policy
-            (behaviour cloning: the expert in all).
+        rounds: Times that data are gathered and learnt from; in the first the expert walks, in the
+            others the policy (behaviour cloning: the expert in all).
         dagger: Whether the policy walks after the first round.
         layouts: Layouts of the points in a round.
         goals: Goals on each layout.
         walks: Walks to each goal.
         longest: Most steps of a walk.
-        most_removed: Largest share of the points taken out of a layout; every third layout has all of them.
+        most_removed: Largest share of the points taken out of a layout; every third layout has all
+            of them.
         noise: Share of random possible actions on walks.
         updates: Gradient steps in a round.
         batch: States in a gradient step.
         learning_rate: Largest rate of Adam; it falls to a tenth by a cosine.
-        averaging: Share that the average of the weights, which is kept in the end, keeps of itself in a gradient step.
+        averaging: Share that the average of the weights, which is kept in the end, keeps of itself
+            in a gradient step.
         value_weight: Weight of the error of the value in the loss.
         discount: Discount of that value.
     """
@@ -157,7 +160,10 @@ class Imitation:
                 success.append(reached)
             if not expert:
                 self.success = float(np.mean(success))
-            figures = {"gathered_in": time.perf_counter() - began, "walks_that_arrive": float(np.mean(success))}
+            figures = {
+                "gathered_in": time.perf_counter() - began,
+                "walks_that_arrive": float(np.mean(success)),
+            }
             figures["states"] = float(sum(len(d.stances) for d in self.data))
             self._learn(k, figures, progress)
         with torch.no_grad():
@@ -177,7 +183,10 @@ class Imitation:
         settings, env, rng = self.settings, self.env, self.rng
         tables = without_points(self.moves.tables, ~free)
         goals = np.zeros((settings.goals, 3))
-        drawn = (np.zeros(settings.goals, dtype=np.int64), np.zeros((settings.goals, 2), dtype=np.int64))
+        drawn = (
+            np.zeros(settings.goals, dtype=np.int64),
+            np.zeros((settings.goals, 2), dtype=np.int64),
+        )
         grasp_map, cost = env.graph.grasp_map, Cost.named(env.reward)
         every = np.ones(settings.goals, dtype=np.bool_)
         missing = draw_tasks(
@@ -187,7 +196,9 @@ class Imitation:
         if missing >= 0:
             return _nothing(self.m), 1.0
         if len(self._held_out):
-            goals = goals[np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1) > SAME_GOAL]
+            goals = goals[
+                np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1) > SAME_GOAL
+            ]
             if not len(goals):
                 return _nothing(self.m), 1.0
         risk = env.failure_probability
@@ -195,7 +206,9 @@ class Imitation:
         which, stances = self._starts(values)
         first, held = sum(map(len, self._reach)), (tables.masks != 0).all(axis=1)
         self._reach.append(
-            np.array([reach_of_points(self.moves.graph, goal, held) for goal in goals], dtype=np.float32)
+            np.array(
+                [reach_of_points(self.moves.graph, goal, held) for goal in goals], dtype=np.float32
+            )
         )
         masks = tables.masks[stances].astype(np.int64)
         streams = rng.integers(2**63, size=len(stances)).astype(np.uint64)
@@ -209,7 +222,8 @@ class Imitation:
             legal, optimal = np.isfinite(costs), costs <= least[:, None] + 1e-6
             optimal &= legal
             here = Samples(
-                stances.copy(), masks.copy(), goals[which], first + which, np.tile(np.packbits(free), (len(stances), 1)),
+                stances.copy(), masks.copy(), goals[which], first + which,
+                np.tile(np.packbits(free), (len(stances), 1)),
                 np.packbits(optimal, axis=1), least.astype(np.float32),
             )  # fmt: skip
             rows.append(here)
@@ -218,11 +232,17 @@ class Imitation:
             actions = (rng.random(likely.shape, dtype=np.float32) * likely).argmax(axis=1)
             moved, outcome = np.zeros(len(stances)), np.zeros(len(stances), dtype=np.int64)
             advance(
-                actions, np.zeros(len(stances), np.bool_), risk, 0.0, self.moves.stance_at, tables, streams, stances, masks,
+                actions, np.zeros(len(stances), np.bool_), risk, 0.0, self.moves.stance_at, tables,
+                streams, stances, masks,
                 moved, outcome,
             )  # fmt: skip
             going = ~values.goals[which, stances]
-            stances, masks, which, streams = stances[going], masks[going], which[going], streams[going]
+            stances, masks, which, streams = (
+                stances[going],
+                masks[going],
+                which[going],
+                streams[going],
+            )
         samples = Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
         known = np.isfinite(samples.cost)
         return Samples(*(column[known] for column in samples)), 1.0 - len(stances) / max(count, 1)
@@ -258,7 +278,9 @@ class Imitation:
         if len(self._reach) > 1:
             self._reach = [np.concatenate(self._reach)]
         reach = self._reach[0][samples.which].astype(np.float64)
-        seen = self.features(self.moves.tables, samples.stances, samples.masks, samples.goals, reach, free)
+        seen = self.features(
+            self.moves.tables, samples.stances, samples.masks, samples.goals, reach, free
+        )
         legal = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
         if self.plain:
             looks = {name: rows[samples.stances] for name, rows in self.moves.observations.items()}
@@ -285,7 +307,9 @@ class Imitation:
             chosen = self.rng.integers(len(data.stances), size=settings.batch)
             batch = Samples(*(column[chosen] for column in data))
             observation, legal = self.observe(batch)
-            optimal = torch.as_tensor(np.unpackbits(batch.optimal, axis=1, count=2 * self.m).astype(bool))
+            optimal = torch.as_tensor(
+                np.unpackbits(batch.optimal, axis=1, count=2 * self.m).astype(bool)
+            )
             scores, value = scores_and_value(self.policy, observation)
             loss = optimal_set_loss(scores, legal, optimal)
             cost = torch.as_tensor(batch.cost)
@@ -303,12 +327,15 @@ class Imitation:
                 for average, parameter in zip(self._average, self.policy.parameters(), strict=True):
                     average.lerp_(parameter, 1.0 - kept)
             if progress is not None:
-                progress(done + 1, total, figures | {"loss": loss.item(), "value_error": error.item()})
+                progress(
+                    done + 1, total, figures | {"loss": loss.item(), "value_error": error.item()}
+                )
 
 
 def _nothing(m: int) -> Samples:
     whole = np.zeros(0, dtype=np.int64)
     free, optimal = (np.zeros((0, -(-size // 8)), dtype=np.uint8) for size in (m, 2 * m))
     return Samples(
-        whole, np.zeros((0, 2), np.int64), np.zeros((0, 3)), whole, free, optimal, np.zeros(0, np.float32)
+        whole, np.zeros((0, 2), np.int64), np.zeros((0, 3)), whole, free, optimal,
+        np.zeros(0, np.float32)
     )  # fmt: skip

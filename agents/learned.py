@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from mlivr_gym.agents.features import env_features
 from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
 from mlivr_gym.agents.policies import PlanPolicy
-from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.settings import GRAPH_RULES, check_rules
-from mlivr_gym.stance_graph import State
+from mlivr_gym.stances.stance_graph import State
 
 PRETRAINED = "pointer"
 """Name of the checkpoint that ships with the package, in `envs_assets`."""
@@ -32,8 +32,8 @@ class CheckpointError(MlivrError):
 class LearnedPolicy:
     """Takes the action with the best score among those that lead to a stance not yet visited in this episode.
 
-    Where all have been visited it takes the best of all. Without this rule a deterministic policy that steps back once steps
-    back and forth for ever.
+    Where all have been visited it takes the best of all. Without this rule a deterministic policy
+    that steps back once steps back and forth for ever.
 
     Attributes:
         policy: The policy of sb3-contrib.
@@ -41,18 +41,28 @@ class LearnedPolicy:
         config: What it was trained with.
     """
 
-    def __init__(self, policy: Any, network: str, config: dict[str, Any] | None = None, memory: bool = True) -> None:
+    def __init__(
+        self, policy: Any, network: str, config: dict[str, Any] | None = None, memory: bool = True
+    ) -> None:
         """Use a policy; `memory=False` lets it return to stances."""
         self.policy, self.network, self.config, self.memory = policy, network, config or {}, memory
         self._visited: set[tuple[int, ...]] = set()
 
-    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> int:
+    def act(
+        self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]
+    ) -> int:
         """The action to take."""
-        seen = env_features(env) if self.network == "pointer" else {k: v[None] for k, v in observation.items()}
+        seen = (
+            env_features(env)
+            if self.network == "pointer"
+            else {k: v[None] for k, v in observation.items()}
+        )
         with torch.no_grad():
             scores = scores_and_value(self.policy, as_tensors(self.policy, seen))[0][0].numpy()
         if scores.shape != mask.shape:
-            raise CheckpointError(f"the policy has {len(scores)} actions, the environment {len(mask)}")
+            raise CheckpointError(
+                f"the policy has {len(scores)} actions, the environment {len(mask)}"
+            )
         if env.steps == 0:
             self._visited.clear()
         self._visited.add(env.state.stance)
@@ -68,11 +78,13 @@ class LearnedPolicy:
         return int(scores.argmax())
 
 
-def beam_walk(policy: LearnedPolicy, env: MlivrEnv, width: int, longest: int = 60) -> list[int] | None:
+def beam_walk(
+    policy: LearnedPolicy, env: MlivrEnv, width: int, longest: int = 60
+) -> list[int] | None:
     """Actions from the present state to the goal, by a beam search that a pointer policy guides; None if none is found.
 
-    Each of the `width` most probable walks goes on by its most probable actions, and the first that arrives is taken. Walks
-    never return to a stance that any of them has visited.
+    Each of the `width` most probable walks goes on by its most probable actions, and the first that
+    arrives is taken. Walks never return to a stance that any of them has visited.
 
     Args:
         policy: A pointer policy.
@@ -86,7 +98,9 @@ def beam_walk(policy: LearnedPolicy, env: MlivrEnv, width: int, longest: int = 6
     for _ in range(longest):
         states = [state for _, state, _ in beam]
         with torch.no_grad():
-            scores, _ = scores_and_value(policy.policy, as_tensors(policy.policy, env_features(env, states)))
+            scores, _ = scores_and_value(
+                policy.policy, as_tensors(policy.policy, env_features(env, states))
+            )
             chances = torch.log_softmax(scores, dim=1).numpy()
         found: list[tuple[float, State, list[int]]] = []
         arrived: list[tuple[float, list[int]]] = []
@@ -96,7 +110,9 @@ def beam_walk(policy: LearnedPolicy, env: MlivrEnv, width: int, longest: int = 6
             there = np.linalg.norm(steps.position - env.goal, axis=1) <= tolerance
             arrived += [(chance + float(own[a]), [*actions, int(a)]) for a in numbers[there]]
             for action in numbers[np.argsort(-own[numbers], kind="stable")[: 2 * width]].tolist():
-                found.append((chance + float(own[action]), env.moves.take(state, action), [*actions, action]))
+                found.append(
+                    (chance + float(own[action]), env.moves.take(state, action), [*actions, action])
+                )
         if arrived:
             return max(arrived, key=lambda pair: pair[0])[1]
         beam = []
@@ -151,7 +167,9 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
     file = asset_path(PRETRAINED) if str(path) == "pretrained" else Path(path)
     try:
         config = read_json(file.with_suffix(".json"), "checkpoint", MlivrError)
-        check_rules(f"checkpoint {str(path)!r}", config.get("rules"), "train it anew", CheckpointError)
+        check_rules(
+            f"checkpoint {str(path)!r}", config.get("rules"), "train it anew", CheckpointError
+        )
         weights = torch.load(file.with_suffix(".pt"), map_location="cpu", weights_only=True)
         policy = make_policy(env, config["network"], config["sizes"])
         policy.load_state_dict(weights)

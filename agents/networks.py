@@ -12,7 +12,7 @@ from torch import Tensor
 
 from mlivr_gym.agents.features import point_space
 from mlivr_gym.agents.pointer import PointerPolicy
-from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import choice
 
 NETWORKS = ("pointer", "mlp")
@@ -25,7 +25,9 @@ def policy_class(network: str) -> type[Any]:
     return PointerPolicy if network == "pointer" else MaskableMultiInputActorCriticPolicy
 
 
-def make_policy(env: MlivrEnv, network: str, sizes: dict[str, Any], learning_rate: float = 3e-4) -> Any:
+def make_policy(
+    env: MlivrEnv, network: str, sizes: dict[str, Any], learning_rate: float = 3e-4
+) -> Any:
     """A new policy for an environment.
 
     Args:
@@ -40,7 +42,10 @@ def make_policy(env: MlivrEnv, network: str, sizes: dict[str, Any], learning_rat
 
 def as_tensors(policy: Any, observation: dict[str, NDArray[Any]]) -> dict[str, Tensor]:
     """A batch of observations as tensors on the policy's device."""
-    return {name: torch.as_tensor(np.ascontiguousarray(array)).to(policy.device) for name, array in observation.items()}
+    return {
+        name: torch.as_tensor(np.ascontiguousarray(array)).to(policy.device)
+        for name, array in observation.items()
+    }
 
 
 def scores_and_value(policy: Any, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:

@@ -1,8 +1,9 @@
 """The point-wise policy: one network for every point and limb, whatever their number and order.
 
-A DeepSets encoder (Zaheer et al., 2017) sums up the points that may be grasped; a pointer head (Vinyals et al., 2015) then scores
-each possible action from the point it leads to, the displacement of the base, the goal, the points held and that
-summary. Nothing depends on the number or the order of the points.
+A DeepSets encoder (Zaheer et al., 2017) sums up the points that may be grasped; a pointer head
+(Vinyals et al., 2015) then scores each possible action from the point it leads to, the displacement
+of the base, the goal, the points held and that summary. Nothing depends on the number or the order
+of the points.
 """
 
 from __future__ import annotations
@@ -66,14 +67,16 @@ class PointerNetwork(nn.Module):
         to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
         expanded = goal[:, None].expand(-1, points.shape[1], -1)
         reach = observation["limbs"][..., 6:].amin(dim=1)
-        code: Tensor = torch.relu(self.encode(torch.cat([points, held, expanded, to_goal, reach], dim=-1)))
+        code: Tensor = torch.relu(
+            self.encode(torch.cat([points, held, expanded, to_goal, reach], dim=-1))
+        )
         return code * points[..., 6:7]
 
     def summarise(self, observation: dict[str, Tensor], codes: Tensor) -> tuple[Tensor, Tensor]:
         """Summary of the points, shape (k, 4 summary), and the points each limb holds, shape (k, N, 8 + 2 DEPTH).
 
-        The points count by their distance from the base, and once more by their distance from a place `AHEAD` towards
-        the goal.
+        The points count by their distance from the base, and once more by their distance from a
+        place `AHEAD` towards the goal.
         """
         points, goal = observation["points"], observation["goal"]
         ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))
@@ -110,7 +113,11 @@ class PointerNetwork(nn.Module):
         action = limbs[state, limb, point, 2:]
         left = (action[:, :3] - goal[state, :3]).norm(dim=-1, keepdim=True)
         near = torch.cat([left, action[:, 4:]], dim=-1)
-        seen = self.of_action(torch.cat([points[state, point], action, left, self._arrives(goal[state], near)], dim=-1))
+        seen = self.of_action(
+            torch.cat(
+                [points[state, point], action, left, self._arrives(goal[state], near)], dim=-1
+            )
+        )
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
         scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
         return scores.flatten(1)
@@ -120,14 +127,18 @@ class PointerNetwork(nn.Module):
         return self._assessment(observation, *self.summarise(observation, self.codes(observation)))
 
     def _assessment(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
-        code: Tensor = self.assess(torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1))
+        code: Tensor = self.assess(
+            torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1)
+        )
         return torch.relu(code)
 
     def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
         """Scores and assessment."""
         codes = self.codes(observation)
         summary, held = self.summarise(observation, codes)
-        return self._scores(observation, summary, held), self._assessment(observation, summary, held)
+        return self._scores(observation, summary, held), self._assessment(
+            observation, summary, held
+        )
 
 
 class _AsItIs(BaseFeaturesExtractor):
@@ -146,10 +157,15 @@ class PointerPolicy(MaskableActorCriticPolicy):
     def __init__(self, *args: Any, width: int = 96, summary: int = 32, **kwargs: Any) -> None:
         """Take the network's widths beside the arguments of `MaskableActorCriticPolicy`."""
         self.width, self.summary = width, summary
-        super().__init__(*args, **(kwargs | {"features_extractor_class": _AsItIs, "ortho_init": False}))
+        super().__init__(
+            *args, **(kwargs | {"features_extractor_class": _AsItIs, "ortho_init": False})
+        )
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
-        return super()._get_constructor_parameters() | {"width": self.width, "summary": self.summary}
+        return super()._get_constructor_parameters() | {
+            "width": self.width,
+            "summary": self.summary,
+        }
 
     def _build(self, lr_schedule: Any) -> None:
         self.mlp_extractor: Any = PointerNetwork(self.width, self.summary)

@@ -9,15 +9,15 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
-from mlivr_gym.moves import TableMoves
-from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.table_values import TableValues
+from mlivr_gym.stances.moves import TableMoves
+from mlivr_gym.stances.pair_graph import PairGraph
 
 MOST_LEFT_OUT = 20
 """Steps that `planner_policy` leaves out of one query, at most, because the present state does not allow them."""
@@ -26,7 +26,9 @@ MOST_LEFT_OUT = 20
 class Policy(Protocol):
     """Chooses actions in a `MlivrEnv`."""
 
-    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> int:
+    def act(
+        self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]
+    ) -> int:
         """The action to take; `mask` tells which are possible, shape (N m,)."""
         ...
 
@@ -38,7 +40,9 @@ class RandomPolicy:
         """Seed the draws."""
         self._rng = np.random.default_rng(seed)
 
-    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> int:
+    def act(
+        self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]
+    ) -> int:
         """A possible action, each as likely as the others."""
         return int(self._rng.choice(np.flatnonzero(mask)))
 
@@ -50,17 +54,22 @@ class ExpertPolicy:
         """Start without tables; each is worked out when its goal first comes up.
 
         Args:
-            expect_failures: Whether costs are expected costs where grasps may fail; otherwise every grasp counts as sure.
+            expect_failures: Whether costs are expected costs where grasps may fail; otherwise every
+                grasp counts as sure.
         """
         self._expect = expect_failures
         self._moves: TableMoves | None = None
         self._goal: tuple[bytes, float] = b"", 0.0
 
-    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> int:
+    def act(
+        self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]
+    ) -> int:
         """An optimal action for the environment's reward; the first of equal ones."""
         graph = env.graph
         if not isinstance(graph, PairGraph):
-            raise SettingError(f"the expert policy needs two limbs; robot {graph.robot.name!r} has more")
+            raise SettingError(
+                f"the expert policy needs two limbs; robot {graph.robot.name!r} has more"
+            )
         moves = env.table_moves()
         goal = (env.goal.tobytes(), env.goal_tolerance)
         if self._moves is not moves or self._goal != goal:
@@ -75,7 +84,9 @@ class ExpertPolicy:
             best = exact.best(env.state, steps)
             return int(steps.limb[best] * len(graph.grasp_map) + steps.point[best])
         s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
-        costs = self._values.of_actions(s, np.array([env.state.masks]), np.zeros(1, dtype=np.int64), len(mask))[0]
+        costs = self._values.of_actions(
+            s, np.array([env.state.masks]), np.zeros(1, dtype=np.int64), len(mask)
+        )[0]
         # Where nothing leads to the goal any possible action will do.
         return int(np.flatnonzero(mask & (costs <= costs.min() + 1e-9))[0])
 
@@ -95,7 +106,9 @@ class PlanPolicy:
         self._goal: bytes = b""
         self.plans = 0
 
-    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> int:
+    def act(
+        self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]
+    ) -> int:
         """The next action of the plan; one that is not possible where there is no plan."""
         if env.state.stance != self._expected or env.goal.tobytes() != self._goal or env.steps == 0:
             self._actions = (self._find(env) or [])[::-1]
@@ -113,8 +126,9 @@ class PlanPolicy:
 def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -> PlanPolicy:
     """Follows plans of `Planner`, made on the environment's own stance graph.
 
-    A query starts from a stance with every branch it has. After a grasp that failed the limb that held may be on some of them only:
-    steps of a plan that this forbids are left out and the plan is made anew.
+    A query starts from a stance with every branch it has. After a grasp that failed the limb that
+    held may be on some of them only: steps of a plan that this forbids are left out and the plan is
+    made anew.
 
     Args:
         cost: Cost of the plans.
@@ -143,13 +157,16 @@ def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -
             if result.plan is None:
                 return None
             actions = [
-                limb * len(graph.grasp_map) + graph.grasp_map.index(point) for limb, point in result.plan.actions
+                limb * len(graph.grasp_map) + graph.grasp_map.index(point)
+                for limb, point in result.plan.actions
             ]
             step = _forbidden(env, actions)
             if step is None or not isinstance(graph, PairGraph) or len(left_out) == MOST_LEFT_OUT:
                 return actions
             left_out.append(step)
-            planner = Planner(graph)  # what a planner learns without these steps does not hold with them
+            planner = Planner(
+                graph
+            )  # what a planner learns without these steps does not hold with them
 
     return PlanPolicy(find)
 
@@ -176,7 +193,9 @@ def foreign_plan_policy(planner: Planner, cost: str = "steps") -> PlanPolicy:
         if result.plan is None:
             return None
         grasp_map = planner.graph.grasp_map
-        return [limb * len(grasp_map) + grasp_map.index(point) for limb, point in result.plan.actions]
+        return [
+            limb * len(grasp_map) + grasp_map.index(point) for limb, point in result.plan.actions
+        ]
 
     return PlanPolicy(find)
 
@@ -186,7 +205,13 @@ def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
 
     def find(env: MlivrEnv) -> list[int] | None:
         walk = find_walk(
-            method, env.moves, env.state, env.goal, env.goal_tolerance, budget=budget, seed=seed + env.steps
+            method,
+            env.moves,
+            env.state,
+            env.goal,
+            env.goal_tolerance,
+            budget=budget,
+            seed=seed + env.steps,
         )
         m = len(env.graph.grasp_map)
         return [limb * m + point for limb, point in walk.actions]

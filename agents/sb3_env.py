@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from mlivr_gym.agents.features import DEPTH, TableFeatures, point_space, reach_of_points
-from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import SettingError, choice
-from mlivr_gym.vector_env import MlivrVectorEnv
 
 OBSERVATIONS = ("points", "plain")
 """`point_features`, or the environment's own observation."""
@@ -26,7 +26,13 @@ class TableVecEnv(VecEnv):
     With occupied points in the environment's graph its tables lack them.
     """
 
-    def __init__(self, env: MlivrEnv, num_envs: int, observation: str = "points", max_episode_steps: int = 100) -> None:
+    def __init__(
+        self,
+        env: MlivrEnv,
+        num_envs: int,
+        observation: str = "points",
+        max_episode_steps: int = 100,
+    ) -> None:
         """Copy an environment.
 
         Args:
@@ -53,8 +59,15 @@ class TableVecEnv(VecEnv):
         free[list(copies.env.graph.occupied)] = False
         graph = copies.env.graph
         for k in np.flatnonzero((self._goals != copies.goals).any(axis=1)):
-            self._reach[k], self._goals[k] = reach_of_points(graph, copies.goals[k]), copies.goals[k]
-        return {**self.features(copies.tables, copies.stances, copies.masks, copies.goals, self._reach, free)}
+            self._reach[k], self._goals[k] = (
+                reach_of_points(graph, copies.goals[k]),
+                copies.goals[k],
+            )
+        return {
+            **self.features(
+                copies.tables, copies.stances, copies.masks, copies.goals, self._reach, free
+            )
+        }
 
     def reset(self) -> dict[str, NDArray[Any]]:
         """Start all copies anew."""
@@ -69,7 +82,9 @@ class TableVecEnv(VecEnv):
         """Keep the actions for `step_wait`."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[dict[str, NDArray[Any]], NDArray[Any], NDArray[Any], list[dict[str, Any]]]:
+    def step_wait(
+        self,
+    ) -> tuple[dict[str, NDArray[Any]], NDArray[Any], NDArray[Any], list[dict[str, Any]]]:
         """Take the actions; copies whose episode has ended start anew at once."""
         own, reward, terminated, truncated, self._info = self.copies.step(self._actions)
         done = terminated | truncated
@@ -81,7 +96,11 @@ class TableVecEnv(VecEnv):
                 infos[k] = {
                     "terminal_observation": {name: array[k] for name, array in seen.items()},
                     "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
-                    "episode": {"r": float(self._return[k]), "l": int(self._info["steps"][k]), "t": 0.0},
+                    "episode": {
+                        "r": float(self._return[k]),
+                        "l": int(self._info["steps"][k]),
+                        "t": 0.0,
+                    },
                     "is_success": bool(self._info["is_success"][k]),
                 }
             self._return[done] = 0.0
@@ -100,7 +119,9 @@ class TableVecEnv(VecEnv):
         mask: NDArray[np.int8] = self._info["action_mask"]
         return mask.view(np.bool_)
 
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
+    ) -> list[Any]:
         """Only `action_masks` can be called on copies."""
         choice("method", method_name, ["action_masks"])
         masks = self.action_masks()
@@ -112,12 +133,18 @@ class TableVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """An attribute of the environment for each copy."""
-        value = self.action_masks if attr_name == "action_masks" else getattr(self.copies.env, attr_name)
+        value = (
+            self.action_masks
+            if attr_name == "action_masks"
+            else getattr(self.copies.env, attr_name)
+        )
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Not possible: the copies share one world."""
-        raise SettingError(f"attribute {attr_name!r} cannot be set: the copies share one world, `copies.env`")
+        raise SettingError(
+            f"attribute {attr_name!r} cannot be set: the copies share one world, `copies.env`"
+        )
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """No copy is wrapped."""

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.agents.evaluation import Task
-from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import read_json, write_whole
-from mlivr_gym.grasp_map import GraspMap, jem_map
 from mlivr_gym.planners import Planner
 from mlivr_gym.settings import GRAPH_RULES, check_rules
-from mlivr_gym.tasks import random_state
+from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
 SPLITS = ("same", "half", "dense", "occupied")
 """The map of the training; half of its points; points every 0.1 m; a fifth of the points newly occupied."""
@@ -102,7 +102,9 @@ def _draw(world: World, count: int, rng: np.random.Generator, groups: int = 0) -
     for group in range(max(groups, 1)):
         occupied: tuple[str, ...] = ()
         if groups:
-            chosen = rng.permutation(len(env.graph.grasp_map))[: int(OCCUPIED * len(env.graph.grasp_map))]
+            chosen = rng.permutation(len(env.graph.grasp_map))[
+                : int(OCCUPIED * len(env.graph.grasp_map))
+            ]
             occupied = env.graph.ids(sorted(chosen.tolist()))
             env.graph.vacate()
             env.graph.occupy(occupied)
@@ -114,6 +116,8 @@ def _draw(world: World, count: int, rng: np.random.Generator, groups: int = 0) -
             low, high = env.graph.grasp_map.cabin
             if np.linalg.norm(goal - origin) < FAR or (goal < low).any() or (goal > high).any():
                 continue
-            if planner.plan(first.stance, goal.tolist(), "steps", goal_tolerance=env.goal_tolerance):
+            if planner.plan(
+                first.stance, goal.tolist(), "steps", goal_tolerance=env.goal_tolerance
+            ):
                 tasks.append(Task(env.graph.ids(first.stance), tuple(goal.tolist()), occupied))
     return world._replace(tasks=tuple(tasks))

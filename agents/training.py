@@ -21,7 +21,7 @@ from mlivr_gym.agents.learned import LearnedPolicy, load_policy, save_policy
 from mlivr_gym.agents.networks import make_policy, policy_class
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.agents.test_set import held_out_goals
-from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError, choice, shown
 from mlivr_gym.files import read_json
@@ -43,7 +43,9 @@ def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, An
     data = read_json(file, "hyperparameters", SettingError)
     for name in (method, "networks"):
         if not isinstance(data.get(name), dict):
-            raise SettingError(f"hyperparameters {str(file)!r} have no object {name!r}: {shown(data.get(name))}")
+            raise SettingError(
+                f"hyperparameters {str(file)!r} have no object {name!r}: {shown(data.get(name))}"
+            )
     return {**data[method], "networks": data["networks"]}
 
 
@@ -68,8 +70,8 @@ def train(
         network: `"pointer"` or `"mlp"`.
         seed: Seed of everything.
         env: The environment, unwrapped; by default one is made.
-        env_arguments: Arguments of `MlivrEnv`, which go into the configuration; the environment is made from them if
-            none is given.
+        env_arguments: Arguments of `MlivrEnv`, which go into the configuration; the environment is
+            made from them if none is given.
         settings: What `hyperparameters` returns; by default those of the package.
         init: Checkpoint without suffix to start from; `"finetune"` needs one.
         out: Where to write the checkpoint, without suffix.
@@ -87,7 +89,9 @@ def train(
         raise SettingError("method 'finetune' needs a checkpoint to start from")
     arguments = dict(env_arguments or {})
     if env is None:
-        made = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **(arguments | {"precompute": True})).unwrapped
+        made = gymnasium.make(
+            "MLIVR-JEM-v0", disable_env_checker=True, **(arguments | {"precompute": True})
+        ).unwrapped
         assert isinstance(made, MlivrEnv)
         env = made
     env.table_moves()
@@ -112,7 +116,12 @@ def train(
     try:
         if "imitation" in settings:
             imitation = Imitation(
-                env, policy, network == "mlp", ImitationSettings(**settings["imitation"]), seed, held_out_goals()
+                env,
+                policy,
+                network == "mlp",
+                ImitationSettings(**settings["imitation"]),
+                seed,
+                held_out_goals(),
             )
             imitation.run(lambda done, total, figures: tell("imitation", done, total, figures))
         if "ppo" in settings:
@@ -125,7 +134,8 @@ def train(
         "network": network, "sizes": sizes, "method": method, "seed": seed, "env": arguments,
         "init": None if init is None else Path(init).name,
         "settings": {name: value for name, value in settings.items() if name != "networks"},
-        "map": env.graph.grasp_map.fingerprint, "robot": env.graph.robot.fingerprint, "version": __version__,
+        "map": env.graph.grasp_map.fingerprint, "robot": env.graph.robot.fingerprint,
+        "version": __version__,
         "command": command, "seconds": round(time.perf_counter() - began, 1),
         "versions": {"python": platform.python_version(), "torch": torch.__version__, "numpy": np.__version__},
     }  # fmt: skip
@@ -142,7 +152,13 @@ def train(
 
 
 def _improve(
-    env: MlivrEnv, network: str, policy: Any, sizes: dict[str, Any], settings: dict[str, Any], seed: int, tell: Progress
+    env: MlivrEnv,
+    network: str,
+    policy: Any,
+    sizes: dict[str, Any],
+    settings: dict[str, Any],
+    seed: int,
+    tell: Progress,
 ) -> None:
     """PPO from a policy's weights, which are changed; also if it is interrupted."""
     from sb3_contrib import MaskablePPO
@@ -161,7 +177,12 @@ def _improve(
 
     copies = TableVecEnv(env, settings["copies"], "plain" if network == "mlp" else "points")
     model = MaskablePPO(
-        policy_class(network), copies, policy_kwargs=dict(sizes), seed=seed, device="cpu", **settings["ppo"]
+        policy_class(network),
+        copies,
+        policy_kwargs=dict(sizes),
+        seed=seed,
+        device="cpu",
+        **settings["ppo"],
     )
     model.policy.load_state_dict(policy.state_dict())
     try:

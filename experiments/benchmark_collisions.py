@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, GraspMap, Settings, State, stance_graph
-from mlivr_gym.collision_kernels import (
+from mlivr_gym.collisions.contacts import capsule_ends
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.collisions.link_capsules import (
     EVERY,
     against_body,
     against_boxes,
@@ -24,11 +26,9 @@ from mlivr_gym.collision_kernels import (
     place,
     to_world,
 )
-from mlivr_gym.contacts import capsule_ends
-from mlivr_gym.limb_shapes import LimbShapes
-from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Planner
-from mlivr_gym.scene import scene_spec
+from mlivr_gym.simulation.scene import scene_spec
+from mlivr_gym.stances.pair_graph import PairGraph
 
 Array = NDArray[np.float64]
 
@@ -54,15 +54,31 @@ def check_all(
         for i in range(2):
             frames_of_angles(joints[k, i], lengths, frames)
             place(frames, shapes, mounts[i], places[i], ends[i])
-            found = max(found, against_body(i, ends[i], still, EVERY, shift, spin, 0.0, shapes, fixed, clearance)[0])
+            found = max(
+                found,
+                against_body(i, ends[i], still, EVERY, shift, spin, 0.0, shapes, fixed, clearance)[
+                    0
+                ],
+            )
             to_world(ends[i], positions[k], rotations[k], moved)
             found = max(
                 found,
                 against_boxes(
-                    moved, still, EVERY, count, shapes[2], world, count, positions[k], positions[k], clearance
+                    moved,
+                    still,
+                    EVERY,
+                    count,
+                    shapes[2],
+                    world,
+                    count,
+                    positions[k],
+                    positions[k],
+                    clearance,
                 )[0],
             )
-        out[k] = max(found, against_limb(ends[0], still, EVERY, ends[1], still, shapes, clearance)[0])
+        out[k] = max(
+            found, against_limb(ends[0], still, EVERY, ends[1], still, shapes, clearance)[0]
+        )
 
 
 def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
@@ -74,7 +90,11 @@ def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
         a, b = graph.points[s].tolist()
         masks = tuple(1 << int(branch) for branch in graph.branch[s])
         joints[k] = graph.configuration(State((a, b), masks))[2]
-    return graph.position[chosen], graph.rotation[chosen], joints + rng.normal(0.0, 0.1, joints.shape)
+    return (
+        graph.position[chosen],
+        graph.rotation[chosen],
+        joints + rng.normal(0.0, 0.1, joints.shape),
+    )
 
 
 def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
@@ -82,7 +102,14 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
     positions, rotations, joints = configurations(graph, count)
     robot, solver = graph.robot, graph.solver
     out = np.empty(count, dtype=np.int64)
-    given = (positions, rotations, joints, solver.lengths, solver.mount_rotations, solver.mount_positions)
+    given = (
+        positions,
+        rotations,
+        joints,
+        solver.lengths,
+        solver.mount_rotations,
+        solver.mount_positions,
+    )
     check_all(*given, solver.bodies.arrays, out)
     began = time.perf_counter()
     check_all(*given, solver.bodies.arrays, out)
@@ -163,7 +190,11 @@ def _frame(axis: Array) -> Array:
 
 
 def collisions(
-    grasp_map: GraspMap, start: tuple[str, ...], goal: Array, repeats: int, progress: Callable[[str], None]
+    grasp_map: GraspMap,
+    start: tuple[str, ...],
+    goal: Array,
+    repeats: int,
+    progress: Callable[[str], None],
 ) -> dict[str, Any]:
     """Everything of this part."""
     progress("collisions: stance set")
@@ -186,8 +217,10 @@ def collisions(
     prepared = _timed(lambda: planner.prepare(goal))[0]
     warm = replanning(planner, start, goal, 8 * repeats)
     return {
-        "stance_set": float(np.median(sets[True])), "stance_set_without": float(np.median(sets[False])),
-        "stances": len(graph), "removed": graph.removed, "first_plan": float(np.median(first)), "single": single,
+        "stance_set": float(np.median(sets[True])),
+        "stance_set_without": float(np.median(sets[False])),
+        "stances": len(graph), "removed": graph.removed, "first_plan": float(np.median(first)),
+        "single": single,
         "cold": cold, "prepare": prepared, "warm": warm,
     }  # fmt: skip
 
@@ -220,7 +253,8 @@ def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int
             graph.vacate()
             graph.remove_obstacles()
         out[kind] = {
-            "median": float(np.median(times)), "p95": float(np.percentile(times, 95)), "count": count, "unsolved": unsolved,
+            "median": float(np.median(times)), "p95": float(np.percentile(times, 95)),
+            "count": count, "unsolved": unsolved,
         }  # fmt: skip
     return out
 
@@ -237,8 +271,16 @@ def collision_targets(data: dict[str, Any]) -> Iterator[tuple[str, float, float]
     yield "stance set with collisions, times that without", 3.0, ratio
     yield "check of one configuration, batched [us]", 5.0, data["single"]["ours"]
     yield "map to first plan, collisions checked, steps checked lazily [s]", 1.0, data["first_plan"]
-    yield "replan to a prepared goal, ten points newly occupied, median [ms]", 5.0, data["warm"]["points"]["median"]
-    yield "replan to a prepared goal, a box across the module, median [ms]", 100.0, data["warm"]["box"]["median"]
+    yield (
+        "replan to a prepared goal, ten points newly occupied, median [ms]",
+        5.0,
+        data["warm"]["points"]["median"],
+    )
+    yield (
+        "replan to a prepared goal, a box across the module, median [ms]",
+        100.0,
+        data["warm"]["box"]["median"],
+    )
 
 
 def collision_report(data: dict[str, Any]) -> list[str]:
@@ -259,5 +301,6 @@ def collision_report(data: dict[str, Any]) -> list[str]:
         f"the first 1000 at most), {100 * single['touching']:.0f} % of which touch something.", "",
         "Replanning from the change to the new plan, from the start of a walk, base cost. `Planner.prepare` works out the exact "
         f"cost to the goal once, in {data['prepare']:.1f} s here, and replans without it start from what earlier plans found out:", "",
-        "| goal prepared | change | median [ms] | p95 [ms] | changes | without a plan |", "|---|---|---|---|---|---|", *rows, "",
+        "| goal prepared | change | median [ms] | p95 [ms] | changes | without a plan |",
+        "|---|---|---|---|---|---|", *rows, "",
     ]  # fmt: skip

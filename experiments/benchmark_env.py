@@ -2,9 +2,10 @@
 
     python experiments/benchmark_env.py [--out results] [--seconds 1]
 
-writes `benchmark_env.json` and `benchmark_env.md`. Actions are drawn at random among those that are possible; drawing them is not
-timed, starting new episodes is. Every figure is the best of ten short repetitions on one core, since other work on the machine only
-slows a repetition down; wall time and processor time are both given.
+writes `benchmark_env.json` and `benchmark_env.md`. Actions are drawn at random among those that are
+possible; drawing them is not timed, starting new episodes is. Every figure is the best of ten short
+repetitions on one core, since other work on the machine only slows a repetition down; wall time and
+processor time are both given.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import gymnasium
 import numpy as np
 
 import mlivr_gym  # noqa: F401  registers the environment
-from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.files import write_whole
 
 REPETITIONS = 10
@@ -91,7 +92,9 @@ def vector(env: Any, seconds: float) -> tuple[int, Clock]:
 def best(what: str, run: Callable[[], tuple[int, Clock]]) -> Measured:
     """The best of some repetitions."""
     runs = [run() for _ in range(REPETITIONS)]
-    measured = Measured(what, max(n / c.wall for n, c in runs), max(n / max(c.cpu, 1e-9) for n, c in runs))
+    measured = Measured(
+        what, max(n / c.wall for n, c in runs), max(n / max(c.cpu, 1e-9) for n, c in runs)
+    )
     print(f"{what}: {measured.wall:.0f} steps/s ({measured.cpu:.0f} by processor time)", flush=True)
     return measured
 
@@ -100,23 +103,35 @@ def main() -> None:
     """Measure and write."""
     parser = argparse.ArgumentParser(description="Steps a second.")
     parser.add_argument("--out", default="results", help="folder (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=1.0, help="for each repetition (default: %(default)s)")
+    parser.add_argument(
+        "--seconds", type=float, default=1.0, help="for each repetition (default: %(default)s)"
+    )
     args = parser.parse_args()
     rows: list[Measured] = []
     plain = {"disable_env_checker": True}
     world = gymnasium.make("MLIVR-JEM-v0", precompute=True, **plain)
-    rows.append(best("MLIVR-JEM-v0, kinematic, exact tables", lambda: single(world, args.seconds, True)))
+    rows.append(
+        best("MLIVR-JEM-v0, kinematic, exact tables", lambda: single(world, args.seconds, True))
+    )
     for num_envs in (64, 1024):
         copies = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=num_envs)
         rows.append(
-            best(f"MLIVR-JEM-v0, native vector, {num_envs} copies", lambda copies=copies: vector(copies, args.seconds))
+            best(
+                f"MLIVR-JEM-v0, native vector, {num_envs} copies",
+                lambda copies=copies: vector(copies, args.seconds),
+            )
         )
-    sync = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=4, vectorization_mode="sync", precompute=True)
+    sync = gymnasium.make_vec(
+        "MLIVR-JEM-v0", num_envs=4, vectorization_mode="sync", precompute=True
+    )
     rows.append(best("MLIVR-JEM-v0, SyncVectorEnv, 4 copies", lambda: vector(sync, args.seconds)))
     for what, arguments in {
         "MLIVR-JEM-v0, kinematic, steps checked when met": {},
         "MLIVR-JEM-v0, kinematic, steps checked when met, collisions not": {"collisions": False},
-        "MLIVR-JEM-v0, four limbs, collisions not checked": {"robot": "mlivr4", "collisions": False},
+        "MLIVR-JEM-v0, four limbs, collisions not checked": {
+            "robot": "mlivr4",
+            "collisions": False,
+        },
     }.items():
         env = gymnasium.make("MLIVR-JEM-v0", **plain, **arguments)
         rows.append(best(what, lambda env=env: single(env, args.seconds, True)))

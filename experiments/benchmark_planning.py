@@ -2,8 +2,8 @@
 
     python experiments/benchmark_planning.py [--out results] [--queries 200] [--reference-seconds 60] [--quick]
 
-writes `benchmark_planning.md` and `benchmark_planning.json`. A longer limit lets the plain reference finish; see
-`reference_planner.py` for what it does.
+writes `benchmark_planning.md` and `benchmark_planning.json`. A longer limit lets the plain
+reference finish; see `reference_planner.py` for what it does.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from reference_planner import (
 from tqdm import tqdm
 
 from mlivr_gym import GraspMap, Settings, State, jem_map, stance_graph
+from mlivr_gym.cli.table1 import default_setup
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import write_whole
-from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.estimates import CACHED_TABLES
-from mlivr_gym.table1 import default_setup
-from mlivr_gym.tasks import sample_task
+from mlivr_gym.stances.pair_graph import PairGraph
 
 FIRST_PLAN = """
 import json, sys, time
@@ -73,7 +73,10 @@ def resident() -> float:
 
 def spread(seconds: Sequence[float]) -> dict[str, float]:
     """Median and 95th percentile [ms]."""
-    return {"median": 1e3 * float(np.median(seconds)), "p95": 1e3 * float(np.percentile(seconds, 95))}
+    return {
+        "median": 1e3 * float(np.median(seconds)),
+        "p95": 1e3 * float(np.percentile(seconds, 95)),
+    }
 
 
 def machine() -> dict[str, Any]:
@@ -94,7 +97,11 @@ def stance_set(grasp_map: GraspMap, repeats: int) -> dict[str, Any]:
     times = [timed(lambda: stance_graph(grasp_map, settings=PAPER))[0] for _ in range(repeats)]
     plain = [timed(lambda: nodes_only_graph(grasp_map))[0] for _ in range(repeats)]
     graph = stance_graph(grasp_map, settings=PAPER)
-    names = {"in_parallel": "compiled kernels", "base_frames": "body axes", "_group": "grouping by geometry"}
+    names = {
+        "in_parallel": "compiled kernels",
+        "base_frames": "body axes",
+        "_group": "grouping by geometry",
+    }
     return {
         "points": len(grasp_map),
         "pairs": graph.considered,
@@ -110,14 +117,18 @@ def stance_set(grasp_map: GraspMap, repeats: int) -> dict[str, Any]:
     }
 
 
-def series(graph: PairGraph, tasks: Tasks, cost: str, prepare: bool = False, **options: Any) -> dict[str, Any]:
+def series(
+    graph: PairGraph, tasks: Tasks, cost: str, prepare: bool = False, **options: Any
+) -> dict[str, Any]:
     """Time of `Planner.plan` over tasks, each with a planner of its own that knows no goal unless prepared."""
     whole, search, expanded, unsolved = [], [], [], 0
     for start, goal in tasks:
         planner = Planner(graph)
         if prepare:
             planner.prepare(goal, cost)
-        seconds, result = timed(lambda p=planner, s=start, g=goal: p.plan(s.stance, g, cost, **options))
+        seconds, result = timed(
+            lambda p=planner, s=start, g=goal: p.plan(s.stance, g, cost, **options)
+        )
         whole.append(seconds)
         search.append(result.search_time)
         expanded.append(result.expanded)
@@ -160,13 +171,16 @@ def oracle(grasp_map: GraspMap, tasks: Tasks) -> dict[str, float]:
 def libraries(grasp_map: GraspMap, tasks: Tasks, advance: Callable[[str], None]) -> dict[str, Any]:
     """The roadmap without step checks in two graph libraries, the same queries as ours; base cost."""
     graph = nodes_only_graph(grasp_map)
-    ours = {name: series(graph, tasks, "base", heuristic=name) for name in ("cost_to_go", "consistent")}
+    ours = {
+        name: series(graph, tasks, "base", heuristic=name) for name in ("cost_to_go", "consistent")
+    }
     build_seconds, _ = timed(lambda: nodes_only_graph(grasp_map))
     array_mb = sum(a.nbytes for a in vars(graph).values() if isinstance(a, np.ndarray)) / 1e6
     out: dict[str, Any] = {"ours": {"build_seconds": build_seconds, "memory_mb": array_mb, **ours}}
     least = [Planner(graph).plan(start.stance, goal).unwrap().cost for start, goal in tasks]
     for name, build, query in (
-        ("rustworkx", rustworkx_build, rustworkx_query), ("networkx", networkx_build, networkx_query),
+        ("rustworkx", rustworkx_build, rustworkx_query),
+        ("networkx", networkx_build, networkx_query),
     ):  # fmt: skip
         advance(name)
         before = resident()
@@ -175,13 +189,21 @@ def libraries(grasp_map: GraspMap, tasks: Tasks, advance: Callable[[str], None])
         times, error = [], 0.0
         for (start, goal), cost in zip(tasks, least, strict=True):
             away = np.linalg.norm(graph.position - goal, axis=1)
-            h = [*Cost.named("base").heuristic("consistent", away, TOLERANCE, graph.max_step).tolist(), 0.0]
-            spent, path = query(roadmap, graph.find(start.stance), np.flatnonzero(away <= TOLERANCE).tolist(), h)
+            h = [
+                *Cost.named("base")
+                .heuristic("consistent", away, TOLERANCE, graph.max_step)
+                .tolist(),
+                0.0,
+            ]
+            spent, path = query(
+                roadmap, graph.find(start.stance), np.flatnonzero(away <= TOLERANCE).tolist(), h
+            )
             length = np.linalg.norm(np.diff(graph.position[path], axis=0), axis=1).sum()
             times.append(spent)
             error = max(error, abs(float(length) - cost))
         out[name] = {
-            "build_seconds": seconds, "memory_mb": grown, "queries": len(times), "query": spread(times),
+            "build_seconds": seconds, "memory_mb": grown, "queries": len(times),
+            "query": spread(times),
             "largest_cost_difference": error,
         }  # fmt: skip
         del roadmap
@@ -197,7 +219,12 @@ def first_plan(start: tuple[str, ...], goal: np.ndarray, runs: Sequence[str]) ->
         for run in runs:
             wall, done = timed(
                 lambda: subprocess.run(
-                    command, cwd=folder, env=os.environ | cache, capture_output=True, text=True, check=True
+                    command,
+                    cwd=folder,
+                    env=os.environ | cache,
+                    capture_output=True,
+                    text=True,
+                    check=True,
                 )
             )
             imports, build, plan = json.loads(done.stdout)
@@ -213,7 +240,9 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
     origin = whole.posture(whole.indices(start)).position[0]
     near = origin + (goal - origin) / np.linalg.norm(goal - origin)
     if quick:
-        grasp_map = grasp_map.subset(np.abs(grasp_map.positions[:, 0] - origin[0]) < 0.7, "part of the JEM")
+        grasp_map = grasp_map.subset(
+            np.abs(grasp_map.positions[:, 0] - origin[0]) < 0.7, "part of the JEM"
+        )
         goal = near = origin + 0.5 * (near - origin)
     bar = tqdm(total=15, mininterval=0.5)
 
@@ -236,9 +265,12 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
     data["cost-to-go"] = oracle(grasp_map, tasks)
     data["resident_mb"] = resident()
     advance("first plan in a new process")
-    data["first plan"] = first_plan(start, np.array(setup["goal"]), ("filled",) if quick else ("empty", "filled"))
+    data["first plan"] = first_plan(
+        start, np.array(setup["goal"]), ("filled",) if quick else ("empty", "filled")
+    )
     data["collisions"] = collisions(
-        jem_map() if not quick else grasp_map, start, np.array(setup["goal"]) if not quick else goal, 2 if quick else 7, advance
+        jem_map() if not quick else grasp_map, start,
+        np.array(setup["goal"]) if not quick else goal, 2 if quick else 7, advance
     )  # fmt: skip
     data["libraries"] = libraries(grasp_map, tasks[:few], advance)
     data["near"] = map_to_plan(grasp_map, start, near, limit, advance)
@@ -251,7 +283,11 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
 def table(names: str, rows: Iterable[Sequence[Any]]) -> list[str]:
     """A Markdown table; `names` are separated by semicolons."""
     head = [name.strip() for name in names.split(";")]
-    return ["", *("| " + " | ".join(map(str, row)) + " |" for row in (head, ["---"] * len(head), *rows)), ""]
+    return [
+        "",
+        *("| " + " | ".join(map(str, row)) + " |" for row in (head, ["---"] * len(head), *rows)),
+        "",
+    ]
 
 
 def targets(data: dict[str, Any]) -> Iterator[tuple[str, ...]]:
@@ -262,11 +298,24 @@ def targets(data: dict[str, Any]) -> Iterator[tuple[str, ...]]:
 
     yield most("stance set of the map [s]", 0.5, data["stance set"]["seconds"])
     for cost, bound in (("base", 20.0), ("steps", 2.0)):
-        for name, at_most in (("new goal, cold", bound), ("new goal, warm", bound), ("known goal", 1.0)):
-            yield most(f"query, {cost} cost, {name}, median [ms]", at_most, data[cost][name]["whole"]["median"])
+        for name, at_most in (
+            ("new goal, cold", bound),
+            ("new goal, warm", bound),
+            ("known goal", 1.0),
+        ):
+            yield most(
+                f"query, {cost} cost, {name}, median [ms]",
+                at_most,
+                data[cost][name]["whole"]["median"],
+            )
     for task, mode, run, source in compared(data):
         label = f"map to plan, {task}, times faster than the {mode} reference ({source})"
-        yield label, "at least 1000", f"{run['ratio']:.0f}", "yes" if run["ratio"] >= 1000.0 else "no"
+        yield (
+            label,
+            "at least 1000",
+            f"{run['ratio']:.0f}",
+            "yes" if run["ratio"] >= 1000.0 else "no",
+        )
     for name, bound, value in collision_targets(data["collisions"]):
         yield most(name, bound, value)
     for cache, run in data["first plan"].items():
@@ -290,8 +339,19 @@ def query_rows(data: dict[str, Any]) -> Iterator[list[Any]]:
     for cost in ("base", "steps"):
         for name, row in data[cost].items():
             if "whole" in row:
-                times = [f"{row[part][figure]:.2f}" for part in ("whole", "search") for figure in ("median", "p95")]
-                yield [cost, name, row["queries"], *times, f"{row['expanded']:.0f}", row["unsolved"]]
+                times = [
+                    f"{row[part][figure]:.2f}"
+                    for part in ("whole", "search")
+                    for figure in ("median", "p95")
+                ]
+                yield [
+                    cost,
+                    name,
+                    row["queries"],
+                    *times,
+                    f"{row['expanded']:.0f}",
+                    row["unsolved"],
+                ]
 
 
 def reference_rows(data: dict[str, Any]) -> Iterator[list[Any]]:
@@ -299,9 +359,11 @@ def reference_rows(data: dict[str, Any]) -> Iterator[list[Any]]:
     for task, mode, run, source in compared(data):
         ours = data[task]["ours"]
         yield [
-            task, mode, run["expanded"], run["candidates"], data[task]["needed"]["candidates"], f"{run['seconds']:.1f}",
+            task, mode, run["expanded"], run["candidates"], data[task]["needed"]["candidates"],
+            f"{run['seconds']:.1f}",
             f"{1e3 * run['seconds_per_candidate']:.1f}", f"{run['seconds_per_expansion']:.2f}",
-            f"{run['total_seconds']:.0f} ({source})", f"{ours['seconds']:.3f}", f"{run['ratio']:.0f}",
+            f"{run['total_seconds']:.0f} ({source})", f"{ours['seconds']:.3f}",
+            f"{run['ratio']:.0f}",
             f"{run['cost']:.3f}" if run["cost"] is not None else "none", f"{ours['cost']:.3f}",
             f"{100 * run['share_of_our_stances_found']:.0f} %",
         ]  # fmt: skip
@@ -317,8 +379,17 @@ def library_rows(data: dict[str, Any]) -> Iterator[list[str]]:
         yield [f"this planner, {name}", build, *times, f"{ours['memory_mb']:.1f}", "0"]
     for name in ("rustworkx", "networkx"):
         row = data["libraries"][name]
-        build, error = f"{row['build_seconds']:.2f} (stances given)", f"{row['largest_cost_difference']:.1e}"
-        yield [name, build, *(f"{row['query'][k]:.2f}" for k in ("median", "p95")), f"{row['memory_mb']:.0f}", error]
+        build, error = (
+            f"{row['build_seconds']:.2f} (stances given)",
+            f"{row['largest_cost_difference']:.1e}",
+        )
+        yield [
+            name,
+            build,
+            *(f"{row['query'][k]:.2f}" for k in ("median", "p95")),
+            f"{row['memory_mb']:.0f}",
+            error,
+        ]
 
 
 def limits(data: dict[str, Any]) -> Iterator[str]:
@@ -326,10 +397,17 @@ def limits(data: dict[str, Any]) -> Iterator[str]:
 
     def parts(title: str, share: dict[str, float]) -> str:
         ordered = sorted(share.items(), key=lambda item: -item[1])
-        return f"* {title}: " + ", ".join(f"{name} {100 * value:.0f} %" for name, value in ordered) + "."
+        return (
+            f"* {title}: "
+            + ", ".join(f"{name} {100 * value:.0f} %" for name, value in ordered)
+            + "."
+        )
 
     stances, task = data["stance set"], data.get("case 2", data["near"])
-    without, failed = stances["seconds_without_step_checks"], 100 * task["thorough"]["failed_ik_share"]
+    without, failed = (
+        stances["seconds_without_step_checks"],
+        100 * task["thorough"]["failed_ik_share"],
+    )
     yield parts("Stance set", stances["shares"]) + (
         f" Without the branch sets that step checks need it takes {without:.2f} s. The kernels run on all cores."
     )
@@ -386,7 +464,8 @@ def report(data: dict[str, Any]) -> str:
         ),
         f"Exact cost-to-go of every state, base cost: {exact['first']:.2f} s for the first goal, which checks every "
         f"step, and {exact['second']:.2f} s for another goal.",
-        "", *collision_report(data["collisions"]), "## From map to plan, beside a plain reference", INTRODUCTION,
+        "", *collision_report(data["collisions"]), "## From map to plan, beside a plain reference",
+        INTRODUCTION,
         f"The time limit was {data['reference_seconds']:g} s for each run.",
         *table(
             "task; reference; expanded; candidates; needed; run [s]; each [ms]; an expansion [s]; total [s]; ours [s]; "
@@ -408,10 +487,17 @@ def report(data: dict[str, Any]) -> str:
 
 def main() -> None:
     """Measure and write both files."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
     parser.add_argument("--queries", type=int, default=200, help="random start and goal pairs")
-    parser.add_argument("--reference-seconds", type=float, default=60.0, help="limit of each run of the reference [s]")
+    parser.add_argument(
+        "--reference-seconds",
+        type=float,
+        default=60.0,
+        help="limit of each run of the reference [s]",
+    )
     parser.add_argument("--quick", action="store_true", help="part of the map and few queries")
     args = parser.parse_args()
     count, limit = (3, 1.5) if args.quick else (args.queries, args.reference_seconds)

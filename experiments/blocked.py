@@ -2,8 +2,8 @@
 
     python experiments/blocked.py [--out results]
 
-writes `blocked.png`: a stance that meets the thresholds, but not without touching the cabin, and a step between two free
-stances on which the robot would touch something, at the worst place.
+writes `blocked.png`: a stance that meets the thresholds, but not without touching the cabin, and a
+step between two free stances on which the robot would touch something, at the worst place.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym import Settings, State, jem_map, stance_graph
-from mlivr_gym.base_path import STRAIGHT, follow
-from mlivr_gym.contacts import Configuration, Contact, contacts
-from mlivr_gym.figures import blocked_figure
-from mlivr_gym.pair_graph import PairGraph
-from mlivr_gym.transitions import base_path, quaternion
+from mlivr_gym.collisions.contacts import Configuration, Contact, contacts
+from mlivr_gym.kinematics.base_path import STRAIGHT, follow
+from mlivr_gym.kinematics.holding import base_path, quaternion
+from mlivr_gym.pictures.figures import blocked_figure
+from mlivr_gym.stances.pair_graph import PairGraph
 
 SAMPLES = 25
 """Configurations looked at along a step."""
@@ -51,7 +51,9 @@ def blocked_step(checked: PairGraph, free: PairGraph) -> Panel:
     for s in range(0, len(checked), 7):
         for held in range(2):
             row = checked.row(held, s)[::5]
-            possible = free.edge_masks(held, free.find(checked.points[s]), _indices(free, checked, row))
+            possible = free.edge_masks(
+                held, free.find(checked.points[s]), _indices(free, checked, row)
+            )
             entries = checked.edge_masks(held, s, row)
             for s1 in row[(possible > 0) & (entries == 0) & (checked.mask[row] > 0).all(axis=1)]:
                 panel = _along(checked, held, s, int(s1))
@@ -78,15 +80,20 @@ def _along(graph: PairGraph, held: int, s0: int, s1: int) -> Panel | None:
     for position, rotation in zip(where, turned, strict=True):
         joints = np.empty((2, 6))
         if not follow(
-            graph.grips[point], solver.tools[point], position, rotation, position, rotation, STRAIGHT, position,
-            solver.mount_rotations[held], solver.mount_positions[held], solver.lengths, branch, 0, np.empty(6), q,
+            graph.solver.flanges[point], solver.tools[point], position, rotation, position,
+            rotation, STRAIGHT, position,
+            solver.mount_rotations[held], solver.mount_positions[held], solver.lengths, branch, 0,
+            np.empty(6), q,
             np.full(6, np.inf), np.full(6, -np.inf),
         ):  # fmt: skip
             return None
         joints[held], joints[mover] = q, (*graph.robot.folds[0], 0.0)
         along.append((position, quaternion(rotation), joints))
     grasps = [(held, solver.points[point], solver.normals[point])]
-    found = [contacts(graph.robot, graph.grasp_map.boxes, c, graph.settings.clearance, grasps) for c in along]
+    found = [
+        contacts(graph.robot, graph.grasp_map.boxes, c, graph.settings.clearance, grasps)
+        for c in along
+    ]
     worst = min(range(len(along)), key=lambda n: found[n][0].distance if found[n] else np.inf)
     if not found[worst]:
         return None
@@ -97,11 +104,17 @@ def _along(graph: PairGraph, held: int, s0: int, s1: int) -> Panel | None:
 
 def main() -> None:
     """Draw both."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the picture")
     args = parser.parse_args()
-    checked, free = stance_graph(jem_map()), stance_graph(jem_map(), settings=Settings(collisions=False))
-    assert isinstance(checked, PairGraph) and isinstance(free, PairGraph)
+    checked, free = (
+        stance_graph(jem_map()),
+        stance_graph(jem_map(), settings=Settings(collisions=False)),
+    )
+    assert isinstance(checked, PairGraph)
+    assert isinstance(free, PairGraph)
     panels = [blocked_stance(checked, free), blocked_step(checked, free)]
     args.out.mkdir(parents=True, exist_ok=True)
     blocked_figure(free.grasp_map, free.robot, panels, (), args.out / "blocked.png")

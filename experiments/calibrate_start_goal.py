@@ -1,11 +1,12 @@
 """Find a start and a goal for which the four cases come closest to the paper's Table I.
 
-The paper's map, start and goal are not public. Its figures speak of a walk from the deck to the overhead
-whose base goes about 4.4 m. Starts are stances on the deck with the base within 0.6 m of (1.84, 0, -0.35);
-goals are base positions of stances on the overhead within 0.6 m of (6.0, 0, 0.42), rounded to 0.05 m. Each pair
-is planned for Cases 1 to 3, and the seed of Case 4's sparse map is chosen last. The mismatch adds relative
-errors of base translation, steps and the least manipulabilities, with collisions not looked at, as in the paper; the pair
-must have plans for Cases 2 to 4 with collisions checked too.
+The paper's map, start and goal are not public. Its figures speak of a walk from the deck to the
+overhead whose base goes about 4.4 m. Starts are stances on the deck with the base within 0.6 m of
+(1.84, 0, -0.35); goals are base positions of stances on the overhead within 0.6 m of (6.0, 0,
+0.42), rounded to 0.05 m. Each pair is planned for Cases 1 to 3, and the seed of Case 4's sparse map
+is chosen last. The mismatch adds relative errors of base translation, steps and the least
+manipulabilities, with collisions not looked at, as in the paper; the pair must have plans for Cases
+2 to 4 with collisions checked too.
 
     python experiments/calibrate_start_goal.py [--pairs 3000]
 
@@ -23,11 +24,11 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from mlivr_gym import Settings, jem_map, stance_graph
+from mlivr_gym.cli.table1 import CASES, PAPER, SETUP, case_graph, relations
 from mlivr_gym.errors import StanceError
 from mlivr_gym.files import write_whole
-from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.table1 import CASES, PAPER, SETUP, case_graph, relations
+from mlivr_gym.stances.pair_graph import PairGraph
 
 START_NEAR, GOAL_NEAR, RADIUS = (1.84, 0.0, -0.35), (6.0, 0.0, 0.42), 0.6
 SEEDS = range(60)
@@ -51,7 +52,9 @@ def evaluate(
     """Mismatch and plans of Cases 1 to 3; infinite where one has no plan."""
     plans, total = {}, 0.0
     for case in (1, 2, 3):
-        result = planners[CASES[case].manipulability].plan(start, goal, CASES[case].cost, heuristic=heuristic)
+        result = planners[CASES[case].manipulability].plan(
+            start, goal, CASES[case].cost, heuristic=heuristic
+        )
         if result.plan is None:
             return np.inf, plans
         plans[case] = result.plan
@@ -70,7 +73,9 @@ def _can_start(planner: Planner, points: NDArray[np.int64]) -> bool:
 
 def main() -> None:
     """Search over pairs and seeds, and write the best."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--pairs", type=int, default=3000, help="start and goal pairs tried")
     pairs = parser.parse_args().pairs
     graphs = {
@@ -83,9 +88,15 @@ def main() -> None:
     assert isinstance(graph, PairGraph)
     faces = np.array(graph.grasp_map.faces)[graph.points]
     near = np.linalg.norm(graph.position - START_NEAR, axis=1) < RADIUS
-    starts = [s for s in np.flatnonzero((faces == "deck").all(axis=1) & near) if _can_start(checked, graph.points[s])]
+    starts = [
+        s
+        for s in np.flatnonzero((faces == "deck").all(axis=1) & near)
+        if _can_start(checked, graph.points[s])
+    ]
     over = np.linalg.norm(graph.position - GOAL_NEAR, axis=1) < RADIUS
-    goals = np.unique(np.round(graph.position[(faces == "overhead").all(axis=1) & over] / 0.05) * 0.05, axis=0)
+    goals = np.unique(
+        np.round(graph.position[(faces == "overhead").all(axis=1) & over] / 0.05) * 0.05, axis=0
+    )
     rng = np.random.default_rng(0)
     tried = []
     for _ in tqdm(range(pairs), desc="pairs", mininterval=2.0):
@@ -96,21 +107,29 @@ def main() -> None:
             tried.append((total, start, goal))
     tried.sort(key=lambda entry: entry[0])
     again = []
-    for _, start, goal in tqdm(tried[:FINALISTS], desc="finalists, with the table's heuristic", mininterval=2.0):
+    for _, start, goal in tqdm(
+        tried[:FINALISTS], desc="finalists, with the table's heuristic", mininterval=2.0
+    ):
         total, plans = evaluate(planners, start, goal, "consistent")
         feasible = all(checked.plan(start, goal, CASES[case].cost) for case in (2, 3))
         if feasible and np.isfinite(total) and all(relations(plans).values()):
             again.append((total, start, goal, plans))
     if not again:
-        raise SystemExit("no pair meets the relations of the paper's first three cases; try more pairs")
+        raise SystemExit(
+            "no pair meets the relations of the paper's first three cases; try more pairs"
+        )
     best, start, goal, plans = min(again, key=lambda entry: entry[0])
     best_seed, best_case = None, np.inf
     for seed in tqdm(SEEDS, desc="seeds of the sparse map", mininterval=2.0):
         setup = {"start": list(start), "goal": list(goal), "sparse_seed": seed}
-        result = Planner(case_graph(4, setup)).plan(start, goal, CASES[4].cost, heuristic="consistent")
+        result = Planner(case_graph(4, setup)).plan(
+            start, goal, CASES[4].cost, heuristic="consistent"
+        )
         if result.plan is not None and all(relations(plans | {4: result.plan}).values()):
             value = mismatch(4, result.plan)
-            if value < best_case and Planner(case_graph(4, setup, collisions=True)).plan(start, goal, CASES[4].cost):
+            if value < best_case and Planner(case_graph(4, setup, collisions=True)).plan(
+                start, goal, CASES[4].cost
+            ):
                 best_seed, best_case = seed, value
     if best_seed is None:
         raise SystemExit("no seed of the sparse map meets the relations of the paper's fourth case")

@@ -2,9 +2,10 @@
 
     python experiments/collision_truth.py [--stances 2000] [--steps 300] [--blocked 150] [--plans 200] [--out results]
 
-Stances, steps and plans that the planner calls free are put into the exported MuJoCo scene, motions as dense samples, and
-every pair of shapes that MuJoCo finds in contact is counted; coal measures the least distance of all compared pairs. What the
-planner calls blocked is looked at in the same way. Writes `collision_truth.md` and `collision_truth.json`.
+Stances, steps and plans that the planner calls free are put into the exported MuJoCo scene, motions
+as dense samples, and every pair of shapes that MuJoCo finds in contact is counted; coal measures
+the least distance of all compared pairs. What the planner calls blocked is looked at in the same
+way. Writes `collision_truth.md` and `collision_truth.json`.
 """
 
 from __future__ import annotations
@@ -24,24 +25,24 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 from mlivr_gym import Settings, State, jem_map, stance_graph
-from mlivr_gym.contacts import Configuration, capsule_ends, contacts
-from mlivr_gym.distance_kernels import CLEAR
+from mlivr_gym.collisions.contacts import Configuration, capsule_ends, contacts
+from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.collisions.swept_swing import departure_free
+from mlivr_gym.collisions.uncompared import NOT_COMPARED
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import write_whole
-from mlivr_gym.grasp_kernels import flange_at, lifted_branches, line_end, place_branches
-from mlivr_gym.limb_shapes import LimbShapes
-from mlivr_gym.pair_graph import PairGraph
-from mlivr_gym.pair_kernels import edge_entry
+from mlivr_gym.motion.commitment import assemble
+from mlivr_gym.motion.plan_motion import step_motion
+from mlivr_gym.motion.sampling import sampled_line
+from mlivr_gym.motion.swings import Hold, SwingFinder
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.planners.assemble import assemble
-from mlivr_gym.planners.motion import step_motion
-from mlivr_gym.sampling import sampled_way
-from mlivr_gym.scene import scene_spec
-from mlivr_gym.shapes import BOX, scene_name
-from mlivr_gym.stance_graph import join
-from mlivr_gym.swept_kernels import departure_free
-from mlivr_gym.swing import Hold, SwingFinder
-from mlivr_gym.tasks import sample_task
-from mlivr_gym.uncompared import NOT_COMPARED
+from mlivr_gym.simulation.scene import scene_spec
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.pair_steps import edge_entry
+from mlivr_gym.stances.stance_graph import join
+from mlivr_gym.transitions.grasp_poses import flange_at, lifted_branches, line_end, place_branches
+from mlivr_gym.world.boxes import BOX, scene_name
 
 SAMPLED_PAIRS = 2
 """Pairs of postures between which the sampling planner looks for a swing of a blocked step."""
@@ -65,7 +66,9 @@ class Judge:
         ]
         self.shapes = LimbShapes(graph.robot)
 
-    def penetrations(self, configuration: Configuration, points: list[tuple[int, int]]) -> list[tuple[str, str, float]]:
+    def penetrations(
+        self, configuration: Configuration, points: list[tuple[int, int]]
+    ) -> list[tuple[str, str, float]]:
         """Pairs in contact, but for grippers with the track they hold; `points` are limbs and the points they are at."""
         position, quaternion, joints = configuration
         self.data.qpos[:3], self.data.qpos[3:7] = position, quaternion
@@ -98,13 +101,20 @@ class Judge:
             [_capsule(*axis, r) for axis, r in zip(limb, radius, strict=True)] for limb in ends
         ]  # fmt: skip
         with_boxes = [
-            _capsule(*(configuration[0] + axis @ base.T), r) for axis, r in zip(mounts, mount_radius, strict=True)
+            _capsule(*(configuration[0] + axis @ base.T), r)
+            for axis, r in zip(mounts, mount_radius, strict=True)
         ]
         with_boxes.append((coal.Box(*(2.0 * half)), coal.Transform3s(base, configuration[0])))
         for i, limb in enumerate(limbs):
             with_boxes += limb[: self.shapes.first_gripper] if i in at_grasp else limb
         least = min(
-            (_distance(a, b) for first, second in combinations(limbs, 2) for a in first for b in second), default=np.inf
+            (
+                _distance(a, b)
+                for first, second in combinations(limbs, 2)
+                for a in first
+                for b in second
+            ),
+            default=np.inf,
         )
         for shape, pose in with_boxes:
             # The sphere round a shape tells which boxes it cannot come near.
@@ -119,7 +129,9 @@ class Judge:
         return float(least)
 
 
-def _capsule(start: NDArray[np.float64], end: NDArray[np.float64], radius: float) -> tuple[Any, Any]:
+def _capsule(
+    start: NDArray[np.float64], end: NDArray[np.float64], radius: float
+) -> tuple[Any, Any]:
     """A capsule for coal, and where it is."""
     along = end - start
     length = float(np.linalg.norm(along))
@@ -134,7 +146,9 @@ def _distance(first: tuple[Any, Any], second: tuple[Any, Any]) -> float:
     return float(coal.distance(*first, *second, coal.DistanceRequest(), coal.DistanceResult()))
 
 
-def configuration_of(graph: PairGraph, s: int, rng: np.random.Generator) -> tuple[Configuration, list[tuple[int, int]]]:
+def configuration_of(
+    graph: PairGraph, s: int, rng: np.random.Generator
+) -> tuple[Configuration, list[tuple[int, int]]]:
     """A stance on random ones of the branches that its limbs may hold on."""
     a, b = graph.points[s].tolist()
     masks = []
@@ -149,7 +163,9 @@ def study_stances(
 ) -> dict[str, Any]:
     """Random free stances, and the best postures of those that were left out."""
     touching, least = 0, []
-    for s in tqdm(rng.choice(len(graph), count, replace=False), desc="free stances", mininterval=2.0):
+    for s in tqdm(
+        rng.choice(len(graph), count, replace=False), desc="free stances", mininterval=2.0
+    ):
         here, points = configuration_of(graph, int(s), rng)
         touching += bool(judge.penetrations(here, points))
         least.append(judge.least_distance(here, points))
@@ -160,11 +176,14 @@ def study_stances(
         posture = int(free.branch[s, 0]), int(free.branch[s, 1])
         here = free.configuration(State((a, b), (1 << posture[0], 1 << posture[1])))
         grasps = [(i, free.solver.points[p], free.solver.normals[p]) for i, p in ((0, a), (1, b))]
-        near += bool(contacts(free.robot, free.grasp_map.boxes, here, graph.settings.clearance, grasps))
+        near += bool(
+            contacts(free.robot, free.grasp_map.boxes, here, graph.settings.clearance, grasps)
+        )
         overlap += bool(judge.penetrations(here, [(0, a), (1, b)]))
     return {
         "free": count, "free_penetrating": touching, "free_least_distance": min(least),
-        "left_out": len(left_out), "left_out_nearer_than_clearance": near, "left_out_penetrating": overlap,
+        "left_out": len(left_out), "left_out_nearer_than_clearance": near,
+        "left_out_penetrating": overlap,
     }  # fmt: skip
 
 
@@ -176,16 +195,22 @@ def one_step(graph: PairGraph, s0: int, s1: int, held: int) -> Plan | None:
     masks = [graph.mask[s].tolist() for s in (s0, s1)]
     masks[0][held] = masks[1][held] = entry
     masks[1][1 - held] = graph.released(stances[1], graph.posture(stances[1]), 1 - held) & 0xFFFF
-    parts = assemble(graph, [State(stance, tuple(m)) for stance, m in zip(stances, masks, strict=True)], postures)
+    parts = assemble(
+        graph, [State(stance, tuple(m)) for stance, m in zip(stances, masks, strict=True)], postures
+    )
     if parts.beyond is not None:
         return None
     rotations = [Rotation.from_matrix(r).as_quat(scalar_first=True) for r in postures.rotation]
     return Plan(
-        stances=tuple(graph.ids(stance) for stance in stances), actions=((1 - held, parts.steps[0].lands),),
+        stances=tuple(graph.ids(stance) for stance in stances),
+        actions=((1 - held, parts.steps[0].lands),),
         steps=parts.steps, base_positions=postures.position, base_quaternions=np.array(rotations),
-        joint_positions=parts.joints, branches=parts.branches, w_m=parts.w_m, w_b=parts.w_b, goal=(0.0, 0.0, 0.0),
-        goal_tolerance=0.0, cost_name="base", cost=0.0, regrasp_price=None, method="astar", heuristic="zero", expanded=0,
-        generated=0, feasibility_time=0.0, search_time=0.0, map_name="", map_fingerprint="", robot=graph.robot,
+        joint_positions=parts.joints, branches=parts.branches, w_m=parts.w_m, w_b=parts.w_b,
+        goal=(0.0, 0.0, 0.0),
+        goal_tolerance=0.0, cost_name="base", cost=0.0, regrasp_price=None, method="astar",
+        heuristic="zero", expanded=0,
+        generated=0, feasibility_time=0.0, search_time=0.0, map_name="", map_fingerprint="",
+        robot=graph.robot,
         settings=graph.settings,
     )  # fmt: skip
 
@@ -211,7 +236,9 @@ def motion_penetrations(
     return looked, bad, pairs
 
 
-def random_step(graph: PairGraph, free: PairGraph, rng: np.random.Generator) -> tuple[int, int, int]:
+def random_step(
+    graph: PairGraph, free: PairGraph, rng: np.random.Generator
+) -> tuple[int, int, int]:
     """A step between two stances of the graph, limb that holds first, possible when collisions are not looked at."""
     while True:
         s0, held = int(rng.integers(len(graph))), int(rng.integers(2))
@@ -225,7 +252,12 @@ def random_step(graph: PairGraph, free: PairGraph, rng: np.random.Generator) -> 
 
 
 def study_steps(
-    graph: PairGraph, free: PairGraph, judge: Judge, count: int, hindered: int, rng: np.random.Generator
+    graph: PairGraph,
+    free: PairGraph,
+    judge: Judge,
+    count: int,
+    hindered: int,
+    rng: np.random.Generator,
 ) -> dict[str, Any]:
     """Random free steps, and random blocked ones, for which a way is looked for by other means."""
     looked = bad = done = 0
@@ -252,15 +284,21 @@ def study_steps(
         bar.update()
     bar.close()
     causes = Counter(
-        why_blocked(graph, *step) for step in tqdm(blocked[:hindered], desc="blocked steps", mininterval=2.0)
+        why_blocked(graph, *step)
+        for step in tqdm(blocked[:hindered], desc="blocked steps", mininterval=2.0)
     )
     return {
-        "free": done, "configurations": looked, "penetrating": bad, "swings": dict(kinds), "share_blocked": 1 - possible / drawn,
+        "free": done, "configurations": looked, "penetrating": bad, "swings": dict(kinds),
+        "share_blocked": 1 - possible / drawn,
         "blocked": hindered, "blocked_because": dict(causes),
     }  # fmt: skip
 
 
-DIRECT, SAMPLED, DEPARTURE = "a direct swing exists", "a sampled swing exists", "no limb can depart or approach"
+DIRECT, SAMPLED, DEPARTURE = (
+    "a direct swing exists",
+    "a sampled swing exists",
+    "no limb can depart or approach",
+)
 NO_SWING, HOLD = "no swing found", "the limb that holds or the body"
 """What keeps a step out of the graph."""
 
@@ -268,8 +306,9 @@ NO_SWING, HOLD = "no swing found", "the limb that holds or the body"
 def why_blocked(graph: PairGraph, held: int, s0: int, s1: int) -> str:
     """What keeps a step out of the graph, looked for without what the graph takes for granted.
 
-    Each branch of the limb that holds is looked at on its own, all branches of the limb that moves, lines between all of them,
-    and then, by a sampling planner in base parameter and joint angles together, ways between the nearest.
+    Each branch of the limb that holds is looked at on its own, all branches of the limb that moves,
+    lines between all of them, and then, by a sampling planner in base parameter and joint angles
+    together, ways between the nearest.
     """
     stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
     static = graph.postures(np.array(stances))
@@ -277,14 +316,31 @@ def why_blocked(graph: PairGraph, held: int, s0: int, s1: int) -> str:
     pivot = graph.solver.points[point]
     answers, chances = {HOLD}, []
     for kind in (0, 1):
-        mask = graph.hold(kind, pivot, point, held, static, int(static.mask[0, held] & static.mask[1, held]))
-        path = (static.position[0], static.rotation[0], static.position[1], static.rotation[1], kind, pivot)
+        mask = graph.hold(
+            kind, pivot, point, held, static, int(static.mask[0, held] & static.mask[1, held])
+        )
+        path = (
+            static.position[0],
+            static.rotation[0],
+            static.position[1],
+            static.rotation[1],
+            kind,
+            pivot,
+        )
         for bit in range(8):
             if not mask & 0x0101 << bit or not _holds(graph, held, point, bit, path):
                 continue
             finder = SwingFinder(graph, mover, path, [Hold(held, point, bit)])
             ends = [
-                _departures(graph, stances[k], static.position[k], static.rotation[k], mover, static.mask[k], bit)
+                _departures(
+                    graph,
+                    stances[k],
+                    static.position[k],
+                    static.rotation[k],
+                    mover,
+                    static.mask[k],
+                    bit,
+                )
                 for k in (0, 1)
             ]
             if not ends[0] or not ends[1]:
@@ -300,14 +356,20 @@ def why_blocked(graph: PairGraph, held: int, s0: int, s1: int) -> str:
                             return DIRECT
                         chances.append((length, len(chances), finder, start, last))
     for _, _, finder, start, last in sorted(chances, key=lambda chance: chance[:2])[:SAMPLED_PAIRS]:
-        knots = sampled_way(finder, np.array([0.0, *start]), np.array([1.0, *last]))
+        knots = sampled_line(
+            finder.clear,
+            finder.graph.robot.limb.limits,
+            np.array([0.0, *start]),
+            np.array([1.0, *last]),
+        )
         if knots is not None and finder.clear(knots):
             return SAMPLED
     return next(answer for answer in (NO_SWING, DEPARTURE, HOLD) if answer in answers)
 
 
 def _departures(
-    graph: PairGraph, stance: tuple[int, ...], position: NDArray[np.float64], rotation: NDArray[np.float64], limb: int,
+    graph: PairGraph, stance: tuple[int, ...], position: NDArray[np.float64],
+    rotation: NDArray[np.float64], limb: int,
     masks: NDArray[np.int64], branch: int,
 ) -> list[NDArray[np.float64]]:  # fmt: skip
     """Angles above its point on each branch on which a limb can depart, while the other holds on `branch`."""
@@ -317,21 +379,26 @@ def _departures(
     mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
     placed = np.empty((1, len(shapes[0]), 2, 3))
     place_branches(
-        other, 1 << branch, solver.points[grasp], solver.normals[grasp], robot.tool_length, position, rotation, *mounts, shapes,
+        other, 1 << branch, solver.points[grasp], solver.normals[grasp], robot.tool_length,
+        position, rotation, *mounts, shapes,
         0, placed,
     )  # fmt: skip
     p, x, z, away, q = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((8, 6))
     flange_at(
-        solver.points[point], solver.normals[point], solver.rails[point], robot.tool_length, position, rotation,
+        solver.points[point], solver.normals[point], solver.rails[point], robot.tool_length,
+        position, rotation,
         solver.mount_rotations[limb], solver.mount_positions[limb], p, x, z, away,
     )  # fmt: skip
-    there = lifted_branches(limb, int(masks[limb]), p, x, z, away, robot.lift, solver.lengths, solver.limits, q)
+    there = lifted_branches(
+        limb, int(masks[limb]), p, x, z, away, robot.lift, solver.lengths, solver.limits, q
+    )
     free = []
     for b in range(8):
         if there & 0x0101 << b:
             found = departure_free(
                 limb, p, x, z, away, robot.lift, solver.lengths, b, solver.mount_rotations[limb],
-                solver.mount_positions[limb], position, rotation, placed, shapes, gripper, fixed, world, solver.points[point],
+                solver.mount_positions[limb], position, rotation, placed, shapes, gripper, fixed,
+                world, solver.points[point],
                 solver.normals[point], clearance, True,
             )  # fmt: skip
             if found == CLEAR:
@@ -341,16 +408,18 @@ def _departures(
 
 def _holds(graph: PairGraph, held: int, point: int, branch: int, path: tuple[Any, ...]) -> bool:
     """Whether a limb can hold along a path if the other were not there: dense samples, judged pair by pair."""
-    from mlivr_gym.base_path import STRAIGHT, follow
-    from mlivr_gym.transitions import base_path, quaternion
+    from mlivr_gym.kinematics.base_path import STRAIGHT, follow
+    from mlivr_gym.kinematics.holding import base_path, quaternion
 
     solver = graph.solver
     where, turned = base_path(*path, np.linspace(0.0, 1.0, 25))
     q = np.full(6, np.nan)
     for position, rotation in zip(where, turned, strict=True):
         if not follow(
-            graph.grips[point], solver.tools[point], position, rotation, position, rotation, STRAIGHT, position,
-            solver.mount_rotations[held], solver.mount_positions[held], solver.lengths, branch, 0, np.empty(6), q,
+            graph.solver.flanges[point], solver.tools[point], position, rotation, position,
+            rotation, STRAIGHT, position,
+            solver.mount_rotations[held], solver.mount_positions[held], solver.lengths, branch, 0,
+            np.empty(6), q,
             np.full(6, np.inf), np.full(6, -np.inf),
         ):  # fmt: skip
             return False
@@ -358,14 +427,18 @@ def _holds(graph: PairGraph, held: int, point: int, branch: int, path: tuple[Any
         joints[held] = q
         grasps = [(held, solver.points[point], solver.normals[point])]
         here = (position, quaternion(rotation), joints)
-        for contact in contacts(graph.robot, graph.grasp_map.boxes, here, graph.settings.clearance, grasps):
+        for contact in contacts(
+            graph.robot, graph.grasp_map.boxes, here, graph.settings.clearance, grasps
+        ):
             names = f"{contact.first} {contact.second}"
             if f"limb{held}" in names and f"limb{1 - held}" not in names:
                 return False
     return True
 
 
-def study_plans(graph: PairGraph, judge: Judge, count: int, rng: np.random.Generator) -> dict[str, Any]:
+def study_plans(
+    graph: PairGraph, judge: Judge, count: int, rng: np.random.Generator
+) -> dict[str, Any]:
     """Random plans of both costs, sampled densely."""
     planner = Planner(graph)
     looked = bad = steps = 0
@@ -384,7 +457,8 @@ def study_plans(graph: PairGraph, judge: Judge, count: int, rng: np.random.Gener
         looked, bad = looked + a, bad + b
         pairs += found
     return {
-        "plans": count, "outcomes": dict(reasons), "steps": steps, "configurations": looked, "penetrating": bad,
+        "plans": count, "outcomes": dict(reasons), "steps": steps, "configurations": looked,
+        "penetrating": bad,
         "swings": dict(kinds), "pairs": pairs[:20],
     }  # fmt: skip
 
@@ -394,7 +468,9 @@ def markdown(data: dict[str, Any]) -> str:
     s, t, p = data["stances"], data["steps"], data["plans"]
     because = ", ".join(f"{name} {count}" for name, count in sorted(t["blocked_because"].items()))
     lost = sum(t["blocked_because"].get(name, 0) for name in (DIRECT, SAMPLED)) / t["blocked"]
-    rows = "\n".join(f"| {row.first} | {row.second} | {row.whose} | {row.reason} |" for row in NOT_COMPARED)
+    rows = "\n".join(
+        f"| {row.first} | {row.second} | {row.whose} | {row.reason} |" for row in NOT_COMPARED
+    )
     return f"""# Collision checks against MuJoCo and coal
 
 Made by `experiments/collision_truth.py`. The MuJoCo scene holds the shapes that the planner checks. Clearance {data["clearance"]:g} m.
@@ -428,15 +504,21 @@ Swings of the plans: {", ".join(f"{name} {count}" for name, count in sorted(p["s
 
 def main() -> None:
     """Run the studies and write the results."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--stances", type=int, default=2000, help="random free stances")
     parser.add_argument("--steps", type=int, default=300, help="random free steps")
     parser.add_argument("--blocked", type=int, default=150, help="random blocked steps")
     parser.add_argument("--plans", type=int, default=200, help="random plans")
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
     args = parser.parse_args()
-    graph, free = stance_graph(jem_map()), stance_graph(jem_map(), settings=Settings(collisions=False))
-    assert isinstance(graph, PairGraph) and isinstance(free, PairGraph)
+    graph, free = (
+        stance_graph(jem_map()),
+        stance_graph(jem_map(), settings=Settings(collisions=False)),
+    )
+    assert isinstance(graph, PairGraph)
+    assert isinstance(free, PairGraph)
     judge, rng = Judge(graph), np.random.default_rng(2026)
     data = {
         "clearance": graph.settings.clearance,

@@ -9,28 +9,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.agents.evaluation import bootstrap
-from mlivr_gym.figures import save_figure
 from mlivr_gym.files import write_whole
+from mlivr_gym.pictures.figures import save_figure
 
 Array = NDArray[np.float64]
 
-SPLITS = {"same": "same map", "half": "half the points", "dense": "points every 0.1 m", "occupied": "a fifth occupied"}
+SPLITS = {
+    "same": "same map",
+    "half": "half the points",
+    "dense": "points every 0.1 m",
+    "occupied": "a fifth occupied",
+}
 
 NAMES = {
-    "table": "exact cost-to-go table", "astar-steps": "A*, step cost", "astar-base": "A*, base cost",
-    "dijkstra": "Dijkstra, step cost", "greedy": "greedy best-first", "local": "local choice (Bretl, Uno)",
-    "no-manipulability": "A* without manipulability (Takada)", "mcts": "Monte Carlo tree search (Xu)",
-    "two-level": "two levels (Rodriguez)", "random": "random possible steps", "weighted": "A*, weighted cost, inflated",
-    "table-sure": "replanning, every grasp counted as sure", "table-expected": "replanning, expected cost",
-    "dagger-pointer-beam": "DAgger, pointer, beam of 8", "dagger-pointer": "DAgger, pointer", "bc-pointer": "cloning, pointer",
-    "finetune-pointer": "DAgger then PPO, pointer", "ppo-pointer": "PPO, pointer", "dagger-mlp": "DAgger, MLP",
+    "table": "exact cost-to-go table", "astar-steps": "A*, step cost",
+    "astar-base": "A*, base cost",
+    "dijkstra": "Dijkstra, step cost", "greedy": "greedy best-first",
+    "local": "local choice (Bretl, Uno)",
+    "no-manipulability": "A* without manipulability (Takada)",
+    "mcts": "Monte Carlo tree search (Xu)",
+    "two-level": "two levels (Rodriguez)", "random": "random possible steps",
+    "weighted": "A*, weighted cost, inflated",
+    "table-sure": "replanning, every grasp counted as sure",
+    "table-expected": "replanning, expected cost",
+    "dagger-pointer-beam": "DAgger, pointer, beam of 8", "dagger-pointer": "DAgger, pointer",
+    "bc-pointer": "cloning, pointer",
+    "finetune-pointer": "DAgger then PPO, pointer", "ppo-pointer": "PPO, pointer",
+    "dagger-mlp": "DAgger, MLP",
     "ppo-mlp": "PPO, MLP", "risky-pointer-beam": "DAgger with failures, pointer, beam of 8",
     "risky-pointer": "DAgger with failures, pointer",
 }  # fmt: skip
 """Methods in the order of the tables."""
 
 
-AIMS = {"same": (0.99, 1.05), "half": (0.95, np.inf), "dense": (0.95, np.inf), "occupied": (0.95, np.inf)}
+AIMS = {
+    "same": (0.99, 1.05),
+    "half": (0.95, np.inf),
+    "dense": (0.95, np.inf),
+    "occupied": (0.95, np.inf),
+}
 """Least success and most steps over optimal that were aimed at for the best learned policy."""
 
 
@@ -40,16 +57,27 @@ class Runs:
     def __init__(self, data: dict[str, Any]) -> None:
         """Line the parts up."""
         self.seeds = sorted(data)
-        self.keys = sorted({(part, t) for seed in data.values() for part, r in seed.items() for t in r["tasks"]})
+        self.keys = sorted(
+            {(part, t) for seed in data.values() for part, r in seed.items() for t in r["tasks"]}
+        )
         index = {key: k for k, key in enumerate(self.keys)}
         shape = (len(self.seeds), len(self.keys))
-        names = ("success", "steps", "base_translation", "first_decision", "decision", "carried_out")
+        names = (
+            "success",
+            "steps",
+            "base_translation",
+            "first_decision",
+            "decision",
+            "carried_out",
+        )
         self.values = {name: np.full(shape, np.nan) for name in names}
         for row, seed in enumerate(self.seeds):
             for part, result in data[seed].items():
                 for name in names:
                     for task, value in zip(result["tasks"], result.get(name, []), strict=False):
-                        self.values[name][row, index[part, task]] = np.nan if value is None else value
+                        self.values[name][row, index[part, task]] = (
+                            np.nan if value is None else value
+                        )
 
     def successful(self, name: str) -> Array:
         """A figure where the goal was reached, NaN elsewhere, shape (seeds, episodes)."""
@@ -59,7 +87,9 @@ class Runs:
 def ratio(runs: Runs, name: str, best: Runs) -> Array:
     """A figure over that of the best method, the mean over seeds, by episode; episodes never solved are left out."""
     row = {key: k for k, key in enumerate(best.keys)}
-    reference = np.array([best.successful(name)[0, row[key]] if key in row else np.nan for key in runs.keys])
+    reference = np.array(
+        [best.successful(name)[0, row[key]] if key in row else np.nan for key in runs.keys]
+    )
     share = runs.successful(name) / reference
     known = np.isfinite(share).any(axis=0)
     return np.nanmean(share[:, known], axis=0)
@@ -77,21 +107,32 @@ def interval(values: Array, digits: int, percent: bool = False) -> str:
 def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]:
     """Rows of one family: method; success, steps ratio, base ratio, first action, action, seeds' range, carried out."""
     runs = {name: Runs(found) for name, found in data[family].items()}
-    steps = runs.get("table-expected" if family == "unreliable" else "table" if "table" in runs else "astar-steps")
+    steps = runs.get(
+        "table-expected"
+        if family == "unreliable"
+        else "table"
+        if "table" in runs
+        else "astar-steps"
+    )
     base = runs.get("astar-base")
     rows = []
     for name in [n for n in NAMES if n in runs]:
         one = runs[name]
         rate = np.nanmean(one.values["success"], axis=0)
         by_seed = np.nanmean(one.values["success"], axis=1)
-        spread = f"{100 * by_seed.min():.0f} to {100 * by_seed.max():.0f} %" if len(one.seeds) > 1 else "–"
+        spread = (
+            f"{100 * by_seed.min():.0f} to {100 * by_seed.max():.0f} %"
+            if len(one.seeds) > 1
+            else "–"
+        )
         carried = one.values["carried_out"][one.values["success"] == 1.0]
         carried = carried[np.isfinite(carried)]
         rows.append((name, [
             interval(rate, 1, True), spread,
             interval(ratio(one, "steps", steps), 3) if steps else f"{np.nanmean(one.successful('steps')):.2f} steps",
             interval(ratio(one, "base_translation", base), 3) if base else f"{np.nanmean(one.successful('base_translation')):.2f} m",
-            f"{1e3 * np.nanmedian(one.values['first_decision']):.3g}", f"{1e3 * np.nanmedian(one.values['decision']):.3g}",
+            f"{1e3 * np.nanmedian(one.values['first_decision']):.3g}",
+            f"{1e3 * np.nanmedian(one.values['decision']):.3g}",
             f"{100 * carried.mean():.0f} % of {len(carried)}" if len(carried) else "not executed",
         ]))  # fmt: skip
     return rows
@@ -116,13 +157,15 @@ def full_report(data: dict[str, Any]) -> str:
     ]  # fmt: skip
     lines += ["## What was aimed at", "", aims_table(data)]
     titles = SPLITS | {
-        "cold": "First action on the dense map with no step known", "unreliable": "Unreliable grasps, same map (optimal: expected cost)",
+        "cold": "First action on the dense map with no step known",
+        "unreliable": "Unreliable grasps, same map (optimal: expected cost)",
         "mlivr4": "Four limbs, collisions not checked; policies as trained with two",
     }  # fmt: skip
     for family, title in titles.items():
         if family in data:
             lines += [f"## {title[0].upper()}{title[1:]}", "", HEAD + "\n".join(
-                f"| {NAMES[name]} | " + " | ".join(cells) + " |" for name, cells in table_rows(data, family)
+                f"| {NAMES[name]} | " + " | ".join(cells) + " |" for name,
+                cells in table_rows(data, family)
             ), ""]  # fmt: skip
     return "\n".join(lines)
 
@@ -136,16 +179,22 @@ def aims_table(data: dict[str, Any]) -> str:
         best = found.get("table", found.get("astar-steps"))
         if best is None:
             continue
-        cells = [SPLITS[split], f"{100 * least:.0f} %" + (f", {most:.2f}" if np.isfinite(most) else "")]
+        cells = [
+            SPLITS[split],
+            f"{100 * least:.0f} %" + (f", {most:.2f}" if np.isfinite(most) else ""),
+        ]
         for beam in (False, True):
-            names = [n for n in found if n.endswith(("pointer-beam",) if beam else ("pointer", "mlp"))]
+            names = [
+                n for n in found if n.endswith(("pointer-beam",) if beam else ("pointer", "mlp"))
+            ]
             reached = {
-                n: (float(np.nanmean(found[n].values["success"])), ratio(found[n], "steps", best)) for n in names
+                n: (float(np.nanmean(found[n].values["success"])), ratio(found[n], "steps", best))
+                for n in names
             }
             if not names:
                 cells += ["–", "–"]
                 continue
-            name = max(names, key=lambda n: (round(reached[n][0], 3), -reached[n][1].mean()))  # noqa: B023
+            name = max(names, key=lambda n: (round(reached[n][0], 3), -reached[n][1].mean()))
             success, steps = reached[name][0], float(reached[name][1].mean())
             cells += [
                 f"{NAMES[name]}: {100 * success:.1f} %, {steps:.3f}",
@@ -158,7 +207,9 @@ def aims_table(data: dict[str, Any]) -> str:
 def readme_table(data: dict[str, Any]) -> str:
     """Success and steps over optimal by split, and the time of the first action."""
     found = {split: dict(table_rows(data, split)) for split in SPLITS if split in data}
-    head = "| method | " + " | ".join(SPLITS[s] for s in found) + " | base, same map | action [ms] |\n"
+    head = (
+        "| method | " + " | ".join(SPLITS[s] for s in found) + " | base, same map | action [ms] |\n"
+    )
     lines = [head + "|---" * (len(found) + 3) + "|"]
     for name in NAMES:
         if not any(name in rows for rows in found.values()):
@@ -181,12 +232,17 @@ def draw(data: dict[str, Any], path: Path) -> None:
     from matplotlib.figure import Figure
 
     splits = [s for s in SPLITS if s in data]
-    names = [n for n in NAMES if any(n in data[s] for s in splits) and n not in ("dijkstra", "table")]
+    names = [
+        n for n in NAMES if any(n in data[s] for s in splits) and n not in ("dijkstra", "table")
+    ]
     figure = Figure(figsize=(11.0, 7.5), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     height = 0.8 / len(splits)
     for k, split in enumerate(splits):
-        best = next((Runs(data[split][name]) for name in ("table", "astar-steps") if name in data[split]), None)
+        best = next(
+            (Runs(data[split][name]) for name in ("table", "astar-steps") if name in data[split]),
+            None,
+        )
         for place, name in enumerate(names):
             if name not in data[split]:
                 continue

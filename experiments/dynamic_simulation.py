@@ -16,17 +16,17 @@ import mujoco
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from mlivr_gym.dynamics import Physics
+from mlivr_gym.cli.table1 import CASES, case_graph, default_setup
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import write_whole
+from mlivr_gym.motion.plan_motion import step_trajectory
+from mlivr_gym.motion.trajectory import Durations
+from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.planners.execution import Execution, execute
-from mlivr_gym.planners.motion import step_trajectory
-from mlivr_gym.simulation import Simulation
-from mlivr_gym.simulation_figure import simulation_figure
-from mlivr_gym.stance_graph import stance_graph
-from mlivr_gym.table1 import CASES, case_graph, default_setup
-from mlivr_gym.tasks import sample_task
-from mlivr_gym.trajectory import Durations
+from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.execution import Execution, execute
+from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.stances.build import stance_graph
 
 CONTROLLERS = {"PD": Physics(feedforward=False), "PD and feedforward": Physics()}
 """The paper's controller, and the same with the torques of the dynamics fed forward."""
@@ -51,7 +51,9 @@ def figures(execution: Execution) -> dict[str, Any]:
         "mean_torque_rms_N_m": float(execution.recording.torque_rms.mean()),
         "largest_base_error_mm": 1e3 * peaks.base_error,
         "largest_base_angle_error_deg": float(np.rad2deg(peaks.base_angle_error)),
-        "largest_capture_distance_mm": max((1e3 * c.distance for c in execution.captures), default=None),
+        "largest_capture_distance_mm": max(
+            (1e3 * c.distance for c in execution.captures), default=None
+        ),
         "simulation_time_s": execution.simulation_time + execution.preparation_time,
     }
 
@@ -66,9 +68,15 @@ def walks(graph: Any, plan: Plan, out: Path) -> dict[str, Any]:
             rows[f"{duration:g}"] = figures(execution)
             print(f"{name}, {duration:g} s a step: {tell(execution)}", flush=True)
             if duration == DURATIONS[0]:
-                file = "dynamic_simulation.png" if name == "PD" else "dynamic_simulation_feedforward.png"
+                file = (
+                    "dynamic_simulation.png"
+                    if name == "PD"
+                    else "dynamic_simulation_feedforward.png"
+                )
                 title = f"Case 3, {duration:g} s a step, {name}"
-                simulation_figure(execution.recording, execution.captures, execution.failure, out / file, title)
+                simulation_figure(
+                    execution.recording, execution.captures, execution.failure, out / file, title
+                )
         # Bisected to half a second, success taken to grow with the duration.
         low, high = 1.0, DURATIONS[0]
         while high - low > 0.5:
@@ -80,9 +88,13 @@ def walks(graph: Any, plan: Plan, out: Path) -> dict[str, Any]:
         fastest = execute(graph, plan, Durations.of_step(high), physics)
         below = execute(graph, plan, Durations.of_step(low), physics)
         assert below.failure is not None
-        print(f"{name}: shortest {high:.2f} s a step; at {low:.2f} s: {below.failure.message}", flush=True)
+        print(
+            f"{name}: shortest {high:.2f} s a step; at {low:.2f} s: {below.failure.message}",
+            flush=True,
+        )
         data[name] = {
-            "durations": rows, "shortest_s": high, "at_shortest": figures(fastest), "fails_at_s": low,
+            "durations": rows, "shortest_s": high, "at_shortest": figures(fastest),
+            "fails_at_s": low,
             "because": below.failure.to_dict(),
         }  # fmt: skip
     return data
@@ -129,7 +141,10 @@ def time_steps(graph: Any, plan: Plan) -> dict[str, Any]:
     rows = {}
     for step in TIME_STEPS:
         execution = execute(graph, plan, Durations.of_step(20.0), Physics(timestep=step))
-        rows[f"{1e3 * step:g} ms"] = {**figures(execution), "impulse_error": impulse_error(graph, plan, step)}
+        rows[f"{1e3 * step:g} ms"] = {
+            **figures(execution),
+            "impulse_error": impulse_error(graph, plan, step),
+        }
         print(f"time step {1e3 * step:g} ms: {tell(execution)}", flush=True)
     return rows
 
@@ -143,7 +158,9 @@ def impulse_error(graph: Any, plan: Plan, timestep: float) -> float:
     recording = simulation.carry_out(trajectory).recording
     held = 1 - plan.steps[0].limb
     frame = simulation.data.site(f"limb{held}/anchor").xmat.reshape(3, 3)
-    impulse = cumulative_trapezoid(recording.grasp_forces[:, held] @ frame.T, recording.times, axis=0, initial=0.0)
+    impulse = cumulative_trapezoid(
+        recording.grasp_forces[:, held] @ frame.T, recording.times, axis=0, initial=0.0
+    )
     gained = recording.momenta - recording.momenta[0]
     return float(np.abs(impulse - gained).max() / np.linalg.norm(gained, axis=1).max())
 
@@ -185,7 +202,11 @@ def markdown(data: dict[str, Any]) -> str:
     for name, walk in data["walks"].items():
         rows = {**walk["durations"], f"{walk['shortest_s']:.1f} (shortest)": walk["at_shortest"]}
         for duration, row in rows.items():
-            outcome = "done" if row["success"] else f"{row['failure']['kind']} in step {row['failure']['step'] + 1}"
+            outcome = (
+                "done"
+                if row["success"]
+                else f"{row['failure']['kind']} in step {row['failure']['step'] + 1}"
+            )
             captured = "-" if not row["steps_done"] else f"{row['largest_capture_distance_mm']:.2f}"
             lines.append(
                 f"| {name} | {duration} | {outcome} | {row['peak_grasp_force_N']:.1f} | {row['peak_grasp_torque_N_m']:.1f} | "
@@ -193,7 +214,10 @@ def markdown(data: dict[str, Any]) -> str:
                 f"{row['largest_base_error_mm']:.2f} | {captured} |"
             )
     for name, walk in data["walks"].items():
-        lines += ["", f"{name}: at {walk['fails_at_s']:.1f} s a step, {walk['because']['message']}."]
+        lines += [
+            "",
+            f"{name}: at {walk['fails_at_s']:.1f} s a step, {walk['because']['message']}.",
+        ]
     lines += ["", "## Random plans, 50 s a step", ""]
     for name, row in data["random_plans"].items():
         lines.append(
@@ -206,7 +230,8 @@ def markdown(data: dict[str, Any]) -> str:
                 f"  * plan {failure['plan']}, step {failure['step'] + 1}, {failure['phase']}: {failure['message']}."
             )
     lines += [
-        "", "## Time step", "", "The walk at 20 s a step with the paper's gains and feedforward. *Impulse*: largest difference of the",
+        "", "## Time step", "",
+        "The walk at 20 s a step with the paper's gains and feedforward. *Impulse*: largest difference of the",
         "grasp's impulse and the robot's momentum in the first step, as a share of the largest momentum; Newton's law wants 0, and the",
         "error of the first-order integrator goes with the time step.", "",
         "| time step | torque RMS, peak [N m] | grasp force [N] | base error [mm] | capture [mm] | impulse [%] | wall time [s] |",
@@ -240,7 +265,8 @@ def main() -> None:
     plan = Planner(graph).plan(tuple(setup["start"]), tuple(setup["goal"]), CASES[3].cost).unwrap()
     data = {
         "machine": f"Python {platform.python_version()}, MuJoCo {mujoco.__version__}, one core",
-        "walks": walks(graph, plan, args.out), "time_steps": time_steps(graph, plan), "overhead": overhead(graph, plan),
+        "walks": walks(graph, plan, args.out), "time_steps": time_steps(graph, plan),
+        "overhead": overhead(graph, plan),
         "random_plans": random_plans(args.plans),
     }  # fmt: skip
     write_whole(args.out / "dynamic_simulation.json", json.dumps(data, indent=1) + "\n")

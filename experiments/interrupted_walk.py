@@ -2,8 +2,9 @@
 
     python experiments/interrupted_walk.py [--out results]
 
-The robot plans, takes two steps, finds a box in its way, plans again from where it stands; takes two more, finds the points ahead
-occupied, and plans again. Writes `interrupted_walk.png`: the walk made, and what was planned before each interruption.
+The robot plans, takes two steps, finds a box in its way, plans again from where it stands; takes
+two more, finds the points ahead occupied, and plans again. Writes `interrupted_walk.png`: the walk
+made, and what was planned before each interruption.
 """
 
 from __future__ import annotations
@@ -15,14 +16,16 @@ from pathlib import Path
 import numpy as np
 
 from mlivr_gym import Box, jem_map, stance_graph
-from mlivr_gym.figures import walk_figure
+from mlivr_gym.cli.table1 import default_setup
+from mlivr_gym.pictures.figures import walk_figure
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.table1 import default_setup
 
 
 def main() -> None:
     """Walk."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the picture")
     args = parser.parse_args()
     graph = stance_graph(jem_map())
@@ -49,7 +52,9 @@ def main() -> None:
         interruptions += 1
         if interruptions == 1:
             middle = 0.5 * (walked[-1] + np.array(goal))
-            box = Box.between("cargo", "obstacle", middle - (0.15, 0.5, 0.4), middle + (0.15, 0.5, 0.4))
+            box = Box.between(
+                "cargo", "obstacle", middle - (0.15, 0.5, 0.4), middle + (0.15, 0.5, 0.4)
+            )
             graph.add_obstacles([box])
             print(f"  a box of cargo turns up at {np.round(middle, 2).tolist()}")
         else:

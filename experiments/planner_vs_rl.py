@@ -4,10 +4,11 @@
     python experiments/planner_vs_rl.py --freeze     # draw the test set anew
     python experiments/planner_vs_rl.py --report     # report and plot from what was measured
 
-`--policies` is the folder that `train_policies.py` filled. What is measured goes into `planner_vs_rl.json` piece by piece, and a piece that
-is there is not measured again; the report writes `planner_vs_rl.md` and `planner_vs_rl.png`, of which `readme.py` copies one
-table. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. The first `--execute N` walks of some
-methods on the same map are carried out in MuJoCo.
+`--policies` is the folder that `train_policies.py` filled. What is measured goes into
+`planner_vs_rl.json` piece by piece, and a piece that is there is not measured again; the report
+writes `planner_vs_rl.md` and `planner_vs_rl.png`, of which `readme.py` copies one table. Every
+figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. The first `--execute
+N` walks of some methods on the same map are carried out in MuJoCo.
 """
 
 from __future__ import annotations
@@ -25,19 +26,26 @@ from tqdm import tqdm
 from train_policies import GRASP_FAILURE
 
 from mlivr_gym import Settings, stance_graph
-from mlivr_gym.agents import ExpertPolicy, Policy, RandomPolicy, baseline_policy, evaluate, planner_policy
+from mlivr_gym.agents import (
+    ExpertPolicy,
+    Policy,
+    RandomPolicy,
+    baseline_policy,
+    evaluate,
+    planner_policy,
+)
 from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.learned import beam_policy, load_policy
 from mlivr_gym.agents.policies import foreign_plan_policy
 from mlivr_gym.agents.test_set import World, freeze_test_set, load_test_set
-from mlivr_gym.env import MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole
-from mlivr_gym.pair_graph import PairGraph
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.execution import execute
 from mlivr_gym.planners.walks import plan_of
-from mlivr_gym.stance_graph import State
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.stance_graph import State
 
 SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
 """Tasks in each split."""
@@ -99,7 +107,8 @@ def without_manipulability(env: MlivrEnv) -> Policy:
 def record(result: Evaluation, ids: Sequence[int]) -> dict[str, Any]:
     """An evaluation as plain data."""
     data = {
-        name: np.round(getattr(result, name), 6).tolist() for name in ("base_translation", "first_decision", "decision")
+        name: np.round(getattr(result, name), 6).tolist()
+        for name in ("base_translation", "first_decision", "decision")
     }
     data |= {name: getattr(result, name).tolist() for name in ("success", "steps", "failed_grasps")}
     data["carried_out"] = [None if np.isnan(value) else bool(value) for value in result.carried_out]
@@ -136,7 +145,9 @@ def split_world(world: World, at: int, args: argparse.Namespace, results: Result
     makes: dict[str, dict[int, Make]] = {name: {0: make} for name, make in planners().items()}
     makes |= learned(Path(args.policies))
     layouts = dict.fromkeys(task.occupied for task in world.tasks)
-    groups = [[k for k, task in enumerate(world.tasks) if task.occupied == layout] for layout in layouts]
+    groups = [
+        [k for k, task in enumerate(world.tasks) if task.occupied == layout] for layout in layouts
+    ]
     for group in groups:
         tasks = [world.tasks[k] for k in group]
         env.graph.occupy(tasks[0].occupied)
@@ -146,8 +157,16 @@ def split_world(world: World, at: int, args: argparse.Namespace, results: Result
             for seed, make in seeds.items():
                 if results.has(world.split, name, seed, at, group[0]):
                     continue
-                bar = tqdm(total=len(tasks), desc=f"{world.split} {at} {name} {seed}", mininterval=5.0)
-                result = evaluate(env, make(env), tasks, max_steps=MOST_STEPS, progress=lambda _, bar=bar: bar.update())  # type: ignore[misc]
+                bar = tqdm(
+                    total=len(tasks), desc=f"{world.split} {at} {name} {seed}", mininterval=5.0
+                )
+                result = evaluate(
+                    env,
+                    make(env),
+                    tasks,
+                    max_steps=MOST_STEPS,
+                    progress=lambda _, bar=bar: bar.update(),
+                )  # type: ignore[misc]
                 bar.close()
                 results.keep(world.split, name, seed, at, record(result, group))
         env.graph.vacate()
@@ -158,8 +177,11 @@ def meant_for(name: str, split: str) -> bool:
     if name.startswith("risky"):
         return False
     if split == "dense":
-        # Without every step checked beforehand; the last two take half an hour each: every step they look at must be checked first.
-        return name not in ("table", "dijkstra", "mcts", "no-manipulability") and not name.endswith("mlp")
+        # Without every step checked beforehand; the last two take half an hour each: every step
+        # they look at must be checked first.
+        return name not in ("table", "dijkstra", "mcts", "no-manipulability") and not name.endswith(
+            "mlp"
+        )
     return split != "half" or not name.endswith("mlp")  # made for one number of points
 
 
@@ -167,16 +189,27 @@ def executed(args: argparse.Namespace, results: Results) -> None:
     """Carry the first walks on the same map out in MuJoCo, beside what was measured of them."""
     world = next(w for w in load_test_set() if w.split == "same")
     env = MlivrEnv(map=world.map(), precompute=True)
-    makes = planners() | {name: seeds[min(seeds)] for name, seeds in learned(Path(args.policies)).items()}
+    makes = planners() | {
+        name: seeds[min(seeds)] for name, seeds in learned(Path(args.policies)).items()
+    }
     for name in EXECUTED:
-        if name not in results.data.get("same", {}) or name not in makes or (args.only and name not in args.only):
+        if (
+            name not in results.data.get("same", {})
+            or name not in makes
+            or (args.only and name not in args.only)
+        ):
             continue
         measured = min(results.data["same"][name].items())[1]["0/0"]
         tried = measured["carried_out"]
-        for k, task in enumerate(tqdm(world.tasks[: args.execute], desc=f"executed {name}", mininterval=5.0)):
+        for k, task in enumerate(
+            tqdm(world.tasks[: args.execute], desc=f"executed {name}", mininterval=5.0)
+        ):
             if tried[k] is None:
                 tried[k] = record(
-                    evaluate(env, makes[name](env), [task], max_steps=MOST_STEPS, execute=carry_out), [k]
+                    evaluate(
+                        env, makes[name](env), [task], max_steps=MOST_STEPS, execute=carry_out
+                    ),
+                    [k],
                 )["carried_out"][0]
                 results.write()
 
@@ -207,7 +240,10 @@ def cold(args: argparse.Namespace, results: Results) -> None:
     assert isinstance(env.graph, PairGraph)
     pristine = tuple(array.copy() for array in env.graph._free)
     makes = {name: planners()[name] for name in ("astar-steps", "greedy", "local")}
-    makes |= {name: seeds[min(seeds)] for name, seeds in learned(Path(args.policies), ["dagger-pointer"]).items()}
+    makes |= {
+        name: seeds[min(seeds)]
+        for name, seeds in learned(Path(args.policies), ["dagger-pointer"]).items()
+    }
     for name, make in makes.items():
         if args.only and name not in args.only:
             continue
@@ -216,7 +252,9 @@ def cold(args: argparse.Namespace, results: Results) -> None:
                 continue
             forget(env.graph, pristine)
             policy = make(env)
-            results.keep("cold", name, 0, k, record(evaluate(env, policy, [task], max_steps=MOST_STEPS), [k]))
+            results.keep(
+                "cold", name, 0, k, record(evaluate(env, policy, [task], max_steps=MOST_STEPS), [k])
+            )
 
 
 def unreliable(args: argparse.Namespace, results: Results) -> None:
@@ -239,8 +277,12 @@ def unreliable(args: argparse.Namespace, results: Results) -> None:
             for episode in range(3):
                 if results.has("unreliable", name, seed, episode, 0):
                     continue
-                result = evaluate(env, make(env), world.tasks, seed=1000 * episode, max_steps=MOST_STEPS)
-                results.keep("unreliable", name, seed, episode, record(result, range(len(world.tasks))))
+                result = evaluate(
+                    env, make(env), world.tasks, seed=1000 * episode, max_steps=MOST_STEPS
+                )
+                results.keep(
+                    "unreliable", name, seed, episode, record(result, range(len(world.tasks)))
+                )
 
 
 def four_limbs(args: argparse.Namespace, results: Results) -> None:
@@ -262,7 +304,11 @@ def four_limbs(args: argparse.Namespace, results: Results) -> None:
                 continue
             bar = tqdm(total=FOUR_LIMBS, desc=f"mlivr4 {name} {seed}", mininterval=5.0)
             result = evaluate(
-                env, make(env), FOUR_LIMBS, max_steps=MOST_STEPS, progress=lambda _, bar=bar: bar.update()
+                env,
+                make(env),
+                FOUR_LIMBS,
+                max_steps=MOST_STEPS,
+                progress=lambda _, bar=bar: bar.update(),
             )  # type: ignore[misc]
             bar.close()
             results.keep("mlivr4", name, seed, 0, record(result, range(FOUR_LIMBS)))
@@ -271,13 +317,23 @@ def four_limbs(args: argparse.Namespace, results: Results) -> None:
 def main() -> None:
     """Measure what is asked for, and report."""
     parser = argparse.ArgumentParser(description="Compare planners and learned policies.")
-    parser.add_argument("--policies", default="runs", help="folder of checkpoints (default: %(default)s)")
+    parser.add_argument(
+        "--policies", default="runs", help="folder of checkpoints (default: %(default)s)"
+    )
     parser.add_argument("--out", default="results", help="folder of results (default: %(default)s)")
     parser.add_argument("--only", nargs="+", help="only these methods")
-    parser.add_argument("--families", nargs="+", choices=FAMILIES, default=FAMILIES, help="only these families")
-    parser.add_argument("--splits", nargs="+", default=tuple(SIZES), choices=tuple(SIZES), help="only these splits")
-    parser.add_argument("--execute", type=int, default=20, help="walks carried out in MuJoCo (default: %(default)s)")
-    parser.add_argument("--freeze", action="store_true", help="draw the test set anew and do nothing else")
+    parser.add_argument(
+        "--families", nargs="+", choices=FAMILIES, default=FAMILIES, help="only these families"
+    )
+    parser.add_argument(
+        "--splits", nargs="+", default=tuple(SIZES), choices=tuple(SIZES), help="only these splits"
+    )
+    parser.add_argument(
+        "--execute", type=int, default=20, help="walks carried out in MuJoCo (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--freeze", action="store_true", help="draw the test set anew and do nothing else"
+    )
     parser.add_argument("--report", action="store_true", help="only write the report")
     args = parser.parse_args()
     torch.set_num_threads(1)
@@ -290,7 +346,12 @@ def main() -> None:
             for at, world in enumerate(load_test_set()):
                 if world.split in args.splits:
                     split_world(world, at, args, results)
-        for name, run in (("executed", executed), ("cold", cold), ("unreliable", unreliable), ("mlivr4", four_limbs)):
+        for name, run in (
+            ("executed", executed),
+            ("cold", cold),
+            ("unreliable", unreliable),
+            ("mlivr4", four_limbs),
+        ):
             if name in args.families:
                 run(args, results)
     write_report(results.data, Path(args.out))

@@ -2,8 +2,9 @@
 
     python experiments/readme.py
 
-Each experiment writes its own files; this script alone copies what the README shows of them: Table I and its study, the collision checks'
-truth, what the simulation measured, the benchmark's targets, and the comparison of planners and policies.
+Each experiment writes its own files; this script alone copies what the README shows of them: Table
+I and its study, the collision checks' truth, what the simulation measured, the benchmark's targets,
+and the comparison of planners and policies.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from mlivr_gym.files import write_whole
 
 ROOT = Path(__file__).parent.parent
 CASES = {
-    "1": "1: no thresholds, base cost", "2": "2: thresholds, base cost", "3": "3: thresholds, step cost",
+    "1": "1: no thresholds, base cost", "2": "2: thresholds, base cost",
+    "3": "3: thresholds, step cost",
     "4": "4: as 2, half the points, deck cleared",
 }  # fmt: skip
 
@@ -35,7 +37,10 @@ def table1(data: dict[str, Any]) -> str:
             f"| {title} | paper | {paper['expanded']} | {paper['base_translation']:.1f} | {paper['steps']} | {paper['w_m_min']:.2f} | "
             f"{paper['w_b_min']:.4f} | {paper['time']:g} |"
         )
-        for source, key in (("measured", "measured"), ("with collisions", "measured_with_collisions")):
+        for source, key in (
+            ("measured", "measured"),
+            ("with collisions", "measured_with_collisions"),
+        ):
             row = data[key][case]
             lines.append(
                 f"| | {source} | {row['expanded']} | {row['base_translation']:.2f} | {row['steps']} | {row['w_m_min']:.4f} | "
@@ -53,7 +58,10 @@ def study(data: dict[str, Any]) -> str:
     counts = data["transition_study"]
     free = next(row for row in data["pareto"] if row["price"] == 0.0)
     priced = next(row for row in data["pareto"] if row["price"] == PRICE)
-    saved, more = 1.0 - priced["steps"] / free["steps"], priced["base_translation"] / free["base_translation"] - 1.0
+    saved, more = (
+        1.0 - priced["steps"] / free["steps"],
+        priced["base_translation"] / free["base_translation"] - 1.0,
+    )
     return (
         f"What the paper lacks: of {counts['pairs']} random tasks, {counts['blocked']} node-only plans of the base cost and "
         f"{counts['blocked_steps']} of the step cost could not have\nbeen carried out; with steps checked {counts['solved']} of "
@@ -66,7 +74,9 @@ def study(data: dict[str, Any]) -> str:
 def truth(data: dict[str, Any]) -> str:
     """What MuJoCo and coal say of the collision checks."""
     stances, steps, plans = data["stances"], data["steps"], data["plans"]
-    could = sum(count for name, count in steps["blocked_because"].items() if name.endswith("swing exists"))
+    could = sum(
+        count for name, count in steps["blocked_because"].items() if name.endswith("swing exists")
+    )
     lost = could / steps["blocked"]
     return (
         f"MuJoCo's collision pipeline finds {stances['free_penetrating']} penetrations in {stances['free']} random stances called "
@@ -88,7 +98,10 @@ def dynamics(data: dict[str, Any]) -> str:
     plans = {name: data["random_plans"][name] for name in data["walks"]}
     steps = data["time_steps"]
     coarse, fine = steps["2 ms"], steps["0.5 ms"]
-    off = max(abs(coarse[name] / fine[name] - 1.0) for name in ("peak_torque_rms_N_m", "peak_grasp_force_N"))
+    off = max(
+        abs(coarse[name] / fine[name] - 1.0)
+        for name in ("peak_torque_rms_N_m", "peak_grasp_force_N")
+    )
     overhead = data["overhead"]["ratio_median"]
     return (
         f"With the paper's controller Case 3 runs at 50 s a step: grasps pull with at most "
@@ -117,11 +130,21 @@ def main() -> None:
     results = ROOT / "results"
     parts = {
         "table1": table1(json.loads((results / "table1.json").read_text(encoding="utf-8"))),
-        "table1_study": study(json.loads((results / "table1_study.json").read_text(encoding="utf-8"))),
-        "collision_truth": truth(json.loads((results / "collision_truth.json").read_text(encoding="utf-8"))),
-        "dynamic_simulation": dynamics(json.loads((results / "dynamic_simulation.json").read_text(encoding="utf-8"))),
-        "benchmark_planning": targets((results / "benchmark_planning.md").read_text(encoding="utf-8")),
-        "planner_vs_rl": readme_table(json.loads((results / "planner_vs_rl.json").read_text(encoding="utf-8"))),
+        "table1_study": study(
+            json.loads((results / "table1_study.json").read_text(encoding="utf-8"))
+        ),
+        "collision_truth": truth(
+            json.loads((results / "collision_truth.json").read_text(encoding="utf-8"))
+        ),
+        "dynamic_simulation": dynamics(
+            json.loads((results / "dynamic_simulation.json").read_text(encoding="utf-8"))
+        ),
+        "benchmark_planning": targets(
+            (results / "benchmark_planning.md").read_text(encoding="utf-8")
+        ),
+        "planner_vs_rl": readme_table(
+            json.loads((results / "planner_vs_rl.json").read_text(encoding="utf-8"))
+        ),
     }
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     for name, part in parts.items():

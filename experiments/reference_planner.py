@@ -1,10 +1,12 @@
 """What the planner is compared with.
 
-`ReferencePlanner` is the paper's Algorithm 1 with one candidate stance at a time: A* over stances with Python's
-`heapq`; the inverse kinematics is Pinocchio's iterative scheme, the manipulability is its definition. No table, no
-compiled kernel, no knowledge of the map beyond the points within the span.
+`ReferencePlanner` is the paper's Algorithm 1 with one candidate stance at a time: A* over stances
+with Python's `heapq`; the inverse kinematics is Pinocchio's iterative scheme, the manipulability is
+its definition. No table, no compiled kernel, no knowledge of the map beyond the points within the
+span.
 
-The functions below it put a finished roadmap into networkx and rustworkx. The goal region is a virtual node there.
+The functions below it put a finished roadmap into networkx and rustworkx. The goal region is a
+virtual node there.
 """
 
 from __future__ import annotations
@@ -24,10 +26,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, RobotSpec, Settings, stance_graph
-from mlivr_gym.manipulability import base_manipulability, limb_manipulability
-from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.planners import Planner
-from mlivr_gym.posture import OPPOSED_HEIGHTS, OPPOSED_ROLLS, base_frames, tool_rotations
+from mlivr_gym.postures.solver import OPPOSED_HEIGHTS, OPPOSED_ROLLS, base_frames, tool_rotations
+from mlivr_gym.stances.pair_graph import PairGraph
 
 Array = NDArray[np.float64]
 Stance = tuple[int, int]
@@ -93,7 +95,14 @@ def dh_model(lengths: Array, tool_length: float) -> tuple[pin.Model, int]:
     d1, a2, a3, d4, d5, d6 = lengths
     model, here, joint = pin.Model(), pin.SE3.Identity(), 0
     quarter = np.pi / 2
-    rows = ((d1, 0.0, quarter), (0.0, a2, 0.0), (0.0, a3, 0.0), (d4, 0.0, quarter), (d5, 0.0, -quarter), (d6, 0.0, 0.0))
+    rows = (
+        (d1, 0.0, quarter),
+        (0.0, a2, 0.0),
+        (0.0, a3, 0.0),
+        (d4, 0.0, quarter),
+        (d5, 0.0, -quarter),
+        (d6, 0.0, 0.0),
+    )
     for k, (d, a, alpha) in enumerate(rows):
         joint = model.addJoint(joint, pin.JointModelRZ(), here, f"joint{k}")
         here = pin.SE3(pin.utils.rotate("x", alpha), np.array([a, 0.0, d]))
@@ -112,7 +121,12 @@ class ReferencePlanner:
     """
 
     def __init__(
-        self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings, first_pose: bool = False, limit: int = 200
+        self,
+        grasp_map: GraspMap,
+        robot: RobotSpec,
+        settings: Settings,
+        first_pose: bool = False,
+        limit: int = 200,
     ) -> None:
         """Plan on a map.
 
@@ -120,15 +134,23 @@ class ReferencePlanner:
             grasp_map: The map.
             robot: A robot with two limbs.
             settings: Thresholds; steps are not checked.
-            first_pose: Take the first base pose that meets the thresholds, not the one with the largest margin.
+            first_pose: Take the first base pose that meets the thresholds, not the one with the
+                largest margin.
             limit: Most iterations of one call of the inverse kinematics.
         """
-        self.grasp_map, self.robot, self.first_pose, self.limit = grasp_map, robot, first_pose, limit
+        self.grasp_map, self.robot, self.first_pose, self.limit = (
+            grasp_map,
+            robot,
+            first_pose,
+            limit,
+        )
         self.thresholds = settings.thresholds(2)
         self.model, self.frame = dh_model(robot.limb.lengths, robot.tool_length)
         self.data = self.model.createData()
         self.tools = tool_rotations(grasp_map)
-        self.mounts = [pin.SE3(r, p) for r, p in zip(robot.mount_rotations, robot.mount_positions, strict=True)]
+        self.mounts = [
+            pin.SE3(r, p) for r, p in zip(robot.mount_rotations, robot.mount_positions, strict=True)
+        ]
         self.reach = robot.limb.reach + robot.tool_length
         self.solutions = self.failures = self.iterations = 0
         self.stances: dict[Stance, Array | None] = {}
@@ -163,13 +185,22 @@ class ReferencePlanner:
         )
         rolls, heights = self.robot.rolls, self.robot.heights
         if opposed[0]:
-            rolls, heights = tuple(2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS), OPPOSED_HEIGHTS
+            rolls, heights = (
+                tuple(2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS),
+                OPPOSED_HEIGHTS,
+            )
         turns = [Rotation.from_rotvec(roll * line[0]).as_matrix() for roll in rolls]
-        return [(centroid + height * (turn @ out[0]), turn @ frame[0]) for turn in turns for height in heights]
+        return [
+            (centroid + height * (turn @ out[0]), turn @ frame[0])
+            for turn in turns
+            for height in heights
+        ]
 
     def limb_jacobian(self, limb: int, q: Array) -> Array:
         """Jacobian of the grasp in base axes, shape (6, 6), linear rows first."""
-        local = pin.computeFrameJacobian(self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED)
+        local = pin.computeFrameJacobian(
+            self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED
+        )
         return np.kron(np.eye(2), self.mounts[limb].rotation) @ local
 
     def evaluate(self, stance: Stance) -> Array | None:
@@ -192,7 +223,9 @@ class ReferencePlanner:
                 if margin < 1.0 or margin <= best:
                     break
             else:
-                w_b = base_manipulability(np.array(jacobians), np.array(grasps), self.robot.characteristic_length)
+                w_b = base_manipulability(
+                    np.array(jacobians), np.array(grasps), self.robot.characteristic_length
+                )
                 margin = min(margin, w_b / self.thresholds[1])
                 if margin >= 1.0 and margin > best:
                     best, chosen = margin, position
@@ -206,7 +239,9 @@ class ReferencePlanner:
         out: list[Stance] = []
         for limb in range(2):
             away = np.linalg.norm(positions - positions[stance[1 - limb]], axis=1)
-            for point in np.flatnonzero((away >= robot.grasp_separation - 1e-9) & (away <= robot.span + 1e-9)).tolist():
+            for point in np.flatnonzero(
+                (away >= robot.grasp_separation - 1e-9) & (away <= robot.span + 1e-9)
+            ).tolist():
                 if point != stance[limb]:
                     out.append((point, stance[1]) if limb == 0 else (stance[0], point))
         return out
@@ -225,8 +260,8 @@ class ReferencePlanner:
             evaluate: Takes the place of `self.evaluate` (to count candidates).
 
         Returns:
-            `finished` (before the limit), `cost` [m] (None without a plan), `expanded`, `candidates` (distinct stances
-            tried) and `seconds`.
+            `finished` (before the limit), `cost` [m] (None without a plan), `expanded`,
+            `candidates` (distinct stances tried) and `seconds`.
         """
         evaluate = evaluate or self.evaluate
         began = time.perf_counter()
@@ -259,7 +294,9 @@ class ReferencePlanner:
                 total = best[stance] + float(np.linalg.norm(there - here))
                 if total < best.get(after, np.inf):
                     best[after] = total
-                    heapq.heappush(queue, (total + self._estimate(there, goal, tolerance), -total, after))
+                    heapq.heappush(
+                        queue, (total + self._estimate(there, goal, tolerance), -total, after)
+                    )
         return {
             "finished": not late,
             "cost": cost,
@@ -274,7 +311,11 @@ class ReferencePlanner:
 
 
 def map_to_plan(
-    grasp_map: GraspMap, start: tuple[str, ...], goal: np.ndarray, limit: float, advance: Callable[[str], None]
+    grasp_map: GraspMap,
+    start: tuple[str, ...],
+    goal: np.ndarray,
+    limit: float,
+    advance: Callable[[str], None],
 ) -> dict[str, Any]:
     """From map to plan without step checks: ours and both modes of the plain reference."""
 
@@ -294,11 +335,16 @@ def map_to_plan(
     counter = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY)
     out["needed"] = counter.plan(first, goal, TOLERANCE, np.inf, known)
     for mode, options in MODES.items():
-        advance(f"reference, {mode}, {np.linalg.norm(goal - graph.position[graph.find(first)]):.1f} m")
+        advance(
+            f"reference, {mode}, {np.linalg.norm(goal - graph.position[graph.find(first)]):.1f} m"
+        )
         reference = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY, **options)
         run = reference.plan(first, goal, TOLERANCE, limit)
         nodes = [graph.find(s) >= 0 for s in reference.stances]
-        both = sum(held and p is not None for held, p in zip(nodes, reference.stances.values(), strict=True))
+        both = sum(
+            held and p is not None
+            for held, p in zip(nodes, reference.stances.values(), strict=True)
+        )
         each = run["seconds"] / run["candidates"]
         total = max(run["seconds"], 0.0 if run["finished"] else each * out["needed"]["candidates"])
         out[mode] = run | {
@@ -307,9 +353,13 @@ def map_to_plan(
             "total_seconds": total,
             "ratio": total / out["ours"]["seconds"],
             "share_of_our_stances_found": both / max(sum(nodes), 1),
-            "failed_ik_share": reference.failures / max(reference.failures + reference.solutions, 1),
+            "failed_ik_share": reference.failures
+            / max(reference.failures + reference.solutions, 1),
         }
-    names = {"inverse_kinematics": "inverse kinematics", "base_manipulability": "base manipulability by its definition"}
+    names = {
+        "inverse_kinematics": "inverse kinematics",
+        "base_manipulability": "base manipulability by its definition",
+    }
     probe = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY)
     out["shares"] = shares(lambda: probe.plan(first, goal, TOLERANCE, min(limit, 5.0)), names)
     return out
@@ -343,7 +393,9 @@ def rustworkx_build(graph: PairGraph) -> rx.PyGraph:
     return roadmap
 
 
-def networkx_query(roadmap: nx.Graph, start: int, goals: list[int], h: list[float]) -> tuple[float, list[int]]:
+def networkx_query(
+    roadmap: nx.Graph, start: int, goals: list[int], h: list[float]
+) -> tuple[float, list[int]]:
     """Seconds of the search alone, and the path without the virtual goal."""
     end = len(h) - 1
     roadmap.add_weighted_edges_from((s, end, 0.0) for s in goals)
@@ -352,11 +404,15 @@ def networkx_query(roadmap: nx.Graph, start: int, goals: list[int], h: list[floa
     return seconds, path[:-1]
 
 
-def rustworkx_query(roadmap: rx.PyGraph, start: int, goals: list[int], h: list[float]) -> tuple[float, list[int]]:
+def rustworkx_query(
+    roadmap: rx.PyGraph, start: int, goals: list[int], h: list[float]
+) -> tuple[float, list[int]]:
     """Seconds of the search alone, and the path without the virtual goal."""
     end = len(h) - 1
     node = roadmap.add_node(end)
     roadmap.add_edges_from([(s, node, 0.0) for s in goals])
-    seconds, path = timed(lambda: rx.astar_shortest_path(roadmap, start, lambda s: s == end, float, h.__getitem__))
+    seconds, path = timed(
+        lambda: rx.astar_shortest_path(roadmap, start, lambda s: s == end, float, h.__getitem__)
+    )
     roadmap.remove_node(node)
     return seconds, list(path)[:-1]

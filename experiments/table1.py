@@ -2,7 +2,8 @@
 
     python experiments/table1.py [--out results] [--pairs 200]
 
-writes `table1.md`, `table1.json`, a picture of each case, and `table1_study.md`, `table1_study.json`, `pareto.png`.
+writes `table1.md`, `table1.json`, a picture of each case, and `table1_study.md`,
+`table1_study.json`, `pareto.png`.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ import numpy as np
 from tqdm import tqdm
 
 from mlivr_gym import Settings, State, jem_map, stance_graph
-from mlivr_gym.figures import save_figure
+from mlivr_gym.cli.table1 import run_cases
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import write_whole
-from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.stance_graph import join
-from mlivr_gym.table1 import run_cases
-from mlivr_gym.tasks import sample_task
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.stance_graph import join
 
 PRICES = (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Prices of a regrasp for the Pareto front [m]."""
@@ -85,7 +86,9 @@ def pareto(out: Path, pairs: int) -> list[dict[str, float]]:
     tasks = [sample_task(graph, rng, 0.2) for _ in range(pairs)]
     rows = []
     for price in tqdm(PRICES, desc="prices of a regrasp", mininterval=2.0):
-        plans = [planner.plan(s.stance, g, "weighted", regrasp_price=price).unwrap() for s, g in tasks]
+        plans = [
+            planner.plan(s.stance, g, "weighted", regrasp_price=price).unwrap() for s, g in tasks
+        ]
         rows.append(
             {
                 "price": price,
@@ -133,18 +136,28 @@ def study_markdown(study: dict[str, Any]) -> str:
         "| price of a regrasp [m] | steps | base translation [m] |",
         "|---|---|---|",
     ]
-    lines += [f"| {r['price']:g} | {r['steps']:.2f} | {r['base_translation']:.3f} |" for r in study["pareto"]]
+    lines += [
+        f"| {r['price']:g} | {r['steps']:.2f} | {r['base_translation']:.3f} |"
+        for r in study["pareto"]
+    ]
     return "\n".join([*lines, ""])
 
 
 def main() -> None:
     """Run everything and write the results."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
-    parser.add_argument("--pairs", type=int, default=200, help="random pairs of the study of node-only plans")
+    parser.add_argument(
+        "--pairs", type=int, default=200, help="random pairs of the study of node-only plans"
+    )
     args = parser.parse_args()
     _, data = run_cases(args.out, print)
-    study = {"transition_study": transition_study(args.pairs), "pareto": pareto(args.out, args.pairs)}
+    study = {
+        "transition_study": transition_study(args.pairs),
+        "pareto": pareto(args.out, args.pairs),
+    }
     write_whole(args.out / "table1_study.json", json.dumps(study, indent=1) + "\n")
     write_whole(args.out / "table1_study.md", study_markdown(study))
     print(study_markdown(study))

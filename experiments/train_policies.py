@@ -2,9 +2,9 @@
 
     python experiments/train_policies.py [--out runs] [--seeds 3] [--only dagger-pointer ...] [--hyperparameters FILE]
 
-writes `METHOD-NETWORK-SEED.pt` and `.json` for each. `risky` in place of the method is DAgger where grasps fail with probability
-0.2 on average. PPO learns with potential-based shaping, which leaves the best policy as it is. The checkpoint that ships with the
-package is `dagger-pointer-0`.
+writes `METHOD-NETWORK-SEED.pt` and `.json` for each. `risky` in place of the method is DAgger where
+grasps fail with probability 0.2 on average. PPO learns with potential-based shaping, which leaves
+the best policy as it is. The checkpoint that ships with the package is `dagger-pointer-0`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,15 @@ from tqdm import tqdm
 
 from mlivr_gym.agents.training import hyperparameters, train
 
-RUNS = ("dagger-pointer", "bc-pointer", "dagger-mlp", "ppo-pointer", "ppo-mlp", "finetune-pointer", "risky-pointer")
+RUNS = (
+    "dagger-pointer",
+    "bc-pointer",
+    "dagger-mlp",
+    "ppo-pointer",
+    "ppo-mlp",
+    "finetune-pointer",
+    "risky-pointer",
+)
 """What is trained, in this order."""
 
 GRASP_FAILURE = 0.2
@@ -31,7 +39,9 @@ def main() -> None:
     parser.add_argument("--out", default="runs", help="folder (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=3, help="seeds of each (default: %(default)s)")
     parser.add_argument("--only", nargs="+", choices=RUNS, default=RUNS, help="some of them")
-    parser.add_argument("--hyperparameters", help="JSON file (default: training.json of the package)")
+    parser.add_argument(
+        "--hyperparameters", help="JSON file (default: training.json of the package)"
+    )
     args = parser.parse_args()
     torch.set_num_threads(1)
     out = Path(args.out)
@@ -53,14 +63,17 @@ def main() -> None:
             command = f"mlivr-gym train --method {method} --network {network} --seed {seed}{more}"
             with tqdm(desc=path.name, mininterval=10.0) as bar:
 
-                def show(phase: str, done: int, total: int, figures: dict[str, float], bar: tqdm = bar) -> None:
+                def show(
+                    phase: str, done: int, total: int, figures: dict[str, float], bar: tqdm = bar
+                ) -> None:
                     bar.total, bar.n = total, done
                     bar.set_postfix(figures, refresh=False)
                     bar.update(0)
 
                 init = out / f"dagger-{network}-{seed}" if method == "finetune" else None
                 train(
-                    method, network, seed, env_arguments=arguments, settings=hyperparameters(method, args.hyperparameters),
+                    method, network, seed, env_arguments=arguments,
+                    settings=hyperparameters(method, args.hyperparameters),
                     init=init, out=path, command=command, progress=show,
                 )  # fmt: skip
 

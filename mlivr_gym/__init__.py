@@ -5,11 +5,13 @@ from gymnasium.envs.registration import register
 import mlivr_gym._headless  # noqa: F401
 from mlivr_gym._version import __version__
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.grasp_map import GraspMap, jem_map
-from mlivr_gym.robot import Limb, RobotSpec, robot_spec
+from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.specification import Limb, RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
-from mlivr_gym.shapes import Box, Capsule
-from mlivr_gym.stance_graph import State, stance_graph
+from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.stance_graph import State
+from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
 __all__ = [
     "Box",
@@ -28,7 +30,7 @@ __all__ = [
 
 register(
     id="MLIVR-JEM-v0",
-    entry_point="mlivr_gym.env:MlivrEnv",
-    vector_entry_point="mlivr_gym.vector_env:MlivrVectorEnv",
+    entry_point="mlivr_gym.envs.env:MlivrEnv",
+    vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
     max_episode_steps=100,
 )

@@ -89,7 +89,9 @@ def choice(name: str, value: object, valid: Iterable[str]) -> str:
     """
     options = list(valid)
     if value not in options:
-        raise SettingError(f"{name} is {shown(value)}; valid choices are {', '.join(map(repr, options))}")
+        raise SettingError(
+            f"{name} is {shown(value)}; valid choices are {', '.join(map(repr, options))}"
+        )
     return str(value)
 
 
@@ -102,7 +104,9 @@ def nonnegative(name: str, value: float) -> float:
     try:
         number = float(value)
     except OverflowError:
-        raise SettingError(f"{name} is beyond every float; it must be finite and at least 0") from None
+        raise SettingError(
+            f"{name} is beyond every float; it must be finite and at least 0"
+        ) from None
     except (TypeError, ValueError):
         raise SettingError(f"{name} is {shown(value)}; it must be a number") from None
     if not 0.0 <= number < float("inf"):

@@ -61,7 +61,12 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
             content = stream.read(LARGEST_FILE + 1)
         if len(content) > LARGEST_FILE:
             raise ValueError(f"it has more than {LARGEST_FILE} bytes")
-        data = json.loads(content.decode("utf-8-sig"), parse_constant=_finite, parse_float=_finite, parse_int=_whole)
+        data = json.loads(
+            content.decode("utf-8-sig"),
+            parse_constant=_finite,
+            parse_float=_finite,
+            parse_int=_whole,
+        )
         if not isinstance(data, dict):
             raise ValueError(f"it must hold a JSON object, not a {type(data).__name__}")
     except OSError as fault:

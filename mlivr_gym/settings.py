@@ -34,7 +34,9 @@ def base_threshold(limbs: int) -> float:
     return BASE_THRESHOLD * (2.0 / limbs) ** 3
 
 
-def check_rules(what: str, found: object, remedy: str, error: type[MlivrError] = MlivrError) -> None:
+def check_rules(
+    what: str, found: object, remedy: str, error: type[MlivrError] = MlivrError
+) -> None:
     """Refuse what was made by other rules of the stance graph.
 
     Args:
@@ -59,13 +61,15 @@ class Settings:
     """What makes a stance a node and a step an edge.
 
     Attributes:
-        manipulability: Whether stances must meet both thresholds. Without them two things still leave stances out: where
-            steps are checked `path_floor`, and everywhere the robot's `span` (`PairGraph.no_departure`, `PairGraph.beyond_span`).
+        manipulability: Whether stances must meet both thresholds. Without them two things still
+            leave stances out: where steps are checked `path_floor`, and everywhere the robot's
+            `span` (`PairGraph.no_departure`, `PairGraph.beyond_span`).
         transitions: Whether a step must be shown to be possible without letting go.
         limb_threshold: Least `w_m` of each limb.
         base_threshold: Least `w_b`; by default `0.001 (2/N)^3`.
-        path_floor: Least `w_m` of a holding limb between stances, and of a limb that departs from one; it holds whether
-            there are thresholds or not, since the proof that a limb stays on its branch needs it.
+        path_floor: Least `w_m` of a holding limb between stances, and of a limb that departs from
+            one; it holds whether there are thresholds or not, since the proof that a limb stays on
+            its branch needs it.
         collisions: Whether stances and steps must touch nothing.
         clearance: Least distance between any two shapes that are checked [m].
     """
@@ -82,13 +86,19 @@ class Settings:
         """Check switches and thresholds."""
         for name in ("manipulability", "transitions", "collisions"):
             if not isinstance(getattr(self, name), (bool, np.bool_)):
-                raise SettingError(f"{name} is {shown(getattr(self, name))}; it must be true or false")
+                raise SettingError(
+                    f"{name} is {shown(getattr(self, name))}; it must be true or false"
+                )
         for name in ("limb_threshold", "path_floor", "clearance"):
             object.__setattr__(self, name, nonnegative(name, getattr(self, name)))
         if self.clearance > LONGEST_ROBOT:
-            raise SettingError(f"clearance is {self.clearance:g} m; it must be at most {LONGEST_ROBOT:g} m")
+            raise SettingError(
+                f"clearance is {self.clearance:g} m; it must be at most {LONGEST_ROBOT:g} m"
+            )
         if self.base_threshold is not None:
-            object.__setattr__(self, "base_threshold", nonnegative("base_threshold", self.base_threshold))
+            object.__setattr__(
+                self, "base_threshold", nonnegative("base_threshold", self.base_threshold)
+            )
 
     def thresholds(self, limbs: int) -> tuple[float, float]:
         """Least `w_m` and `w_b` that a stance of `limbs` limbs must reach; zeros without manipulability."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from mlivr_gym.errors import MlivrError, shown
 
 Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
 
 LONGEST = 1000.0
 """Largest coordinate or size in a map [m].
@@ -46,7 +48,12 @@ def text(value: object, where: str, error: type[MlivrError]) -> str:
         MlivrError: of the type `error`, naming the value. Half of a surrogate pair, for example,
             could not be written.
     """
-    if not isinstance(value, str) or not value or not value.isprintable() or len(value) > LONGEST_TEXT:
+    if (
+        not isinstance(value, str)
+        or not value
+        or not value.isprintable()
+        or len(value) > LONGEST_TEXT
+    ):
         kind = f"a text of 1 to {LONGEST_TEXT} printable characters"
         raise error(f"{where} is {shown(value)}; it must be {kind}")
     return value
@@ -57,7 +64,9 @@ def number(value: object, where: str, error: type[MlivrError], most: float = np.
     return float(numbers(value, (), where, error, most))
 
 
-def numbers(value: object, shape: tuple[int, ...], where: str, error: type[MlivrError], most: float = np.inf) -> Array:
+def numbers(
+    value: object, shape: tuple[int, ...], where: str, error: type[MlivrError], most: float = np.inf
+) -> Array:
     """Return `value` as an array if it holds finite numbers from `-most` to `most`.
 
     Args:
@@ -75,7 +84,11 @@ def numbers(value: object, shape: tuple[int, ...], where: str, error: type[Mlivr
         array = np.array(value)
         # Whole numbers beyond 64 bits make an array of objects.
         found = array.astype(np.float64) if array.dtype.kind in "iufO" else np.array(np.nan)
-    except (TypeError, ValueError, OverflowError):  # rows of different lengths, no numbers, beyond every float
+    except (
+        TypeError,
+        ValueError,
+        OverflowError,
+    ):  # rows of different lengths, no numbers, beyond every float
         found = np.array(np.nan)
     if found.ndim and found.shape != shape:
         raise error(f"{where} has shape {found.shape}, {shown(value)}; it must be {kind}")
@@ -95,7 +108,10 @@ def rotation(value: object, where: str, error: type[MlivrError]) -> Array:
     """
     found = numbers(value, (3, 3), where, error)
     turned = np.clip(found, -2.0, 2.0)  # squares of huge numbers would overflow
-    if np.abs(turned.T @ turned - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(turned) < 0.0:
+    if (
+        np.abs(turned.T @ turned - np.eye(3)).max() > ROTATION_TOLERANCE
+        or np.linalg.det(turned) < 0.0
+    ):
         raise error(f"{where} must be a right-handed rotation matrix")
     return found
 
@@ -106,12 +122,18 @@ def whole(value: Any, where: str, error: type[MlivrError], least: int, most: int
     Raises:
         MlivrError: of the type `error`, naming the value.
     """
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, (int, np.integer))
+        or not least <= value <= most
+    ):
         raise error(f"{where} is {shown(value)}; it must be a whole number from {least} to {most}")
     return int(value)
 
 
-def entries(value: object, where: str, error: type[MlivrError], most: int = MOST_PARTS) -> list[Any]:
+def entries(
+    value: object, where: str, error: type[MlivrError], most: int = MOST_PARTS
+) -> list[Any]:
     """Return `value` as a list if it is one of at most `most` entries.
 
     Raises:
@@ -122,3 +144,22 @@ def entries(value: object, where: str, error: type[MlivrError], most: int = MOST
     if len(value) > most:
         raise error(f"{where} has {len(value)} entries; at most {most} are taken")
     return list(value)
+
+
+def unique(ids: Sequence[str], kind: str, error: type[MlivrError]) -> None:
+    """Refuse ids of which one appears twice.
+
+    Raises:
+        MlivrError: of the type `error`, naming it.
+    """
+    seen: set[str] = set()
+    for name in ids:
+        if name in seen:
+            raise error(f"{kind} {name!r} appears more than once")
+        seen.add(name)
+
+
+def triple(array: Array) -> Triple:
+    """Three numbers from an array of shape (3,)."""
+    x, y, z = array.tolist()
+    return (x, y, z)

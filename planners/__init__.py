@@ -5,9 +5,9 @@ from __future__ import annotations
 if __name__ == "planners":
     raise ImportError("import mlivr_gym.planners: the bare folder is not a package of its own")
 
+from mlivr_gym.motion.plan import Plan, Step
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.plan import Plan, Step
 from mlivr_gym.planners.planner import Planner, PlanningResult
 
 __all__ = ["Cost", "CostToGo", "Plan", "Planner", "PlanningResult", "Step"]

@@ -1,8 +1,8 @@
 """Algorithm 1 of the paper in plain Python: best-first search over stances.
 
 This is the search to read first, and what the compiled ones (`pair_search`, `lazy_search`) are
-compared with. It asks a stance graph for nothing but `posture_of`, `successors` and `max_step`, so it
-serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
+compared with. It asks a stance graph for nothing but `posture_of`, `successors` and `max_step`, so
+it serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
 `heuristic="paper"` nodes, edges and estimate are the paper's. Where steps are checked, a node is a
 `State`: a stance together with the branches that are left to each limb.
 
@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
-from mlivr_gym.stance_graph import StanceGraph, State
+from mlivr_gym.stances.stance_graph import StanceGraph, State
 
 Array = NDArray[np.float64]
 BlockedStep = tuple[tuple[int, ...], tuple[int, ...]]

@@ -1,15 +1,18 @@
 """Other ways to find a walk, after the literature; all work on the steps that are possible.
 
 * `random`: a possible action, each as likely as the others.
-* `local`: local foothold choice, as in Bretl (2006) and Uno (2019): the step whose base comes nearest to the goal, never to a
-  stance already visited, no way back.
-* `mcts`: Monte Carlo tree search (Kocsis and Szepesvari, 2006), as Xu (2022) uses it for free climbing: UCT with progressive
-  widening over the steps in the order of their base's distance to the goal, and local choice as rollout.
-* `two_level`: the base path first, footholds after, as in Rodriguez (2024): the base shall follow the straight line to the goal;
-  footholds are searched best first, farthest along first, inside a corridor round it, which widens where there are none.
+* `local`: local foothold choice, as in Bretl (2006) and Uno (2019): the step whose base comes
+  nearest to the goal, never to a stance already visited, no way back.
+* `mcts`: Monte Carlo tree search (Kocsis and Szepesvari, 2006), as Xu (2022) uses it for free
+  climbing: UCT with progressive widening over the steps in the order of their base's distance to
+  the goal, and local choice as rollout.
+* `two_level`: the base path first, footholds after, as in Rodriguez (2024): the base shall follow
+  the straight line to the goal; footholds are searched best first, farthest along first, inside a
+  corridor round it, which widens where there are none.
 
-A* without manipulability (Takada, 2023) is `Planner` on a graph with `Settings(manipulability=False)`; `walks.executable_steps`
-then tells how far its plans can be carried out under the thresholds.
+A* without manipulability (Takada, 2023) is `Planner` on a graph with
+`Settings(manipulability=False)`; `walks.executable_steps` then tells how far its plans can be
+carried out under the thresholds.
 """
 
 from __future__ import annotations
@@ -23,9 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.errors import choice
-from mlivr_gym.moves import GraphMoves, TableMoves
 from mlivr_gym.planners.walks import Walk
-from mlivr_gym.stance_graph import State, Successors
+from mlivr_gym.stances.moves import GraphMoves, TableMoves
+from mlivr_gym.stances.stance_graph import State, Successors
 
 Array = NDArray[np.float64]
 Moves = GraphMoves | TableMoves
@@ -48,8 +51,16 @@ def _far(steps: Successors, goal: Array) -> Array:
 class _Task:
     """A start, a goal and the moves between, with a count of the states looked at."""
 
-    def __init__(self, moves: Moves, start: State, goal: Array, tolerance: float, longest: int) -> None:
-        self.moves, self.start, self.goal, self.tolerance, self.longest = moves, start, goal, tolerance, longest
+    def __init__(
+        self, moves: Moves, start: State, goal: Array, tolerance: float, longest: int
+    ) -> None:
+        self.moves, self.start, self.goal, self.tolerance, self.longest = (
+            moves,
+            start,
+            goal,
+            tolerance,
+            longest,
+        )
         self.expanded = 0
 
     def steps(self, state: State) -> Successors:
@@ -125,7 +136,9 @@ def tree_search(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     return task.walk(states)
 
 
-def _simulate(task: _Task, root: _Node, rng: np.random.Generator, reach: float) -> tuple[float, list[State]]:
+def _simulate(
+    task: _Task, root: _Node, rng: np.random.Generator, reach: float
+) -> tuple[float, list[State]]:
     """Descend, add a node, roll out, and back the value up; the value and the states of the way."""
     node, path, way = root, [root], list[State]()
     while node.order and not task.done(node.state):
@@ -183,7 +196,9 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
                 continue
             steps = task.steps(states[here])
             along = (steps.position - origin) @ direction
-            aside = np.linalg.norm(steps.position - origin - np.clip(along, 0.0, length)[:, None] * direction, axis=1)
+            aside = np.linalg.norm(
+                steps.position - origin - np.clip(along, 0.0, length)[:, None] * direction, axis=1
+            )
             for k in np.flatnonzero(aside <= half_width):
                 after = _after(states[here], steps, int(k))
                 if after.stance not in seen:

@@ -1,8 +1,9 @@
 """Exact cost-to-go tables: the oracle and expert of the two-limb robot.
 
-With steps checked the cost to the goal depends on the branches the limbs are on. Moving limb j while limb
-i holds on branch b depends on b alone, so the table holds `U[s, i, b]`: the least cost from stance s when limb i
-holds on b and the other limb moves next. One search backward from the goal settles all of it.
+With steps checked the cost to the goal depends on the branches the limbs are on. Moving limb j
+while limb i holds on branch b depends on b alone, so the table holds `U[s, i, b]`: the least cost
+from stance s when limb i holds on b and the other limb moves next. One search backward from the
+goal settles all of it.
 """
 
 from __future__ import annotations
@@ -10,29 +11,43 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.compiled import allocating_kernel
-from mlivr_gym.pair_graph import PairGraph
-from mlivr_gym.pair_kernels import KNOWN, edge_entry
+from mlivr_gym.compiled.kernels import allocating_kernel
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import _grown, _sift_down, _sift_up
-from mlivr_gym.stance_graph import State, Successors
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.pair_steps import KNOWN, edge_entry
+from mlivr_gym.stances.stance_graph import State, Successors
 
 Array = NDArray[np.float64]
 
 
 @allocating_kernel
 def backward(
-    goal, start, toward, base_weight, step_weight, limit, check, rows, row_start, row_position, edges, value, done, best
+    goal,
+    start,
+    toward,
+    base_weight,
+    step_weight,
+    limit,
+    check,
+    rows,
+    row_start,
+    row_position,
+    edges,
+    value,
+    done,
+    best,
 ):
     """Fill the table by best-first search backward from the goal stances; steps are checked when they are wanted.
 
-    A queue entry is (cost, stance, limb, mask, kind). Kind 0: limb holds on a branch of the mask and the other
-    moves next. Kind 1: the other limb has just landed, so that either may move next.
+    A queue entry is (cost, stance, limb, mask, kind). Kind 0: limb holds on a branch of the mask
+    and the other moves next. Kind 1: the other limb has just landed, so that either may move next.
 
     Args:
         goal: Which stances are goals, shape (n,).
         start: Stance at which to stop, or -1 to go on to the end.
-        toward: Consistent lower bound of the cost from the start to each stance, shape (n,); zeros without one.
+        toward: Consistent lower bound of the cost from the start to each stance, shape (n,); zeros
+            without one.
         base_weight: Weight of the base displacement [1/m].
         step_weight: Charge for each step.
         limit: Most entries to take from the queue.
@@ -41,12 +56,14 @@ def backward(
         row_start: `PairGraph.row_start`.
         row_position: `PairGraph.row_position`.
         edges: `PairGraph.edges`.
-        value: Shape (n, 2, 16), filled with U by holding limb and bit; inf where the goal cannot be reached.
+        value: Shape (n, 2, 16), filled with U by holding limb and bit; inf where the goal cannot be
+            reached.
         done: Zeros, shape (n, 2, 2); branches settled by holding limb and kind.
         best: Infinities, shape (n, 2, 16); least costs found.
 
     Returns:
-        Lower bound of cost and `toward` together over all states that were not settled, and whether it got to the start.
+        Lower bound of cost and `toward` together over all states that were not settled, and whether
+        it got to the start.
     """
     points, local, degree, offset, table, position, mask, released = (
         edges[0], edges[1], edges[2], edges[3], edges[4], edges[5], edges[7], edges[17][2],
@@ -54,17 +71,32 @@ def backward(
     n = len(goal)
     size_pool = 1 << 16
     f, none = np.empty(size_pool), np.empty(size_pool)
-    node, bits, heap = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
+    node, bits, heap = (
+        np.empty(size_pool, np.int64),
+        np.empty(size_pool, np.int64),
+        np.empty(size_pool, np.int64),
+    )
     after, spent = np.empty(size_pool, np.int64), np.empty(size_pool)
     used = size = taken = 0
     for s in range(n):
         if goal[s] and mask[s, 0]:
             for held in range(2):
                 if used == size_pool:
-                    f, none, node, bits, heap = _grown(f), _grown(none), _grown(node), _grown(bits), _grown(heap)
+                    f, none, node, bits, heap = (
+                        _grown(f),
+                        _grown(none),
+                        _grown(node),
+                        _grown(bits),
+                        _grown(heap),
+                    )
                     after, spent = _grown(after), _grown(spent)
                     size_pool *= 2
-                f[used], none[used], node[used], bits[used] = toward[s], 0.0, 4 * s + 2 * held + 1, mask[s, held]
+                f[used], none[used], node[used], bits[used] = (
+                    toward[s],
+                    0.0,
+                    4 * s + 2 * held + 1,
+                    mask[s, held],
+                )
                 spent[used], after[used], heap[size] = 0.0, -1, used
                 used += 1
                 size += 1
@@ -88,7 +120,8 @@ def backward(
                 new &= edge_entry(held, s, next, edges)
                 if new == 0:
                     continue
-            # Where the limb that holds landed here, the other came holding and must be able to let go.
+            # Where the limb that holds landed here, the other came holding and must be able to let
+            # go.
             land = released[s, held] & 0xFFFF if check else mask[s, held]
             first = new & land != 0 and done[s, held, 0] & land == 0
             done[s, held, 0] |= new
@@ -99,14 +132,25 @@ def backward(
                 return f[item], True
             # The other limb may have landed here; so may this one, if the other holds and it came.
             if used + 2 > size_pool:
-                f, none, node, bits, heap = _grown(f), _grown(none), _grown(node), _grown(bits), _grown(heap)
+                f, none, node, bits, heap = (
+                    _grown(f),
+                    _grown(none),
+                    _grown(node),
+                    _grown(bits),
+                    _grown(heap),
+                )
                 after, spent = _grown(after), _grown(spent)
                 size_pool *= 2
             for turn in range(2 if first else 1):
                 holder = held if turn == 0 else 1 - held
                 leave = released[s, holder] & 0xFFFF if check else mask[s, holder]
                 f[used], none[used], node[used] = f[item], 0.0, 4 * s + 2 * holder + 1
-                bits[used], spent[used], after[used], heap[size] = new if turn == 0 else leave, cost, -1, used
+                bits[used], spent[used], after[used], heap[size] = (
+                    new if turn == 0 else leave,
+                    cost,
+                    -1,
+                    used,
+                )
                 used += 1
                 size += 1
                 _sift_up(heap, size, f, none)
@@ -138,10 +182,21 @@ def backward(
             if better == 0:
                 continue
             if used == size_pool:
-                f, none, node, bits, heap = _grown(f), _grown(none), _grown(node), _grown(bits), _grown(heap)
+                f, none, node, bits, heap = (
+                    _grown(f),
+                    _grown(none),
+                    _grown(node),
+                    _grown(bits),
+                    _grown(heap),
+                )
                 after, spent = _grown(after), _grown(spent)
                 size_pool *= 2
-            f[used], none[used], node[used], bits[used] = cost2 + toward[s2], 0.0, 4 * s2 + 2 * held, better
+            f[used], none[used], node[used], bits[used] = (
+                cost2 + toward[s2],
+                0.0,
+                4 * s2 + 2 * held,
+                better,
+            )
             spent[used], after[used], heap[size] = cost2, s, used
             used += 1
             size += 1
@@ -156,7 +211,8 @@ class CostToGo:
     """Exact cost from every state of a two-limb graph to a goal region.
 
     Attributes:
-        values: Cost from each stance when both limbs have all their branches, shape (n,); inf where there is no way.
+        values: Cost from each stance when both limbs have all their branches, shape (n,); inf where
+            there is no way.
         goal: Goal position [m], shape (3,).
         tolerance: Radius of the goal region [m].
         is_goal: Which stances are goals, shape (n,).
@@ -174,7 +230,8 @@ class CostToGo:
         self.is_goal: NDArray[np.bool_] = np.linalg.norm(graph.position - goal, axis=1) <= tolerance
         self._held = np.full((len(graph), 2, 16), np.inf)
         backward(
-            self.is_goal, -1, np.zeros(len(graph)), cost.base_weight, cost.step_weight, NO_LIMIT, graph.settings.transitions, graph.rows,
+            self.is_goal, -1, np.zeros(len(graph)), cost.base_weight, cost.step_weight, NO_LIMIT,
+            graph.settings.transitions, graph.rows,
             graph.row_start, graph.row_position, graph.edges, self._held,
             np.zeros((len(graph), 2, 2), dtype=np.int64), np.full((len(graph), 2, 16), np.inf),
         )  # fmt: skip
@@ -184,14 +241,19 @@ class CostToGo:
     def value(self, state: State) -> float:
         """Cost from a state to the goal."""
         if state.pose is not None:
-            return self._from_own_pose(state)
+            return self._from_given_pose(state)
         s = self.graph.find(state.stance)
         if self.is_goal[s]:
             return 0.0
         leave = self._leave[s] & state.masks
-        return float(min(self._held[s, i][_bits(state.masks[i])].min() if leave[1 - i] else np.inf for i in range(2)))
+        return float(
+            min(
+                self._held[s, i][_bits(state.masks[i])].min() if leave[1 - i] else np.inf
+                for i in range(2)
+            )
+        )
 
-    def _from_own_pose(self, state: State) -> float:
+    def _from_given_pose(self, state: State) -> float:
         if np.linalg.norm(np.array(state.pose)[:3] - self.goal) <= self.tolerance:
             return 0.0
         return float(self.action_values(state, self.graph.successors(state)).min(initial=np.inf))
@@ -199,11 +261,15 @@ class CostToGo:
     def action_values(self, state: State, successors: Successors) -> Array:
         """Cost of taking each step that leaves a state and going on optimally, shape (k,)."""
         out = np.empty(len(successors.limb))
-        shift = np.linalg.norm(successors.position - self.graph.posture_of(state).position[0], axis=1)
+        shift = np.linalg.norm(
+            successors.position - self.graph.posture_of(state).position[0], axis=1
+        )
         for k in range(len(out)):
             stance = list(state.stance)
             stance[successors.limb[k]] = int(successors.point[k])
-            after = State((stance[0], stance[1]), (int(successors.masks[k, 0]), int(successors.masks[k, 1])))
+            after = State(
+                (stance[0], stance[1]), (int(successors.masks[k, 0]), int(successors.masks[k, 1]))
+            )
             out[k] = self.cost.base_weight * shift[k] + self.cost.step_weight + self.value(after)
         return out
 

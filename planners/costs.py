@@ -1,7 +1,7 @@
 """Costs of a step.
 
-The paper has two: the base displacement, and one for each step. Their weighted sum charges a price in
-metres for every regrasp, so that steps can be bought with translation.
+The paper has two: the base displacement, and one for each step. Their weighted sum charges a price
+in metres for every regrasp, so that steps can be bought with translation.
 """
 
 from __future__ import annotations
@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.errors import SettingError, choice, nonnegative
+from mlivr_gym.motion.plan import COSTS
 
 HIGHEST_PRICE = 1e6
 """Largest price of a regrasp [m]; beyond it displacements are lost in rounding."""
-
-NAMES = ("base", "steps", "weighted")
-"""Names of the costs."""
 
 HEURISTICS = ("consistent", "paper", "zero", "cost_to_go")
 """Names of the heuristics; `cost_to_go` is the exact one without step checks."""
@@ -28,7 +26,7 @@ class Cost:
     """Cost `base_weight * displacement + step_weight` of one step.
 
     Attributes:
-        name: One of `NAMES`.
+        name: One of `motion.plan.COSTS`.
         base_weight: Weight of the base displacement [1/m].
         step_weight: Charge for each step.
     """
@@ -49,13 +47,17 @@ class Cost:
             SettingError: If the name is unknown or the price is missing, misplaced, below zero or
                 too high.
         """
-        choice("cost", name, NAMES)
+        choice("cost", name, COSTS)
         if (name == "weighted") != (regrasp_price is not None):
-            raise SettingError(f"regrasp_price is {regrasp_price!r}; it goes with cost 'weighted' and only with it")
+            raise SettingError(
+                f"regrasp_price is {regrasp_price!r}; it goes with cost 'weighted' and only with it"
+            )
         if regrasp_price is not None:
             price = nonnegative("regrasp_price", regrasp_price)
             if price > HIGHEST_PRICE:
-                raise SettingError(f"regrasp_price is {price:g}; it must be at most {HIGHEST_PRICE:g}")
+                raise SettingError(
+                    f"regrasp_price is {price:g}; it must be at most {HIGHEST_PRICE:g}"
+                )
             return cls(name, 1.0, price)
         return cls(name, float(name == "base"), float(name == "steps"))
 
@@ -64,8 +66,9 @@ class Cost:
     ) -> NDArray[np.float64]:
         """Estimate of the cost from base positions to the goal.
 
-        `"consistent"` uses `max(0, d - tolerance)` and `ceil(max(0, d - tolerance) / max_step)`, which never
-        overestimate since the goal is a ball. `"paper"` uses `d` and `d / max_step`, which may.
+        `"consistent"` uses `max(0, d - tolerance)` and `ceil(max(0, d - tolerance) / max_step)`,
+        which never overestimate since the goal is a ball. `"paper"` uses `d` and `d / max_step`,
+        which may.
 
         Args:
             name: `"consistent"`, `"paper"` or `"zero"`.

@@ -1,7 +1,8 @@
 """Best-first search over the stances of any number of limbs.
 
-The same states, costs and tie-breaks as `pair_search`, in Python over `LazyGraph.candidates`: neighbours
-are worked out in batches, and a step is checked only when its state is taken from the queue.
+The same states, costs and tie-breaks as `pair_search`, in Python over `LazyGraph.candidates`:
+neighbours are worked out in batches, and a step is checked only when its state is taken from the
+queue.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.lazy_graph import LazyGraph
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
-from mlivr_gym.posture import Postures
-from mlivr_gym.stance_graph import State, join
+from mlivr_gym.postures.solver import Postures
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.stance_graph import State, join
 
 
 @dataclass
@@ -74,13 +75,17 @@ def lazy_search(
                 continue
             if (found.states[parent].stance, stance) in blocked:
                 continue
-            step = graph.transition(found.states[parent], stance, join(found.postures[parent], posture))
+            step = graph.transition(
+                found.states[parent], stance, join(found.postures[parent], posture)
+            )
             if step is None:
                 continue
             state = State(stance, step.masks)
         # A pose of the robot's own is left once; its stance is another state.
         seen = closed.setdefault(stance, []) if state.pose is None else []
-        if any(all(m & ~old == 0 for m, old in zip(state.masks, masks, strict=True)) for masks in seen):
+        if any(
+            all(m & ~old == 0 for m, old in zip(state.masks, masks, strict=True)) for masks in seen
+        ):
             continue
         seen.append(state.masks)
         if state.pose is None and state.masks == tuple(posture.mask[0].tolist()):
@@ -101,7 +106,9 @@ def lazy_search(
         limb, point, postures = graph.candidates(stance)
         if not len(limb):
             continue
-        g = -negative + cost.base_weight * np.linalg.norm(postures.position - posture.position, axis=1)
+        g = -negative + cost.base_weight * np.linalg.norm(
+            postures.position - posture.position, axis=1
+        )
         g += cost.step_weight
         f = g_weight * g + heuristic(postures.position)
         for k in range(len(limb)):

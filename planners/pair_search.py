@@ -1,18 +1,19 @@
 """Best-first search over the stances of a two-limb robot (compiled).
 
-A search state is (stance, limb that moved last, branches left to the other limb): the limb that landed has all branches on
-which it can let go again. A limb that has held must be on one of those when it moves. Edges are checked when a state is
-taken from the queue, not when it is put there, so only edges the search wants to use are worked out. For each (stance,
-limb) one mask says which branches were expanded already; a state with nothing new is dropped, which is exact because the
-cost of going on is the least over the branches left.
+A search state is (stance, limb that moved last, branches left to the other limb): the limb that
+landed has all branches on which it can let go again. A limb that has held must be on one of those
+when it moves. Edges are checked when a state is taken from the queue, not when it is put there, so
+only edges the search wants to use are worked out. For each (stance, limb) one mask says which
+branches were expanded already; a state with nothing new is dropped, which is exact because the cost
+of going on is the least over the branches left.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.compiled import allocating_kernel, kernel
-from mlivr_gym.pair_kernels import KNOWN, edge_entry
+from mlivr_gym.compiled.kernels import allocating_kernel, kernel
+from mlivr_gym.stances.pair_steps import KNOWN, edge_entry
 
 FOUND, EXHAUSTED, LIMIT = 0, 1, 2
 
@@ -55,11 +56,14 @@ def _sift_down(heap, size, f, g):
         if child + 1 < size:
             other = heap[child + 1]
             if f[other] < f[best] or (
-                f[other] == f[best] and (g[other] > g[best] or (g[other] == g[best] and other < best))
+                f[other] == f[best]
+                and (g[other] > g[best] or (g[other] == g[best] and other < best))
             ):
                 child += 1
                 best = other
-        if f[item] < f[best] or (f[item] == f[best] and (g[item] > g[best] or (g[item] == g[best] and item < best))):
+        if f[item] < f[best] or (
+            f[item] == f[best] and (g[item] > g[best] or (g[item] == g[best] and item < best))
+        ):
             break
         heap[place] = best
         place = child
@@ -87,7 +91,8 @@ def search(
     """Best-first search from one stance, or from those that a first step leads to, to any goal stance.
 
     Args:
-        seeds: Stance index, limb that moved there (2 if none did) and branches left to the other limb, shape (k, 3).
+        seeds: Stance index, limb that moved there (2 if none did) and branches left to the other
+            limb, shape (k, 3).
         seed_costs: What it cost to get to each, shape (k,).
         goal: Which stances are goals, shape (n,).
         h: Heuristic of each stance, shape (n,).
@@ -100,25 +105,44 @@ def search(
         row_start: `PairGraph.row_start`.
         row_position: `PairGraph.row_position`.
         edges: `PairGraph.edges`.
-        closed: Zeros, shape (n, 2); branches of the other limb with which a stance was expanded, by limb moved last.
-        best: Infinities, shape (n, 2); least cost known to lead to a stance with nothing taken away.
+        closed: Zeros, shape (n, 2); branches of the other limb with which a stance was expanded, by
+            limb moved last.
+        best: Infinities, shape (n, 2); least cost known to lead to a stance with nothing taken
+            away.
 
     Returns:
-        Status, number generated, and for each expanded state `3 * stance + limb moved` (2 at the start), mask
-        of the limb that held, parent (-1 for a seed), and cost so far. If found, the last one is the goal.
+        Status, number generated, and for each expanded state `3 * stance + limb moved` (2 at the
+        start), mask of the limb that held, parent (-1 for a seed), and cost so far. If found, the
+        last one is the goal.
     """
-    points, position, mask, ready, released = edges[0], edges[5], edges[7], edges[17][1], edges[17][2]
+    points, position, mask, ready, released = (
+        edges[0],
+        edges[5],
+        edges[7],
+        edges[17][1],
+        edges[17][2],
+    )
     local, degree, offset, table = edges[1], edges[2], edges[3], edges[4]
     size_pool = 1 << 14
     f, g = np.empty(size_pool), np.empty(size_pool)
-    node, parent, heap = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
+    node, parent, heap = (
+        np.empty(size_pool, np.int64),
+        np.empty(size_pool, np.int64),
+        np.empty(size_pool, np.int64),
+    )
     size_out = 1 << 10
     out_node, out_mask = np.empty(size_out, np.int64), np.empty(size_out, np.int64)
     out_parent, out_g = np.empty(size_out, np.int64), np.empty(size_out)
     used = size = expanded = 0
     for k in range(len(seeds)):
         if used == size_pool:
-            f, g, node, parent, heap = _grown(f), _grown(g), _grown(node), _grown(parent), _grown(heap)
+            f, g, node, parent, heap = (
+                _grown(f),
+                _grown(g),
+                _grown(node),
+                _grown(parent),
+                _grown(heap),
+            )
             size_pool *= 2
         s = seeds[k, 0]
         f[used], g[used] = g_weight * seed_costs[k] + h[s], seed_costs[k]
@@ -172,7 +196,12 @@ def search(
             size_out *= 2
         here = expanded
         cost = g[item]
-        out_node[here], out_mask[here], out_parent[here], out_g[here] = 3 * s + moved, left, max(above, -1), cost
+        out_node[here], out_mask[here], out_parent[here], out_g[here] = (
+            3 * s + moved,
+            left,
+            max(above, -1),
+            cost,
+        )
         expanded += 1
         if goal[s]:
             status = FOUND
@@ -233,15 +262,22 @@ def search(
                 used += 1
                 size += 1
                 _sift_up(heap, size, f, g)
-    return status, used, out_node[:expanded], out_mask[:expanded], out_parent[:expanded], out_g[:expanded]
+    return (
+        status,
+        used,
+        out_node[:expanded],
+        out_mask[:expanded],
+        out_parent[:expanded],
+        out_g[:expanded],
+    )
 
 
 @allocating_kernel
 def steps_to_goal(goal, rows, row_start, points, mask, value, opened):
     """Fewest steps from every stance to the goal region when steps are not checked.
 
-    A breadth-first search in which each row is opened once: all its stances are one step from the first of them
-    that was reached.
+    A breadth-first search in which each row is opened once: all its stances are one step from the
+    first of them that was reached.
 
     Args:
         goal: Which stances are goals, shape (n,).
@@ -295,12 +331,14 @@ def distance_to_goal(
 ):
     """Exact cost from stances to the goal region when steps are not checked, by search backward from the goal.
 
-    Moving one limb twice in a row never pays then, so a stance reached along a row does not open that row again.
+    Moving one limb twice in a row never pays then, so a stance reached along a row does not open
+    that row again.
 
     Args:
         goal: Which stances are goals, shape (n,).
         start: Stance at which to stop, or -1 to go on to the end.
-        toward: Lower bound of the cost between each stance and the start, shape (n,); zeros without one.
+        toward: Lower bound of the cost between each stance and the start, shape (n,); zeros without
+            one.
         base_weight: Weight of the base displacement [1/m].
         step_weight: Charge for each step.
         rows: `PairGraph.rows`.

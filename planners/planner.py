@@ -13,20 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError, choice, nonnegative
-from mlivr_gym.lazy_graph import LazyGraph
-from mlivr_gym.own_pose import own_joints
-from mlivr_gym.pair_graph import PairGraph
+from mlivr_gym.kinematics.holding import quaternion
+from mlivr_gym.motion.commitment import assemble
+from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners.algorithm1 import algorithm1
-from mlivr_gym.planners.assemble import assemble
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import HEURISTICS, Cost
 from mlivr_gym.planners.estimates import CACHED_TABLES, Estimates, unchecked
 from mlivr_gym.planners.lazy_search import lazy_search
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT, search
-from mlivr_gym.planners.plan import Plan
-from mlivr_gym.posture import Postures
-from mlivr_gym.stance_graph import State, join
-from mlivr_gym.transitions import quaternion
+from mlivr_gym.postures.given_pose import given_joints
+from mlivr_gym.postures.solver import Postures
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.stance_graph import State, join
 
 Array = NDArray[np.float64]
 
@@ -55,8 +55,8 @@ class PlanningResult:
 
     Attributes:
         plan: The plan, or None.
-        reason: `""`, or why there is none: `"start infeasible"`, `"goal outside the reachable set"`,
-            `"search exhausted"`, `"limit reached"`, `"joint limits"`.
+        reason: `""`, or why there is none: `"start infeasible"`, `"goal outside the reachable
+            set"`, `"search exhausted"`, `"limit reached"`, `"joint limits"`.
         message: One sentence for people.
         expanded: States expanded.
         generated: States generated.
@@ -93,9 +93,21 @@ class _Path:
     """A path found by either search: states, postures, counts and the explored tree."""
 
     def __init__(
-        self, status: int, states: list[State], postures: Postures, cost: float, counts: tuple[int, int], tree: Array
+        self,
+        status: int,
+        states: list[State],
+        postures: Postures,
+        cost: float,
+        counts: tuple[int, int],
+        tree: Array,
     ) -> None:
-        self.status, self.states, self.postures, self.cost, self.tree = status, states, postures, cost, tree
+        self.status, self.states, self.postures, self.cost, self.tree = (
+            status,
+            states,
+            postures,
+            cost,
+            tree,
+        )
         self.expanded, self.generated = counts
 
 
@@ -138,27 +150,32 @@ class Planner:
         Args:
             start: Point id (or index) of each limb.
             goal: x, y, z in the JEM frame [m].
-            cost: `"base"` (displacement), `"steps"` or `"weighted"` (displacement plus a price a step).
+            cost: `"base"` (displacement), `"steps"` or `"weighted"` (displacement plus a price a
+                step).
             regrasp_price: Metres charged for a regrasp, with `cost="weighted"`.
-            method: `"astar"` (optimal), `"dijkstra"` (optimal, no heuristic), `"greedy"` (best-first by heuristic) or
-                `"algorithm1"` (as `"astar"`, in plain Python: slow, to read and to compare with).
-            heuristic: `"cost_to_go"` (exact cost when steps are not checked; default for two limbs), `"consistent"`
-                (default for more and of `"algorithm1"`), `"paper"` (may lose optimality; default
-                of `"greedy"`) or `"zero"`.
-            inflation: Factor on the heuristic, at least 1; the plan costs at most this many times the least. By default 1
-                for two limbs and `"algorithm1"`, else 2, as the search for the least takes long.
+            method: `"astar"` (optimal), `"dijkstra"` (optimal, no heuristic), `"greedy"`
+                (best-first by heuristic) or `"algorithm1"` (as `"astar"`, in plain Python: slow, to
+                read and to compare with).
+            heuristic: `"cost_to_go"` (exact cost when steps are not checked; default for two
+                limbs), `"consistent"` (default for more and of `"algorithm1"`), `"paper"` (may lose
+                optimality; default of `"greedy"`) or `"zero"`.
+            inflation: Factor on the heuristic, at least 1; the plan costs at most this many times
+                the least. By default 1 for two limbs and `"algorithm1"`, else 2, as the search for
+                the least takes long.
             goal_tolerance: Radius of the goal region [m].
-            start_pose: Base pose at the start, where the robot stands in another than the start stance's own posture:
-                x, y, z [m] and quaternion w, x, y, z. The thresholds do not apply to it.
-            start_joints: Joint angles at the start, shape (N, 6) [rad], within 0.02 rad of those that hold the points at that
-                pose: the plan then keeps their branches and windings for as long as each limb holds.
+            start_pose: Base pose at the start, where the robot stands in another than the start
+                stance's own posture: x, y, z [m] and quaternion w, x, y, z. The thresholds do not
+                apply to it.
+            start_joints: Joint angles at the start, shape (N, 6) [rad], within 0.02 rad of those
+                that hold the points at that pose: the plan then keeps their branches and windings
+                for as long as each limb holds.
             limit: Most expansions.
             progress: Called with the number of expansions now and then (`"algorithm1"`, or more
                 than two limbs).
 
         Returns:
-            The plan, or why there is none. A start that cannot be held is such a reason; ids that do not
-            exist, points too close or too far apart and goals outside the cabin raise.
+            The plan, or why there is none. A start that cannot be held is such a reason; ids that
+            do not exist, points too close or too far apart and goals outside the cabin raise.
 
         Raises:
             MlivrError: If an argument cannot be used; the message names it.
@@ -177,12 +194,16 @@ class Planner:
         if method == "greedy" and heuristic == "zero":
             raise SettingError("method 'greedy' needs a heuristic other than 'zero'")
         if heuristic == "cost_to_go" and not pair:
-            raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {self.graph.robot.name!r} has more")
+            raise SettingError(
+                f"heuristic 'cost_to_go' needs two limbs; robot {self.graph.robot.name!r} has more"
+            )
         if heuristic == "cost_to_go" and plain:
             raise SettingError("method 'algorithm1' needs a heuristic other than 'cost_to_go'")
         if limit < 1:
             raise SettingError(f"limit is {limit!r}; it must be at least 1")
-        limit = min(limit, sys.maxsize)  # no search is that long, and the compiled one takes 64 bits
+        limit = min(
+            limit, sys.maxsize
+        )  # no search is that long, and the compiled one takes 64 bits
         inflation = (1.0 if pair or plain else 2.0) if inflation is None else inflation
         if not 1.0 <= inflation < float("inf"):
             raise SettingError(f"inflation is {inflation!r}; it must be finite and at least 1")
@@ -194,7 +215,7 @@ class Planner:
             first = self.graph.state(points, start_pose, start_joints)
         except StanceError as error:
             return self._failure("start infeasible", str(error), time.perf_counter() - began)
-        joints = None if start_joints is None else own_joints(self.graph, start_joints)
+        joints = None if start_joints is None else given_joints(self.graph.robot, start_joints)
         feasibility = time.perf_counter() - began
         # The order of the queue depends on the ratio of the two weights alone.
         g_weight = 0.0 if method == "greedy" else 1.0 / inflation
@@ -207,15 +228,34 @@ class Planner:
                 )
             elif isinstance(self.graph, PairGraph):
                 # From a pose of the robot's own the first step is no edge of the graph.
-                own = [pair for pair in blocked if first.pose is not None and pair[0] == first.stance]
+                own = [
+                    pair for pair in blocked if first.pose is not None and pair[0] == first.stance
+                ]
                 barred = [pair[1] for pair in own]
                 with self.graph.without([pair for pair in blocked if pair not in own]):
                     path = self._pair_path(
-                        first, target, tolerance, priced, heuristic, g_weight, limit, not blocked, barred
+                        first,
+                        target,
+                        tolerance,
+                        priced,
+                        heuristic,
+                        g_weight,
+                        limit,
+                        not blocked,
+                        barred,
                     )
             else:
                 path = self._lazy_path(
-                    self.graph, first, target, tolerance, priced, heuristic, g_weight, limit, progress, blocked
+                    self.graph,
+                    first,
+                    target,
+                    tolerance,
+                    priced,
+                    heuristic,
+                    g_weight,
+                    limit,
+                    progress,
+                    blocked,
                 )
             if path is None or path.status != FOUND:
                 break
@@ -272,10 +312,16 @@ class Planner:
             robot=self.graph.robot,
             settings=self.graph.settings,
         )
-        return PlanningResult(plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m", *numbers)
+        return PlanningResult(
+            plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m", *numbers
+        )
 
-    def _failure(self, reason: str, message: str, feasibility: float, elapsed: float = 0.0) -> PlanningResult:
-        return PlanningResult(None, reason, message, 0, 0, feasibility, elapsed, np.zeros((0, 2, 3)))
+    def _failure(
+        self, reason: str, message: str, feasibility: float, elapsed: float = 0.0
+    ) -> PlanningResult:
+        return PlanningResult(
+            None, reason, message, 0, 0, feasibility, elapsed, np.zeros((0, 2, 3))
+        )
 
     def prepare(
         self,
@@ -287,15 +333,22 @@ class Planner:
     ) -> None:
         """Work the `"cost_to_go"` heuristic out for all stances, so that further plans to this goal are fast.
 
-        Where steps are checked it is the exact cost, so that a plan among obstacles explores little beside them.
+        Where steps are checked it is the exact cost, so that a plan among obstacles explores little
+        beside them.
         """
         estimates = self._two_limbs()
         graph, priced = estimates.graph, Cost.named(cost, regrasp_price)
-        target, tolerance = graph.grasp_map.check_goal(goal), nonnegative("goal_tolerance", goal_tolerance)
+        target, tolerance = (
+            graph.grasp_map.check_goal(goal),
+            nonnegative("goal_tolerance", goal_tolerance),
+        )
         key = (*target.tolist(), tolerance, priced)
         if graph.settings.transitions:
             estimates.keep(
-                key, self.cost_to_go(goal, cost, regrasp_price=regrasp_price, goal_tolerance=tolerance).values
+                key,
+                self.cost_to_go(
+                    goal, cost, regrasp_price=regrasp_price, goal_tolerance=tolerance
+                ).values,
             )
         else:
             estimates.keep(key, unchecked(graph, estimates.region(target, tolerance)[1], priced))
@@ -315,7 +368,10 @@ class Planner:
         """
         estimates = self._two_limbs()
         graph, priced = estimates.graph, Cost.named(cost, regrasp_price)
-        target, tolerance = graph.grasp_map.check_goal(goal), nonnegative("goal_tolerance", goal_tolerance)
+        target, tolerance = (
+            graph.grasp_map.check_goal(goal),
+            nonnegative("goal_tolerance", goal_tolerance),
+        )
         key = (*target.tolist(), tolerance, priced, graph.version)
         if key not in self._exact:
             self._exact[key] = CostToGo(graph, target, tolerance, priced)
@@ -325,11 +381,14 @@ class Planner:
 
     def _two_limbs(self) -> Estimates:
         if self._estimates is None:
-            raise SettingError(f"cost-to-go tables need two limbs; robot {self.graph.robot.name!r} has more")
+            raise SettingError(
+                f"cost-to-go tables need two limbs; robot {self.graph.robot.name!r} has more"
+            )
         return self._estimates
 
     def _pair_path(
-        self, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str, g_weight: float, limit: int, whole: bool,
+        self, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
+        g_weight: float, limit: int, whole: bool,
         barred: Sequence[tuple[int, ...]],
     ) -> _Path | None:  # fmt: skip
         estimates = self._two_limbs()
@@ -340,7 +399,9 @@ class Planner:
         own = not len(seeds) or int(seeds[0, 1]) < 2
         there = bool(np.linalg.norm(origin.position[0] - target) <= tolerance)
         if own and (there or not len(seeds)):
-            return _Path(FOUND if there else EXHAUSTED, [first], origin, 0.0, (1, 1), np.zeros((0, 2, 3)))
+            return _Path(
+                FOUND if there else EXHAUSTED, [first], origin, 0.0, (1, 1), np.zeros((0, 2, 3))
+            )
         if not set(graph.components[1][seeds[:, 0]].tolist()) & parts:
             return None
         key = (*target.tolist(), tolerance, cost)
@@ -355,15 +416,20 @@ class Planner:
         bound, explored, made = h, 0, 0
         while True:
             status, generated, node, mask, parent, g = search(
-                seeds, seed_costs, goal, h, cost.base_weight, cost.step_weight, g_weight, min(limit - explored, patience),
-                graph.settings.transitions, graph.rows, graph.row_start, graph.row_position, graph.edges,
+                seeds, seed_costs, goal, h, cost.base_weight, cost.step_weight, g_weight,
+                min(limit - explored, patience),
+                graph.settings.transitions, graph.rows, graph.row_start, graph.row_position,
+                graph.edges,
                 np.zeros((len(graph), 2), dtype=np.int64), np.full((len(graph), 2), np.inf),
             )  # fmt: skip
             explored, made = explored + len(node), made + generated
             if status != LIMIT or explored >= limit:
                 break
-            # Many steps that the estimate counts on are impossible: learn from the other end how it is there.
-            h, bound = estimates.learn(goal, cost, start, origin.position[0], bound, LEARNING * patience, learnt)
+            # Many steps that the estimate counts on are impossible: learn from the other end how it
+            # is there.
+            h, bound = estimates.learn(
+                goal, cost, start, origin.position[0], bound, LEARNING * patience, learnt
+            )
             if whole:
                 estimates.keep(key, bound)
             patience *= 4
@@ -382,12 +448,17 @@ class Planner:
         before = np.where(parent[:, None] >= 0, graph.position[stance[parent]], origin.position[0])
         tree = np.stack([before, graph.position[stance]], axis=1)
         if not own:
-            return _Path(int(status), states, postures, float(g[-1]), (explored, int(made)), tree[1:])
+            return _Path(
+                int(status), states, postures, float(g[-1]), (explored, int(made)), tree[1:]
+            )
         counts = (explored + 1, int(made) + 1)
-        return _Path(int(status), [first, *states], join(origin, postures), float(g[-1]), counts, tree)
+        return _Path(
+            int(status), [first, *states], join(origin, postures), float(g[-1]), counts, tree
+        )
 
     def _lazy_path(
-        self, graph: LazyGraph, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
+        self, graph: LazyGraph, first: State, target: Array, tolerance: float, cost: Cost,
+        heuristic: str,
         g_weight: float, limit: int, progress: Callable[[int], None] | None,
         blocked: list[tuple[tuple[int, ...], tuple[int, ...]]],
     ) -> _Path | None:  # fmt: skip
@@ -398,9 +469,13 @@ class Planner:
             return near
 
         def estimate(position: Array) -> Array:
-            return cost.heuristic(heuristic, np.linalg.norm(position - target, axis=1), tolerance, max_step)
+            return cost.heuristic(
+                heuristic, np.linalg.norm(position - target, axis=1), tolerance, max_step
+            )
 
-        found = lazy_search(graph, first, is_goal, estimate, cost, g_weight, limit, progress, blocked)
+        found = lazy_search(
+            graph, first, is_goal, estimate, cost, g_weight, limit, progress, blocked
+        )
         chain = _chain(np.array(found.parents))
         postures = found.postures[chain[0]]
         for k in chain[1:]:
@@ -409,7 +484,14 @@ class Planner:
         parents = np.array(found.parents[1:], dtype=np.int64)
         tree = np.stack([position[parents], position[1:]], axis=1)
         states = [found.states[k] for k in chain]
-        return _Path(found.status, states, postures, found.costs[-1], (len(found.states), found.generated), tree)
+        return _Path(
+            found.status,
+            states,
+            postures,
+            found.costs[-1],
+            (len(found.states), found.generated),
+            tree,
+        )
 
     def _algorithm1_path(
         self, first: State, target: Array, tolerance: float, cost: Cost, heuristic: str,
@@ -435,8 +517,8 @@ def _seeds(
 ) -> tuple[int, NDArray[np.int64], Array]:
     """Where a search begins: index of the start, -1 if the robot stands in a pose of its own; seeds and their costs.
 
-    From a pose of its own, or on branches of its own, these are the stances that a first step leads to, but for those that
-    are `barred`.
+    From a pose of its own, or on branches of its own, these are the stances that a first step leads
+    to, but for those that are `barred`.
     """
     start = graph.find(first.stance) if first.pose is None else -1
     if start >= 0 and first.masks == tuple(graph.mask[start].tolist()):
@@ -448,7 +530,10 @@ def _seeds(
         after = (*first.stance[:limb], point, *first.stance[limb + 1 :])
         if after not in barred:
             rows.append((graph.find(after), limb, int(masks[1 - limb])))
-            costs.append(cost.base_weight * float(np.linalg.norm(position - origin.position[0])) + cost.step_weight)
+            costs.append(
+                cost.base_weight * float(np.linalg.norm(position - origin.position[0]))
+                + cost.step_weight
+            )
     return start, np.array(rows, dtype=np.int64).reshape(-1, 3), np.array(costs)
 
 

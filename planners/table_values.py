@@ -1,8 +1,9 @@
 """Cost-to-go over `StepTables`, with costs that may depend on the point a limb takes hold of.
 
-The table is that of `cost_to_go`: `U[s, i, b]`, the least cost from stance s when limb i holds on branch b and the
-other limb moves next. Here it is found by relaxing until nothing changes, over arrays that any set of points can be taken out
-of in a millisecond: what training on many layouts needs, and expected costs where grasps may fail.
+The table is that of `cost_to_go`: `U[s, i, b]`, the least cost from stance s when limb i holds on
+branch b and the other limb moves next. Here it is found by relaxing until nothing changes, over
+arrays that any set of points can be taken out of in a millisecond: what training on many layouts
+needs, and expected costs where grasps may fail.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.compiled import kernel
+from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.step_tables import StepTables
+from mlivr_gym.stances.step_tables import StepTables
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,8 @@ def relax(goal, step_cost, base_cost, tables, value, landed, queue, queued):
         base_cost: Charge for each metre of base displacement on a step to each point, shape (m,).
         tables: `StepTables`.
         value: Infinities, shape (n, 2, 16), filled.
-        landed: Infinities, shape (n, 2), filled: least cost when the limb has just landed and the other moves next.
+        landed: Infinities, shape (n, 2), filled: least cost when the limb has just landed and the
+            other moves next.
         queue: Shape (n,).
         queued: Zeros, shape (n,).
     """
@@ -114,13 +116,16 @@ def step_values(stances, masks, which, goals, step_cost, base_cost, tables, valu
                         rest = min(rest, values[g, s2, held, b])
                 if goals[g, s2]:
                     rest = 0.0
-                out[k, moving * m + point] = step_cost[point] + base_cost[point] * np.sqrt(square) + rest
+                out[k, moving * m + point] = (
+                    step_cost[point] + base_cost[point] * np.sqrt(square) + rest
+                )
 
 
 def expected_charges(cost: Cost, failure: Array) -> tuple[Array, Array]:
     """Charges for a step and for a metre where an attempt at each point fails with a probability, each shape (m,).
 
-    A failed attempt costs a step and the way there and back; it is made again until it succeeds, `1 / (1 - p)` times on average.
+    A failed attempt costs a step and the way there and back; it is made again until it succeeds, `1
+    / (1 - p)` times on average.
     """
     return cost.step_weight / (1.0 - failure), cost.base_weight * (1.0 + failure) / (1.0 - failure)
 
@@ -131,12 +136,18 @@ class TableValues:
     Attributes:
         tables: The steps of the layout.
         goals: Which stances are goals, shape (g, n).
-        values: Costs by goal, stance, holding limb and branch, shape (g, n, 2, 16); inf where there is no way.
+        values: Costs by goal, stance, holding limb and branch, shape (g, n, 2, 16); inf where there
+            is no way.
         landed: Their least by goal, stance and holding limb, shape (g, n, 2).
     """
 
     def __init__(
-        self, tables: StepTables, goals: Array, tolerance: float, cost: Cost, failure: Array | None = None
+        self,
+        tables: StepTables,
+        goals: Array,
+        tolerance: float,
+        cost: Cost,
+        failure: Array | None = None,
     ) -> None:
         """Search backward from each goal position, shape (g, 3) [m].
 
@@ -145,7 +156,8 @@ class TableValues:
             goals: Goal positions [m], shape (g, 3).
             tolerance: Radius of the goal region [m].
             cost: Cost of a step.
-            failure: Probability that an attempt at each point fails, shape (m,); costs are then expected costs.
+            failure: Probability that an attempt at each point fails, shape (m,); costs are then
+                expected costs.
         """
         self.tables = tables
         points = int(tables.points.max()) + 1 if failure is None else len(failure)
@@ -159,14 +171,20 @@ class TableValues:
         self.landed: Array = np.full((count, n, 2), np.inf)
         for g in range(count):
             queue, queued = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int8)
-            relax(self.goals[g], *self.charges, tables, self.values[g], self.landed[g], queue, queued)
+            relax(
+                self.goals[g], *self.charges, tables, self.values[g], self.landed[g], queue, queued
+            )
 
     def of_stances(self, g: int) -> Array:
         """Least cost from each stance to goal `g` when both limbs have all their branches, shape (n,)."""
         return np.where(self.goals[g], 0.0, self.values[g].min(axis=(1, 2)))
 
     def of_actions(
-        self, stances: NDArray[np.int64], masks: NDArray[np.int64], which: NDArray[np.int64], actions: int
+        self,
+        stances: NDArray[np.int64],
+        masks: NDArray[np.int64],
+        which: NDArray[np.int64],
+        actions: int,
     ) -> Array:
         """Cost of taking each action in k states and going on at the least cost, shape (k, actions); inf if not possible.
 
@@ -177,5 +195,15 @@ class TableValues:
             actions: Number of actions, 2 m.
         """
         out: Array = np.full((len(stances), actions), np.inf)
-        step_values(stances, masks, which, self.goals, *self.charges, self.tables, self.values, self.landed, out)
+        step_values(
+            stances,
+            masks,
+            which,
+            self.goals,
+            *self.charges,
+            self.tables,
+            self.values,
+            self.landed,
+            out,
+        )
         return out

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.errors import StanceError
-from mlivr_gym.lazy_graph import LazyGraph
-from mlivr_gym.planners.assemble import assemble
-from mlivr_gym.planners.plan import Plan
-from mlivr_gym.stance_graph import StanceGraph, State, join
-from mlivr_gym.transitions import quaternion
+from mlivr_gym.kinematics.holding import quaternion
+from mlivr_gym.motion.commitment import assemble
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.stance_graph import StanceGraph, State, join
 
 Array = NDArray[np.float64]
 
@@ -36,13 +36,22 @@ class Walk(NamedTuple):
         """Limb that moves and point it moves to, K - 1 pairs."""
         pairs = []
         for before, after in zip(self.states, self.states[1:], strict=False):
-            limb = next(i for i, (a, b) in enumerate(zip(before.stance, after.stance, strict=True)) if a != b)
+            limb = next(
+                i
+                for i, (a, b) in enumerate(zip(before.stance, after.stance, strict=True))
+                if a != b
+            )
             pairs.append((limb, after.stance[limb]))
         return tuple(pairs)
 
 
 def plan_of(
-    graph: StanceGraph, states: Sequence[State], goal: Array, tolerance: float, method: str, expanded: int = 0
+    graph: StanceGraph,
+    states: Sequence[State],
+    goal: Array,
+    tolerance: float,
+    method: str,
+    expanded: int = 0,
 ) -> Plan | None:
     """A plan that can be carried out from a sequence of states; None if a limb would leave its joint limits or finds no swing.
 

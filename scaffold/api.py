@@ -1,11 +1,12 @@
 """The names that the scaffold needs, where they lie at present."""
 
 from mlivr_gym import Box, Settings, jem_map, stance_graph  # noqa: F401
-from mlivr_gym.pair_graph import fill_rows  # noqa: F401
+from mlivr_gym.envs.tasks import random_state, sample_task  # noqa: F401
+from mlivr_gym.motion.plan_motion import plan_trajectory  # noqa: F401
 from mlivr_gym.planners import Planner  # noqa: F401
-from mlivr_gym.planners.motion import plan_trajectory  # noqa: F401
-from mlivr_gym.step_tables import step_tables  # noqa: F401
-from mlivr_gym.tasks import random_state, sample_task  # noqa: F401
+from mlivr_gym.stances.pair_graph import fill_rows  # noqa: F401
+from mlivr_gym.stances.stance_graph import join
+from mlivr_gym.stances.step_tables import step_tables  # noqa: F401
 
 
 def step_way(graph, tables, s, s2, moving, left):
@@ -15,8 +16,6 @@ def step_way(graph, tables, s, s2, moving, left):
     masks[1 - moving] = bit
     masks[moving] = 1
     before, after = tuple(graph.points[s].tolist()), tuple(graph.points[s2].tolist())
-    from mlivr_gym.stance_graph import join
-
     both = join(graph.posture(before), graph.posture(after))
     way = graph.way(before, after, moving, both, masks)
     return s, s2, moving, way.kind, way.fold, way.pair, way.left.get(1 - moving, 0)

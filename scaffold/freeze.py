@@ -4,8 +4,9 @@
     python scaffold/freeze.py scaffold/frozen.npz --compare  compare this tree with them
     ... --parts plans,steps                                  only some of the parts
 
-The frozen file is not kept: it is made anew from the commit that brought this script, before anything moved.
-Discrete answers must be equal, numbers equal within 1e-9. Long discrete arrays are kept as hashes.
+The frozen file is not kept: it is made anew from the commit that brought this script, before
+anything moved. Discrete answers must be equal, numbers equal within 1e-9. Long discrete arrays are
+kept as hashes.
 """
 
 from __future__ import annotations
@@ -23,8 +24,16 @@ import numpy as np
 os.environ.setdefault("MLIVR_GYM_CACHE", "")
 
 from api import (
-    Planner, Settings, fill_rows, plan_trajectory, random_state, sample_task, stance_graph, step_tables,
-    step_way, Box,
+    Box,
+    Planner,
+    Settings,
+    fill_rows,
+    plan_trajectory,
+    random_state,
+    sample_task,
+    stance_graph,
+    step_tables,
+    step_way,
 )  # fmt: skip
 
 HASHED = 20_000
@@ -70,7 +79,10 @@ def many_limbs():
     """Sampled steps of three and four limbs, without and with collisions, and plans of theirs."""
     for robot in ("mlivr3", "mlivr4"):
         for collisions in (False, True):
-            graph, rng = stance_graph(robot=robot, settings=Settings(collisions=collisions)), np.random.default_rng(7)
+            graph, rng = (
+                stance_graph(robot=robot, settings=Settings(collisions=collisions)),
+                np.random.default_rng(7),
+            )
             rows, numbers = [], []
             for _ in range(3 if collisions else 8):
                 state = random_state(graph, rng)
@@ -84,23 +96,36 @@ def many_limbs():
                     k = int(rng.integers(len(steps.limb)))
                     stance = list(state.stance)
                     stance[steps.limb[k]] = int(steps.point[k])
-                    state = state._replace(stance=tuple(stance), masks=tuple(steps.masks[k].tolist()), pose=None)
+                    state = state._replace(
+                        stance=tuple(stance), masks=tuple(steps.masks[k].tolist()), pose=None
+                    )
             yield f"{robot}/{collisions}/steps", np.concatenate(rows).astype(np.int64)
             yield f"{robot}/{collisions}/position", np.concatenate(numbers)
-        graph, rng = stance_graph(robot=robot, settings=Settings(collisions=False)), np.random.default_rng(8)
+        graph, rng = (
+            stance_graph(robot=robot, settings=Settings(collisions=False)),
+            np.random.default_rng(8),
+        )
         planner = Planner(graph)
         for k in range(3):
             start, goal = sample_task(graph, rng, 0.2)
-            yield from plan_of(f"{robot}/plan{k}", planner.plan(start.stance, goal, cost=("base", "steps")[k % 2]))
+            yield from plan_of(
+                f"{robot}/plan{k}",
+                planner.plan(start.stance, goal, ("base", "steps")[k % 2], limit=150),
+            )
 
 
 def plan_of(name, result):
     """What a plan says, but for times."""
-    yield f"{name}/reason", np.array([hash_of(result.reason.encode()), result.expanded, result.generated])
+    yield (
+        f"{name}/reason",
+        np.array([hash_of(result.reason.encode()), result.expanded, result.generated]),
+    )
     if result.plan is None:
         return
     data = result.plan.to_dict()
-    query, world, motion, statistics = (data.get(g, data) for g in ("query", "world", "motion", "statistics"))
+    query, world, motion, statistics = (
+        data.get(g, data) for g in ("query", "world", "motion", "statistics")
+    )
     ids = repr((motion["stances"], [s["limb"] for s in motion["steps"]]))
     kinds = repr([(s["path"], s["swing"], len(s["knots"])) for s in motion["steps"]])
     world = repr((world["map_fingerprint"], sorted(world["settings"].items())))
@@ -108,8 +133,13 @@ def plan_of(name, result):
     yield f"{name}/branches", np.array(motion["branches"], dtype=np.int64)
     for field in ("base_positions", "base_quaternions", "joint_positions", "w_m", "w_b"):
         yield f"{name}/{field}", np.array(motion[field], dtype=np.float64)
-    knots = [np.ravel(s["knots"]) for s in motion["steps"]] + [np.ravel(s["pivot"]) for s in motion["steps"]]
-    yield f"{name}/knots", np.concatenate([*knots, [data.get("cost", statistics.get("cost"))]]).astype(np.float64)
+    knots = [np.ravel(s["knots"]) for s in motion["steps"]] + [
+        np.ravel(s["pivot"]) for s in motion["steps"]
+    ]
+    yield (
+        f"{name}/knots",
+        np.concatenate([*knots, [data.get("cost", statistics.get("cost"))]]).astype(np.float64),
+    )
 
 
 def plans():
@@ -123,14 +153,32 @@ def plans():
         for cost, price in (("base", None), ("steps", None), ("weighted", 0.1)):
             result = planner.plan(start.stance, goal, cost, regrasp_price=price)
             yield from plan_of(f"plans/{k}/{cost}", result)
-            if result.plan is not None and cost == "steps" and 1 <= len(result.plan.stances) - 1 <= 6 and len(walks) < 10:
+            if (
+                result.plan is not None
+                and cost == "steps"
+                and 1 <= len(result.plan.stances) - 1 <= 6
+                and len(walks) < 10
+            ):
                 walks.append((k, result.plan))
-    for method, heuristic in (("dijkstra", None), ("greedy", None), ("astar", "paper"), ("algorithm1", None)):
-        result = planner.plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps", method=method, heuristic=heuristic)
+    for method, heuristic in (
+        ("dijkstra", None),
+        ("greedy", None),
+        ("astar", "paper"),
+        ("algorithm1", None),
+    ):
+        result = planner.plan(
+            ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps", method=method, heuristic=heuristic
+        )
         yield from plan_of(f"methods/{method}", result)
     for k, plan in walks:
         moved = plan_trajectory(graph, plan, period=0.25)
-        for field in ("times", "base_positions", "base_quaternions", "joint_positions", "joint_velocities"):
+        for field in (
+            "times",
+            "base_positions",
+            "base_quaternions",
+            "joint_positions",
+            "joint_velocities",
+        ):
             yield f"trajectories/{k}/{field}", getattr(moved, field)
 
 
@@ -138,7 +186,10 @@ def environments():
     """10,000 seeded steps: single, with shaping, unreliable, three limbs, carried out, and as a vector."""
     kinds = {
         "plain": (3000, {}),
-        "shaped": (1500, {"reward": "base", "shaping": True, "success_bonus": 2.0, "collisions": False}),
+        "shaped": (
+            1500,
+            {"reward": "base", "shaping": True, "success_bonus": 2.0, "collisions": False},
+        ),
         "unreliable": (1000, {"grasp_failure": 0.2, "collisions": False}),
         "three": (40, {"robot": "mlivr3", "collisions": False}),
         "mujoco": (6, {"dynamics": "mujoco", "collisions": False, "step_duration": 20.0}),
@@ -148,16 +199,32 @@ def environments():
         yield from walk(f"env/{name}", env, count)
         env.close()
     vector = gymnasium.make_vec(
-        "MLIVR-JEM-v0", num_envs=64, collisions=False, grasp_failure=0.1, reward="base", shaping=True
+        "MLIVR-JEM-v0",
+        num_envs=64,
+        collisions=False,
+        grasp_failure=0.1,
+        reward="base",
+        shaping=True,
     )
     rng, rows, numbers = np.random.default_rng(3), [], []
     observation, info = vector.reset(seed=9)
     for _ in range(70):
         actions = np.array([rng.choice(np.flatnonzero(mask)) for mask in info["action_mask"]])
         observation, reward, terminated, truncated, info = vector.step(actions)
-        rows += [info["action_mask"].ravel(), terminated, truncated, info["grasp_failed"], info["steps"]]
+        rows += [
+            info["action_mask"].ravel(),
+            terminated,
+            truncated,
+            info["grasp_failed"],
+            info["steps"],
+        ]
         rows += [observation["stance"].ravel(), observation["branches"].ravel()]
-        numbers += [reward, info["base_translation"], observation["goal"].ravel(), info["limb_manipulability"].ravel()]
+        numbers += [
+            reward,
+            info["base_translation"],
+            observation["goal"].ravel(),
+            info["limb_manipulability"].ravel(),
+        ]
     yield "vector/discrete", np.concatenate([np.ravel(row).astype(np.int64) for row in rows])
     yield "vector/numbers", np.concatenate(numbers).astype(np.float64)
 
@@ -168,13 +235,35 @@ def walk(name, env, count):
         if fresh:
             observation, info = env.reset(seed=k)
             steps, mask = 0, info["action_mask"]
-        action = int(rng.choice(np.flatnonzero(mask))) if rng.random() < 0.9 else int(rng.integers(len(mask)))
+        action = (
+            int(rng.choice(np.flatnonzero(mask)))
+            if rng.random() < 0.9
+            else int(rng.integers(len(mask)))
+        )
         observation, reward, terminated, truncated, info = env.step(action)
         mask, steps = info["action_mask"], steps + 1
-        rows += [[action, terminated, truncated, info["is_success"], info["invalid_action"], info["grasp_failed"]]]
+        rows += [
+            [
+                action,
+                terminated,
+                truncated,
+                info["is_success"],
+                info["invalid_action"],
+                info["grasp_failed"],
+            ]
+        ]
         rows += [np.flatnonzero(mask), observation["stance"], observation["branches"]]
-        numbers += [[reward, info["base_translation"], info["base_manipulability"], info.get("base_error", 0.0)]]
-        numbers += [observation[key] for key in ("grasps", "base_position", "base_quaternion", "goal")]
+        numbers += [
+            [
+                reward,
+                info["base_translation"],
+                info["base_manipulability"],
+                info.get("base_error", 0.0),
+            ]
+        ]
+        numbers += [
+            observation[key] for key in ("grasps", "base_position", "base_quaternion", "goal")
+        ]
         fresh = terminated or truncated or steps >= 20 or not mask.any()
     yield f"{name}/discrete", np.concatenate([np.ravel(row).astype(np.int64) for row in rows])
     yield f"{name}/numbers", np.concatenate([np.ravel(row).astype(np.float64) for row in numbers])
@@ -207,11 +296,17 @@ def main():
         return 0
     wrong, largest = 0, 0.0
     with np.load(args.file) as frozen:
-        kept = {name: frozen[name] for name in frozen.files if name.split(":")[0] in args.parts.split(",")}
+        kept = {
+            name: frozen[name]
+            for name in frozen.files
+            if name.split(":")[0] in args.parts.split(",")
+        }
     for name in sorted(set(kept) | set(found)):
         a, b = kept.get(name), found.get(name)
         if a is None or b is None or a.shape != b.shape:
-            print(f"{name}: {None if a is None else a.shape} before, {None if b is None else b.shape} now")
+            print(
+                f"{name}: {None if a is None else a.shape} before, {None if b is None else b.shape} now"
+            )
             wrong += 1
         elif a.dtype.kind in "iub":
             if not np.array_equal(a, b):

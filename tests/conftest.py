@@ -63,7 +63,13 @@ def ladder():
         {
             "name": "ladder",
             "segments": [
-                {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0], "normal": [0, 0, 1]}
+                {
+                    "id": f"R{k}",
+                    "face": "deck",
+                    "start": [x, -0.4, 0.0],
+                    "end": [x, 0.4, 0.0],
+                    "normal": [0, 0, 1],
+                }
                 for k, x in enumerate((0.0, 0.9, 1.8))
             ],
             "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]},

@@ -11,12 +11,17 @@ from hypothesis import strategies as st
 from mlivr_gym import GraspMap, MlivrError, RobotSpec, robot_spec
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.shapes import load_obstacles
+from mlivr_gym.world.boxes import load_obstacles
 
 JEM = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
 BOXES = [
     {"id": "cargo", "min": [5, 0, 0], "max": [6, 1, 1]},
-    {"id": "turned", "centre": [5, 0, 0], "half": [1, 1, 1], "rotation": [[1, 0, 0], [0, 0, -1], [0, 1, 0]]},
+    {
+        "id": "turned",
+        "centre": [5, 0, 0],
+        "half": [1, 1, 1],
+        "rotation": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+    },
 ]
 POINT = {"id": "P", "face": "deck", "position": [1, 0, -1], "normal": [0, 0, 1], "rail": [1, 0, 0]}
 FILES = {
@@ -26,7 +31,11 @@ FILES = {
     "robot": json.loads(json.dumps(RobotSpec(capsules=RobotSpec().shapes).to_dict())),
     "obstacles": {"boxes": BOXES, "occupied": ["D1a:4", "D2a:3"]},
 }
-LOADERS = {"map": GraspMap.load, "robot": lambda path: robot_spec(str(path)), "obstacles": load_obstacles}
+LOADERS = {
+    "map": GraspMap.load,
+    "robot": lambda path: robot_spec(str(path)),
+    "obstacles": load_obstacles,
+}
 
 values = st.one_of(
     st.sampled_from([None, True, [], {}, "", "x", "\ud800", "a\0b", "limb0/flange", "body", "-"]),
@@ -72,7 +81,9 @@ def check(load, path, content):
         assert path.name in told and told.isprintable() and len(told) < 1500, told
 
 
-few = settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+few = settings(
+    max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 
 
 @pytest.fixture(scope="module")
@@ -104,4 +115,8 @@ def test_a_damaged_file_is_one_error_at_most(tmp_path, kind, data):
     whole = json.dumps(FILES[kind]).encode()
     at, length = data.draw(st.integers(0, len(whole))), data.draw(st.integers(0, 9))
     content = whole[:at] + data.draw(st.binary(max_size=9)) + whole[at + length :]
-    check(LOADERS[kind], tmp_path / f"{kind}.json", content[: data.draw(st.integers(0, 2 * len(whole)))])
+    check(
+        LOADERS[kind],
+        tmp_path / f"{kind}.json",
+        content[: data.draw(st.integers(0, 2 * len(whole)))],
+    )

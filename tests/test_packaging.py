@@ -30,7 +30,9 @@ def built(tmp_path_factory):
 
 def contents(wheel):
     with zipfile.ZipFile(wheel) as archive:
-        return {name: archive.read(name) for name in archive.namelist() if ".dist-info/" not in name}
+        return {
+            name: archive.read(name) for name in archive.namelist() if ".dist-info/" not in name
+        }
 
 
 def test_the_wheel_has_one_top_level_package(built):
@@ -61,7 +63,17 @@ def test_the_sdist_has_no_links_out_of_itself(built):
 
 def test_an_installed_wheel_plans(built, tmp_path):
     target = tmp_path / "site"
-    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(target), str(built[1])]
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--target",
+        str(target),
+        str(built[1]),
+    ]
     subprocess.run(command, check=True, capture_output=True)
     code = (
         f"import sys; sys.path.insert(0, {str(target)!r})\n"
@@ -78,7 +90,11 @@ def test_an_installed_wheel_plans(built, tmp_path):
 @pytest.mark.parametrize("name", ["planners", "agents", "envs_assets"])
 def test_bare_folders_refuse_to_be_imported(name):
     done = subprocess.run(
-        [sys.executable, "-c", f"import {name}"], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-c", f"import {name}"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode != 0
     assert done.stderr.strip().splitlines()[-1].startswith(f"ImportError: import mlivr_gym.{name}:")
@@ -101,8 +117,8 @@ for module in pkgutil.walk_packages(mlivr_gym.__path__, "mlivr_gym."):
             raise
 from mlivr_gym import stance_graph
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.execution import execute
-from mlivr_gym.trajectory import Durations
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.motion.trajectory import Durations
 graph = stance_graph()
 start = ("D2a:4", "D2b:4")
 goal = graph.successors(graph.state(start)).position[-1]

@@ -19,8 +19,11 @@ def test_what_is_no_number_is_refused_by_name(value):
 
 
 def test_numbers_are_returned_as_they_are():
-    assert number(3, "width", MlivrError) == 3.0 and number(np.float32(0.5), "width", MlivrError) == 0.5
-    np.testing.assert_array_equal(numbers([1, 2.5, 10**25], (3,), "place", MlivrError), [1.0, 2.5, 1e25])
+    assert number(3, "width", MlivrError) == 3.0
+    assert number(np.float32(0.5), "width", MlivrError) == 0.5
+    np.testing.assert_array_equal(
+        numbers([1, 2.5, 10**25], (3,), "place", MlivrError), [1.0, 2.5, 1e25]
+    )
     with pytest.raises(MlivrError, match=r"has shape \(2,\)"):
         numbers([1, 2], (3,), "place", MlivrError)
 
@@ -35,11 +38,15 @@ def test_lengths_beyond_the_largest_hint_at_millimetres():
 def test_what_cannot_be_a_name_is_refused(value):
     with pytest.raises(MlivrError, match="^the id is ") as told:
         text(value, "the id", MlivrError)
-    assert str(told.value).isprintable() and len(str(told.value)) < 300
+    assert str(told.value).isprintable()
+    assert len(str(told.value)) < 300
 
 
 def test_names_may_be_of_any_language():
-    assert all(text(name, "the id", MlivrError) == name for name in ("D2a:4", "tool bag", "étagère", "きぼう"))
+    assert all(
+        text(name, "the id", MlivrError) == name
+        for name in ("D2a:4", "tool bag", "étagère", "きぼう")
+    )
 
 
 def test_whole_numbers_lists_and_rotations_are_checked():
@@ -62,5 +69,13 @@ def test_any_value_is_shown_in_brief():
     deep: list = []
     for _ in range(100_000):
         deep = [deep]
-    for value in (deep, "x" * 10**6, list(range(10**6)), 10**5000, "\ud800", {k: k for k in range(1000)}):
-        assert len(shown(value)) < 300 and shown(value).isprintable()
+    for value in (
+        deep,
+        "x" * 10**6,
+        list(range(10**6)),
+        10**5000,
+        "\ud800",
+        {k: k for k in range(1000)},
+    ):
+        assert len(shown(value)) < 300
+        assert shown(value).isprintable()

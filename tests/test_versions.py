@@ -10,13 +10,14 @@ from mlivr_gym import stance_graph
 from mlivr_gym.agents.learned import CheckpointError, load_policy, save_policy
 from mlivr_gym.agents.networks import make_policy
 from mlivr_gym.agents.test_set import SPLITS, freeze_test_set, load_test_set
-from mlivr_gym.env import MlivrEnv
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, PlanError
+from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.plan import Plan
 from mlivr_gym.settings import GRAPH_RULES
-from mlivr_gym.step_tables import CACHE_VARIABLE, FORMAT, cache_file, step_tables
+from mlivr_gym.stances.step_tables import FORMAT, cache_file, step_tables
 
 OTHERS = (None, 1, GRAPH_RULES + 1, str(GRAPH_RULES))
 
@@ -24,7 +25,11 @@ OTHERS = (None, 1, GRAPH_RULES + 1, str(GRAPH_RULES))
 def tamper(data, rules):
     """The same data with another number of rules, or none."""
     assert data["rules"] == GRAPH_RULES
-    return {**data, "rules": rules} if rules is not None else {k: v for k, v in data.items() if k != "rules"}
+    return (
+        {**data, "rules": rules}
+        if rules is not None
+        else {k: v for k, v in data.items() if k != "rules"}
+    )
 
 
 def sentence(what, rules, remedy):
@@ -47,7 +52,9 @@ def test_plans(env, tmp_path, rules):
     file.write_text(json.dumps(tamper(json.loads(file.read_text()), rules)))
     with pytest.raises(PlanError) as caught:
         Plan.load(file)
-    assert str(caught.value) == f"plan {str(file)!r}: " + sentence("the plan", rules, "plan it anew")
+    assert str(caught.value) == f"plan {str(file)!r}: " + sentence(
+        "the plan", rules, "plan it anew"
+    )
 
 
 @pytest.mark.parametrize("rules", OTHERS)
@@ -55,7 +62,8 @@ def test_checkpoints(env, tmp_path, rules):
     path = tmp_path / "policy"
     config = {"network": "mlp", "sizes": {}}
     save_policy(path, make_policy(env, "mlp", {}), config)
-    assert "rules" not in config and load_policy(path, env).config["rules"] == GRAPH_RULES
+    assert "rules" not in config
+    assert load_policy(path, env).config["rules"] == GRAPH_RULES
     file = path.with_suffix(".json")
     file.write_text(json.dumps(tamper(json.loads(file.read_text()), rules)))
     with pytest.raises(CheckpointError) as caught:
@@ -70,18 +78,22 @@ def test_test_sets(tmp_path, rules):
     file.write_text(json.dumps(tamper(data, rules)))
     with pytest.raises(MlivrError) as caught:
         load_test_set(file)
-    assert str(caught.value) == sentence(f"test set {str(file)!r}", rules, "draw it anew with freeze_test_set")
+    assert str(caught.value) == sentence(
+        f"test set {str(file)!r}", rules, "draw it anew with freeze_test_set"
+    )
 
 
 def test_a_new_test_set_carries_its_number(tmp_path, monkeypatch):
     monkeypatch.setattr("mlivr_gym.agents.test_set._draw", lambda world, *_, **__: world)
     file = tmp_path / "set.json"
     worlds = freeze_test_set(file, 0, dict.fromkeys(SPLITS, 0))
-    assert json.loads(file.read_text())["rules"] == GRAPH_RULES and load_test_set(file) == worlds
+    assert json.loads(file.read_text())["rules"] == GRAPH_RULES
+    assert load_test_set(file) == worlds
 
 
 def test_what_ships_is_of_this_version(env):
-    assert load_policy("pretrained", env).config["rules"] == GRAPH_RULES and load_test_set()
+    assert load_policy("pretrained", env).config["rules"] == GRAPH_RULES
+    assert load_test_set()
 
 
 @pytest.mark.parametrize(
@@ -105,7 +117,9 @@ def test_step_tables(small_map, tmp_path, monkeypatch, caplog, change, said):
     with caplog.at_level(logging.WARNING):
         second = step_tables(stance_graph(world))
     (record,) = caplog.records
-    assert said in record.getMessage() and str(file) in record.getMessage() and "\n" not in record.getMessage()
+    assert said in record.getMessage()
+    assert str(file) in record.getMessage()
+    assert "\n" not in record.getMessage()
     for ours, theirs in zip(first, second, strict=True):
         np.testing.assert_array_equal(ours, theirs)
     with np.load(file) as data:

@@ -1,0 +1,1 @@
+"""Distances between the robot and its world, at rest and along motions."""

@@ -1,0 +1,183 @@
+"""Which shapes of a robot come near what, one pair after the other: for explanations, pictures and tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.collisions.distances import segment_box_apart, segments_apart
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.collisions.link_capsules import FLUSH, axis_of, frames_of_angles, place
+from mlivr_gym.collisions.uncompared import BODY
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.world.boxes import BOX, Box, scene_name
+
+Array = NDArray[np.float64]
+
+Configuration = tuple[Array, Array, Array]
+"""Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad]."""
+
+Pair = tuple[str, str, float]
+"""Names of two shapes and the distance of their surfaces [m]."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two shapes that are nearer than the clearance.
+
+    Attributes:
+        first: A shape of the robot, as the scene names it: `"limb0/forearm/0"` or `"body"`.
+        second: Another of its shapes, or a box: `"box/{id}"`.
+        distance: Distance of the surfaces [m], negative where a capsule overlaps, 0 where the body
+            reaches into a box.
+    """
+
+    first: str
+    second: str
+    distance: float
+
+
+def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configuration) -> Array:
+    """Ends of the limbs' moving capsules in the world [m], shape (N, c, 2, 3)."""
+    position, quaternion, joints = configuration
+    base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    out = np.empty((robot.limbs, len(shapes), 2, 3))
+    frames = np.empty((7, 4, 3))
+    lengths = robot.limb.lengths
+    for i, mount in enumerate(zip(robot.mount_rotations, robot.mount_positions, strict=True)):
+        frames_of_angles(np.ascontiguousarray(joints[i]), lengths, frames)
+        place(frames, shapes.arrays, *mount, out[i])
+    return out @ base.T + position
+
+
+def contacts(
+    robot: RobotSpec,
+    boxes: Sequence[Box],
+    configuration: Configuration,
+    clearance: float,
+    grasps: Sequence[tuple[int, Array, Array]] = (),
+) -> list[Contact]:
+    """Every pair of shapes that is compared and nearer than the clearance, or overlaps, the nearest first.
+
+    All pairs but those of `uncompared.NOT_COMPARED`. The body is the box that it is; the compiled
+    checks take capsules that contain it where they compare it with boxes, `limb_shapes.round_cube`.
+
+    Args:
+        robot: The robot.
+        boxes: What stands round it.
+        configuration: Where it is.
+        clearance: Least distance [m].
+        grasps: Limb, point [m] and surface normal of each limb at a grasp: its gripper may come
+            near what lies behind.
+    """
+    shapes = _shapes(robot)
+    ends = capsule_ends(robot, shapes, configuration)
+    base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
+    at_grasp = {limb: (point, normal) for limb, point, normal in grasps}
+    found = [
+        *_among_themselves(robot, shapes, (ends - configuration[0]) @ base),
+        *_limbs_with_boxes(shapes, boxes, ends, at_grasp),
+        *_base_with_boxes(robot, shapes, boxes, (configuration[0], base), clearance),
+    ]
+    near = [Contact(*pair) for pair in found if pair[2] < clearance or pair[2] <= 0.0]
+    return sorted(near, key=lambda contact: contact.distance)
+
+
+def _among_themselves(robot: RobotSpec, shapes: LimbShapes, local: Array) -> Iterator[Pair]:
+    """Distances of the robot's shapes from each other; capsule ends in the body frame."""
+    radius, names, fixed = shapes.arrays[2], _names(shapes), _mount_names(robot, shapes)
+    mounts, mount_radius, half, least = shapes.fixed
+    for i in range(robot.limbs):
+        for c in range(len(shapes)):
+            name = f"limb{i}/{names[c]}"
+            p, u = axis_of(local[i], c)
+            if shapes.arrays[0][c] >= 2:
+                yield name, BODY, np.sqrt(segment_box_apart(p, u, tuple(half))) - radius[c]
+                for m, mount in enumerate(fixed):
+                    if shapes.arrays[0][c] >= least[i, m]:
+                        apart = np.sqrt(segments_apart(p, u, *axis_of(mounts, m)))
+                        yield name, mount, apart - radius[c] - mount_radius[m]
+            for d, j in shapes.arrays[3].tolist():
+                if d == c:
+                    apart = np.sqrt(segments_apart(p, u, *axis_of(local[i], j)))
+                    yield name, f"limb{i}/{names[j]}", apart - radius[c] - radius[j]
+            for k in range(i + 1, robot.limbs):
+                for j in range(len(shapes)):
+                    apart = np.sqrt(segments_apart(p, u, *axis_of(local[k], j)))
+                    yield name, f"limb{k}/{names[j]}", apart - radius[c] - radius[j]
+
+
+def _limbs_with_boxes(
+    shapes: LimbShapes, boxes: Sequence[Box], ends: Array, at_grasp: dict[int, tuple[Array, Array]]
+) -> Iterator[Pair]:
+    """Distances of the limbs' moving capsules from boxes."""
+    radius, names = shapes.arrays[2], _names(shapes)
+    for i, limb in enumerate(ends):
+        for c, axis in enumerate(limb):
+            for box in boxes:
+                if c >= shapes.first_gripper and i in at_grasp and _behind(box, *at_grasp[i]):
+                    continue
+                yield f"limb{i}/{names[c]}", scene_name(BOX, box.id), _to_box(axis, box) - radius[c]
+
+
+def _base_with_boxes(
+    robot: RobotSpec,
+    shapes: LimbShapes,
+    boxes: Sequence[Box],
+    base: tuple[Array, Array],
+    clearance: float,
+) -> Iterator[Pair]:
+    """Distances of body and mounts from boxes; the body from those alone that its sphere is near."""
+    position, rotation = base
+    mounts, mount_radius, half, _ = shapes.fixed
+    names = _mount_names(robot, shapes)
+    body = Box(BODY, "obstacle", tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation))
+    for box in boxes:
+        if _to_box(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
+            # Two boxes are nearest, or first overlap, at an edge of one of them.
+            edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
+            yield BODY, scene_name(BOX, box.id), min(_to_box(*pair) for pair in edges)
+        for name, axis, radius in zip(names, mounts, mount_radius, strict=True):
+            yield name, scene_name(BOX, box.id), _to_box(position + axis @ rotation.T, box) - radius
+
+
+def _to_box(axis: Array, box: Box) -> float:
+    """Distance of a segment, shape (2, 3), from a box [m]; 0 where it reaches into it."""
+    start, end = (axis - np.array(box.centre)) @ np.array(box.rotation)
+    return float(np.sqrt(segment_box_apart(tuple(start), tuple(end - start), box.half)))
+
+
+def _edges(box: Box) -> Array:
+    """The twelve edges of a box, shape (12, 2, 3) [m]."""
+    corners = np.array(list(product((-1.0, 1.0), repeat=3)))
+    ends = [(a, b) for a, b in combinations(corners, 2) if (a != b).sum() == 1]
+    return np.array(box.centre) + (np.array(ends) * box.half) @ np.array(box.rotation).T
+
+
+def _mount_names(robot: RobotSpec, shapes: LimbShapes) -> list[str]:
+    """Names of the capsules fixed to the body, limb by limb."""
+    count = len(shapes.fixed[1])
+    per_limb = max(count // robot.limbs, 1)
+    return [f"limb{m // per_limb}/base/{m % per_limb}" for m in range(count)]
+
+
+@lru_cache(maxsize=8)
+def _shapes(robot: RobotSpec) -> LimbShapes:
+    """A robot's shapes, worked out once."""
+    return LimbShapes(robot)
+
+
+def _names(shapes: LimbShapes) -> list[str]:
+    """Names of a limb's moving capsules: link and number on it."""
+    return [f"{name}/{shapes.names[:c].count(name)}" for c, name in enumerate(shapes.names)]
+
+
+def _behind(box: Box, point: Array, normal: Array) -> bool:
+    reach = np.abs(np.array(box.rotation).T @ normal) @ np.array(box.half)
+    return float((np.array(box.centre) - point) @ normal + reach) <= FLUSH

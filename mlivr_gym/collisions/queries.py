@@ -1,0 +1,138 @@
+"""Compiled checks of postures against boxes."""
+
+from __future__ import annotations
+
+from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.link_capsules import (
+    EVERY,
+    against_boxes,
+    bit,
+    body_against_boxes,
+    frames_of_branch,
+    place,
+    to_world,
+)
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.stack_arrays import floats, zeros
+from mlivr_gym.kinematics.base_path import flange_in_limb
+
+
+@kernel
+def hands_clear(points, normals, tool_length, lengths, bodies, answers):
+    """What the capsules on the flange axis touch when they hold each point, whatever the posture, into `answers`.
+
+    Args:
+        points: Points of the map [m], shape (m, 3).
+        normals: Their surface normals, shape (m, 3).
+        tool_length: Flange to grasp [m].
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        bodies: `Bodies.arrays`.
+        answers: Filled, shape (m,).
+    """
+    shapes, gripper, hand, _, world, clearance, _ = bodies
+    link, local = shapes[0], shapes[1]
+    ends, still = floats(len(link), 2, 3), zeros(len(link), 2)
+    for m in range(len(points)):
+        for c in range(hand, len(link)):
+            for e in range(2):
+                along = local[c, e, 2] if link[c] == 6 else local[c, e, 1] - lengths[5]
+                for k in range(3):
+                    ends[c, e, k] = points[m, k] + (tool_length - along) * normals[m, k]
+        answers[m] = against_boxes(
+            ends,
+            still,
+            -bit(hand),
+            len(link),
+            shapes[2],
+            world,
+            gripper,
+            points[m],
+            normals[m],
+            clearance,
+        )[0]
+
+
+@kernel
+def clear_of_world(
+    start, stop, chosen, points, positions, normals, tool_length, position, rotation, branch, mask,
+    check, mount_rotations,
+    mount_positions, lengths, bodies, cause,
+):  # fmt: skip
+    """Take the branches that touch a box out of the masks of postures that keep clear of themselves.
+
+    Args:
+        start: First of `chosen`.
+        stop: One past the last.
+        chosen: Stances to look at.
+        points: Point indices of all stances, shape (k, N).
+        positions: Points of the map [m], shape (m, 3).
+        normals: Their surface normals, shape (m, 3).
+        tool_length: Flange to grasp [m].
+        position: Base positions [m], shape (k, 3).
+        rotation: Base rotations, shape (k, 3, 3).
+        branch: The postures' own branches, shape (k, N).
+        mask: Branches and flips of each limb, shape (k, N), changed.
+        check: Whether branches other than the own ones count.
+        mount_rotations: Shape (N, 3, 3).
+        mount_positions: Shape (N, 3) [m].
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        bodies: `Bodies.arrays`.
+        cause: Shape (k,), filled with the cause where an own branch touches a box.
+    """
+    shapes, gripper, hand, _, world, clearance, body = bodies
+    capsules = len(shapes[0])
+    ends, world_ends, still = floats(capsules, 2, 3), floats(capsules, 2, 3), zeros(capsules, 2)
+    frames, p, z = floats(7, 4, 3), floats(3), floats(3)
+    grip, approach, normal = floats(3), floats(3), floats(3)
+    for n in range(start, stop):
+        k = chosen[n]
+        found = body_against_boxes(position[k], rotation[k], 0.0, 0.0, body, world, clearance)
+        if found != CLEAR:
+            cause[k] = found
+            for i in range(points.shape[1]):
+                if check:
+                    mask[k, i] = 0
+            continue
+        for i in range(points.shape[1]):
+            point = points[k, i]
+            for axis in range(3):
+                normal[axis] = normals[point, axis]
+                approach[axis] = -normal[axis]
+                grip[axis] = positions[point, axis] + tool_length * normal[axis]
+            flange_in_limb(
+                grip,
+                approach,
+                position[k],
+                rotation[k],
+                approach,
+                0.0,
+                mount_rotations[i],
+                mount_positions[i],
+                p,
+                z,
+            )
+            for b in range(8):
+                own = b == branch[k, i]
+                if not own and not (check and mask[k, i] & (0x0101 << b)):
+                    continue
+                found = CLEAR + 1
+                if frames_of_branch(p, z, lengths, b, frames):
+                    place(frames, shapes, mount_rotations[i], mount_positions[i], ends)
+                    to_world(ends, position[k], rotation[k], world_ends)
+                    found, _ = against_boxes(
+                        world_ends,
+                        still,
+                        EVERY,
+                        hand,
+                        shapes[2],
+                        world,
+                        gripper,
+                        positions[point],
+                        normal,
+                        clearance,
+                    )
+                if found != CLEAR:
+                    if check:
+                        mask[k, i] &= ~(0x0101 << b)
+                    if own:
+                        cause[k] = found

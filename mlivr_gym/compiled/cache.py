@@ -1,0 +1,68 @@
+"""Where answers and machine code are kept between runs, and a digest of the sources that they depend on."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import sys
+from functools import cache
+from pathlib import Path
+
+CACHE_VARIABLE = "MLIVR_GYM_CACHE"
+"""Environment variable that names another cache folder; empty: no step tables are kept."""
+
+PACKAGE = Path(__file__).parent.parent
+IMPORT = re.compile(r"^(?:from|import) mlivr_gym((?:\.\w+)+)(?: import (.+))?", re.MULTILINE)
+
+
+def cache_folder() -> Path | None:
+    """Where step tables are kept, or None if they are not: see `CACHE_VARIABLE`."""
+    given = os.environ.get(CACHE_VARIABLE)
+    return _default_folder() if given is None else Path(given) if given else None
+
+
+def kernel_folder(source: str) -> Path:
+    """Where machine code of the kernels in a source file is kept: one folder for each state of the sources they call.
+
+    Without such a folder it goes where step tables go, or to the user's own cache if those are not
+    kept.
+    """
+    folder = cache_folder() or _default_folder()
+    return folder / "kernels" / source_digest(Path(source))
+
+
+def _default_folder() -> Path:
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "mlivr-gym"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", str(Path.home()))) / "mlivr-gym" / "cache"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mlivr-gym"
+
+
+@cache
+def source_digest(source: Path) -> str:
+    """Digest of the contents of a source file and of all files of this package that it imports, at whatever path they lie."""
+    contents = sorted(hashlib.sha256(path.read_bytes()).digest() for path in _sources(source))
+    return hashlib.sha256(b"".join(contents)).hexdigest()[:16]
+
+
+def _sources(source: Path) -> set[Path]:
+    found, open_ = {source}, [source]
+    while open_:
+        fresh = _imported(open_.pop()) - found
+        found |= fresh
+        open_.extend(fresh)
+    return found
+
+
+@cache
+def _imported(source: Path) -> frozenset[Path]:
+    """Files of this package that a file imports as it is loaded."""
+    found: set[Path] = set()
+    for module, names in IMPORT.findall(source.read_text(encoding="utf-8")):
+        path = PACKAGE.joinpath(*module[1:].split("."))
+        candidates = [path.with_suffix(".py"), path / "__init__.py"]
+        candidates += [path / f"{name}.py" for name in re.findall(r"\w+", names)]
+        found.update(candidate for candidate in candidates if candidate.is_file())
+    return frozenset(found)

@@ -1,0 +1,62 @@
+"""Actions as callers give them: whole numbers in any of the forms that policies return."""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.errors import SettingError
+
+
+def action_number(action: Any, count: int) -> int:
+    """One action as an int.
+
+    Args:
+        action: An int, an integer of numpy, or an integer array or tensor without axes.
+        count: Number of actions.
+
+    Raises:
+        SettingError: If it is none of these, or not from 0 to `count` - 1.
+    """
+    shape = tuple(getattr(action, "shape", ()))
+    try:
+        # A tensor with one element on an axis would turn into a number too, but it is a batch.
+        number = -1 if shape else operator.index(action)
+    except TypeError:
+        number = -1
+    if not 0 <= number < count:
+        given = f"of shape {shape}" if shape else repr(action)
+        raise SettingError(f"action {given} is not a whole number from 0 to {count - 1}")
+    return number
+
+
+def action_numbers(actions: Any, copies: int, count: int) -> NDArray[np.int64]:
+    """A batch of actions, shape (k,).
+
+    Args:
+        actions: Integers, shape (k,): an array, a tensor or a list.
+        copies: Number of copies k.
+        count: Number of actions of a copy.
+
+    Raises:
+        SettingError: If they are not k integers from 0 to `count` - 1.
+    """
+    fault = ""
+    try:
+        array = np.asarray(actions)
+    except (TypeError, ValueError) as error:  # a ragged list, a tensor on another device
+        array, fault = np.zeros(0), str(error)
+    if not fault and array.shape != (copies,):
+        fault = f"they have shape {array.shape}"
+    elif not fault and not np.issubdtype(array.dtype, np.integer):
+        fault = f"they are of type {array.dtype}"
+    elif not fault and ((array < 0) | (array >= count)).any():
+        fault = f"one is {array[(array < 0) | (array >= count)][0]}"
+    if fault:
+        raise SettingError(
+            f"actions must be {copies} numbers of Discrete({count}), in integers: {fault}"
+        )
+    return array.astype(np.int64)

@@ -1,0 +1,222 @@
+"""Kernels over `StepTables`: which actions are possible, taking them, and drawing starts and goals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.envs.tasks import WALK
+
+TRIES = 1000
+"""Draws after which drawing a start and goal gives up."""
+
+
+@kernel
+def random_below(streams, k, bound):
+    """A whole number from 0 to `bound` - 1 from stream `k` of splitmix64 (Steele, Lea and Flood, 2014)."""
+    streams[k] += np.uint64(0x9E3779B97F4A7C15)
+    z = streams[k]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    return np.int64(np.float64(z >> np.uint64(11)) * (1.0 / 9007199254740992.0) * bound)
+
+
+@kernel
+def legal_actions(stances, masks, tables, out):
+    """Mark the possible actions of each state.
+
+    Args:
+        stances: Stance indices, shape (k,).
+        masks: Branches each limb may be on, shape (k, 2).
+        tables: `StepTables`.
+        out: Zeros, shape (k, 2 m); ones are written.
+    """
+    points, start, after, left = tables.points, tables.start, tables.after, tables.left
+    m = out.shape[1] // 2
+    for k in range(len(stances)):
+        s = stances[k]
+        for moving in range(2):
+            if not masks[k, moving] & tables.land[s, moving]:
+                continue
+            mine = masks[k, 1 - moving]
+            for e in range(start[2 * s + moving], start[2 * s + moving + 1]):
+                if left[e] & mine:
+                    out[k, moving * m + points[after[e], moving]] = 1
+
+
+@kernel
+def find_step(s, moving, s2, tables):
+    """Index of the step from stance `s` to `s2` that moves limb `moving`, or -1."""
+    low, high = tables.start[2 * s + moving], tables.start[2 * s + moving + 1]
+    target = tables.points[s2, moving]
+    while low < high:
+        middle = (low + high) // 2
+        if tables.points[tables.after[middle], moving] < target:
+            low = middle + 1
+        else:
+            high = middle
+    if low < tables.start[2 * s + moving + 1] and tables.after[low] == s2:
+        return low
+    return np.int64(-1)
+
+
+@kernel
+def advance(
+    actions, skip, failure, max_step, stance_at, tables, streams, stances, masks, moved, outcome
+):
+    """Take one action in each of k states.
+
+    Args:
+        actions: Limb times m plus point, shape (k,).
+        skip: States that take none, shape (k,).
+        failure: Probability that an attempt at each point fails, shape (m,).
+        max_step: Displacement charged for an action that is not possible [m].
+        stance_at: Stance index by points, -1 where there is none, shape (m, m).
+        tables: `StepTables`.
+        streams: States of the random numbers, shape (k,).
+        stances: Stance indices, shape (k,), changed.
+        masks: Branches, shape (k, 2), changed.
+        moved: Base displacement of each step [m], shape (k,), written.
+        outcome: 0 done, 1 not possible, 2 the grasp failed and the limb went back; shape (k,),
+            written.
+    """
+    m = len(stance_at)
+    for k in range(len(actions)):
+        if skip[k]:
+            continue
+        moving, point = actions[k] // m, actions[k] % m
+        held, s = 1 - moving, stances[k]
+        kept = tables.points[s, held]
+        s2 = stance_at[kept, point] if held == 0 else stance_at[point, kept]
+        e = np.int64(-1)
+        if s2 >= 0 and s2 != s:
+            e = find_step(s, moving, s2, tables)
+        mine = masks[k, held] & tables.left[e] if e >= 0 else 0
+        if not mine or not masks[k, moving] & tables.land[s, moving]:
+            moved[k], outcome[k] = max_step, 1
+            continue
+        square = 0.0
+        for axis in range(3):
+            square += (tables.position[s, axis] - tables.position[s2, axis]) ** 2
+        moved[k], outcome[k] = np.sqrt(square), 0
+        masks[k, held] = mine
+        if failure[point] > 0.0 and random_below(streams, k, 1 << 53) < failure[point] * (1 << 53):
+            masks[k, moving] = tables.land[s, moving]
+            moved[k], outcome[k] = 2.0 * moved[k], 2
+            continue
+        masks[k, moving] = tables.land[s2, moving]
+        stances[k] = s2
+
+
+@kernel
+def any_step(s, mask0, mask1, tables):
+    """Whether a step leaves stance `s` with its limbs on these branches."""
+    for moving in range(2):
+        mine, own = (mask0, mask1) if moving == 1 else (mask1, mask0)
+        if own & tables.land[s, moving]:
+            for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
+                if tables.left[e] & mine:
+                    return True
+    return False
+
+
+@kernel
+def draw_tasks(which, given, targets, cabin, tolerance, tables, streams, stances, masks, goals):
+    """Draw starts and goals as `tasks.sample_task` does, number for number of the same stream.
+
+    Returns the index of the first state for which none was found, or -1.
+
+    Args:
+        which: States to draw, shape (k,).
+        given: Those of them whose start is given by `stances` and `masks`, shape (k,).
+        targets: Positions of the points [m], shape (m, 3).
+        cabin: Lower and upper corner of where goals may lie [m], shape (2, 3).
+        tolerance: Goals nearer to the start than this are drawn again [m].
+        tables: `StepTables`.
+        streams: States of the random numbers, shape (k,).
+        stances: Shape (k,), written where not given.
+        masks: Shape (k, 2), written where not given.
+        goals: Shape (k, 3) [m], written.
+    """
+    start, after, left, position = tables.start, tables.after, tables.left, tables.position
+    n = len(position)
+    for k in range(len(which)):
+        if not which[k]:
+            continue
+        found = False
+        for _ in range(TRIES):
+            if not given[k]:
+                s = random_below(streams, k, n)
+                mask0, mask1 = tables.masks[s]
+                if mask0 == 0 or mask1 == 0 or not any_step(s, mask0, mask1, tables):
+                    continue
+                stances[k], masks[k, 0], masks[k, 1] = s, mask0, mask1
+            s, mask0, mask1 = stances[k], masks[k, 0], masks[k, 1]
+            here = s
+            target = targets[random_below(streams, k, len(targets))]
+            nearest = 0.0
+            for axis in range(3):
+                nearest += (position[s, axis] - target[axis]) ** 2
+            for _ in range(WALK):
+                best = -1
+                for moving in range(2):
+                    mine, own = (mask0, mask1) if moving == 1 else (mask1, mask0)
+                    if not own & tables.land[here, moving]:
+                        continue
+                    for e in range(start[2 * here + moving], start[2 * here + moving + 1]):
+                        if left[e] & mine:
+                            square = 0.0
+                            for axis in range(3):
+                                square += (position[after[e], axis] - target[axis]) ** 2
+                            if square < nearest:
+                                nearest, best = square, e
+                if best < 0:
+                    break
+                second = best >= start[2 * here + 1]
+                here = after[best]
+                if second:
+                    mask0, mask1 = mask0 & left[best], np.int64(tables.land[here, 1])
+                else:
+                    mask0, mask1 = np.int64(tables.land[here, 0]), mask1 & left[best]
+            away, inside = 0.0, True
+            for axis in range(3):
+                away += (position[here, axis] - position[s, axis]) ** 2
+                goals[k, axis] = position[here, axis]
+                inside = inside and cabin[0, axis] <= position[here, axis] <= cabin[1, axis]
+            if inside and away > tolerance * tolerance:
+                found = True
+                break
+        if not found:
+            return k
+    return -1
+
+
+@kernel
+def legal_places(stances, masks, tables, out, position, onward):
+    """Mark the possible actions of each state and write where the base is after each.
+
+    Args:
+        stances: Stance indices, shape (k,).
+        masks: Branches each limb may be on, shape (k, 2).
+        tables: `StepTables`.
+        out: Zeros, shape (k, 2, m); ones are written.
+        position: Shape (k, 2, m, 3); base positions [m] are written for the possible actions.
+        onward: Zeros, shape (k, 2, m); ones are written where the limb that holds could let go
+            after the action.
+    """
+    for k in range(len(stances)):
+        s = stances[k]
+        for moving in range(2):
+            if not masks[k, moving] & tables.land[s, moving]:
+                continue
+            mine = masks[k, 1 - moving]
+            for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
+                if tables.left[e] & mine:
+                    s2 = tables.after[e]
+                    point = tables.points[s2, moving]
+                    out[k, moving, point] = 1
+                    if tables.left[e] & mine & tables.land[s2, 1 - moving]:
+                        onward[k, moving, point] = 1
+                    for axis in range(3):
+                        position[k, moving, point, axis] = tables.position[s2, axis]

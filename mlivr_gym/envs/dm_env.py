@@ -1,0 +1,92 @@
+"""The environment with the interface of `dm_env`, over the same world (extra `[dm]`)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dm_env
+import numpy as np
+from dm_env import specs
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from mlivr_gym.envs.env import MlivrEnv
+
+
+class MlivrDmEnvironment(dm_env.Environment):
+    """`MlivrEnv` as a `dm_env.Environment`; the action mask is part of the observation.
+
+    The discount is 0 where an episode terminates (goal reached, or a step failed) and 1 otherwise,
+    at the step limit too.
+
+    Example:
+        >>> environment = MlivrDmEnvironment(MlivrEnv(), seed=0)
+        >>> timestep = environment.reset()
+        >>> action = np.flatnonzero(timestep.observation["action_mask"])[0]
+        >>> timestep = environment.step(action)
+    """
+
+    def __init__(
+        self, env: MlivrEnv, seed: int | None = None, max_episode_steps: int = 100
+    ) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: The environment.
+            seed: Seed of the starts and goals that are drawn.
+            max_episode_steps: Steps after which an episode ends.
+        """
+        self.env, self._seed, self._limit = env, seed, max_episode_steps
+        self._ended = True
+        self.info: dict[str, Any] = {}
+        """What `MlivrEnv` told with the last step."""
+
+    def reset(self) -> dm_env.TimeStep:
+        """Start an episode."""
+        observation, self.info = self.env.reset(seed=self._seed)
+        self._seed, self._ended = None, False
+        return dm_env.restart(self._observed(observation))
+
+    def step(self, action: int | NDArray[Any]) -> dm_env.TimeStep:
+        """Take an action; after the end of an episode, and at first, start one."""
+        if self._ended:
+            return self.reset()
+        observation, reward, terminated, _, self.info = self.env.step(action)
+        truncated = self.info["steps"] >= self._limit
+        self._ended = terminated or truncated
+        if terminated:
+            return dm_env.termination(reward, self._observed(observation))
+        if truncated:
+            return dm_env.truncation(reward, self._observed(observation))
+        return dm_env.transition(reward, self._observed(observation))
+
+    def _observed(self, observation: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        return {**observation, "action_mask": self.env.action_masks().astype(np.int8)}
+
+    def observation_spec(self) -> dict[str, specs.Array]:
+        """Spec of each entry of the observation."""
+        inner = self.env.observation_space
+        assert isinstance(inner, spaces.Dict)
+        entries: dict[str, Any] = {
+            **inner.spaces,
+            "action_mask": spaces.MultiBinary(self.action_spec().num_values),
+        }
+        return {name: _spec(name, space) for name, space in entries.items()}
+
+    def action_spec(self) -> specs.DiscreteArray:
+        """A whole number, `limb * m + point`."""
+        space = self.env.action_space
+        assert isinstance(space, spaces.Discrete)
+        return specs.DiscreteArray(int(space.n), dtype=np.int64, name="action")
+
+    def close(self) -> None:
+        """Release what the environment holds."""
+        self.env.close()
+
+
+def _spec(name: str, space: Any) -> specs.Array:
+    if isinstance(space, spaces.MultiDiscrete):
+        return specs.BoundedArray(space.shape, np.int64, 0, space.nvec - 1, name)
+    if isinstance(space, spaces.MultiBinary):
+        return specs.BoundedArray(space.shape, np.int8, 0, 1, name)
+    return specs.BoundedArray(space.shape, space.dtype, space.low, space.high, name)

@@ -1,0 +1,43 @@
+"""Arguments of the environments as plain data, so that Gymnasium can write what made an environment as JSON.
+
+`gymnasium.make` keeps the arguments it was given in `env.spec`, and `env.spec.to_json()` takes only
+what JSON knows. Maps, robots, `Physics` and arrays are therefore kept as dictionaries and lists,
+which the environments take in their place.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+
+
+def plain(value: Any) -> Any:
+    """A value as what JSON knows, as far as that goes: anything of another kind stays as it is."""
+    if hasattr(value, "to_dict"):
+        return plain(value.to_dict())
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, Mapping):
+        return {name: plain(entry) for name, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Enum):
+        return value.value
+    return str(value) if isinstance(value, Path) else value
+
+
+def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
+    """A copy of a spec whose arguments are plain data."""
+    if spec is not None:
+        spec = copy.copy(spec)
+        spec.kwargs = plain(spec.kwargs)
+    return spec

@@ -1,0 +1,1 @@
+"""Arms, manipulability, base paths and holding."""

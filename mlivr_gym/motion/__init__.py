@@ -1,0 +1,1 @@
+"""Plans, and the motion that carries them out."""

@@ -1,0 +1,104 @@
+"""What the robot does between the stances of a plan: configurations without a clock, and trajectories with one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.errors import PlanError
+from mlivr_gym.kinematics.holding import quaternion
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
+from mlivr_gym.motion.trajectory import Durations, Trajectory, trajectory
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StepMotion:
+    """Configurations along one step, k in all.
+
+    Attributes:
+        phase: Index into `PHASES`, shape (k,).
+        base_positions: Shape (k, 3) [m].
+        base_quaternions: Shape (k, 4), w, x, y, z.
+        joint_positions: Shape (k, N, 6) [rad].
+    """
+
+    phase: NDArray[np.int64]
+    base_positions: Array
+    base_quaternions: Array
+    joint_positions: Array
+
+
+def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -> StepMotion:
+    """Configurations along one step of a plan that was made with collisions checked.
+
+    The limb that moves departs along the surface normal, follows the knots of its swing while the
+    base follows its path, and approaches along the other normal; the limbs that hold follow the
+    base on their branches.
+
+    Args:
+        graph: The stance graph of the plan's robot and map.
+        plan: The plan.
+        index: Index of the step.
+        samples: Configurations on the departure, on the approach, and between two knots of the
+            swing.
+
+    Raises:
+        PlanError: If the step carries no swing.
+    """
+    step = planned_regrasp(graph, plan, index)
+    if not len(step.knots):
+        raise PlanError(f"step {index} carries no swing; make the plan with collisions=True")
+    path, share = RegraspPath(graph, step), np.linspace(0.0, 1.0, samples)
+    pieces = [path.swing(piece, share) for piece in range(path.pieces)]
+    u = np.concatenate([np.zeros(samples), *(u for u, _ in pieces), np.ones(samples)])
+    joints = path.supports(u)
+    joints[:, step.limb] = np.concatenate(
+        [path.departure(share), *(own for _, own in pieces), path.approach(share)]
+    )
+    positions, rotations = path.base(u)
+    phase = np.repeat(range(len(PHASES)), [samples, samples * path.pieces, samples])
+    return StepMotion(
+        phase, positions, np.array([quaternion(rotation) for rotation in rotations]), joints
+    )
+
+
+def step_trajectory(
+    graph: StanceGraph,
+    plan: Plan,
+    index: int,
+    durations: Durations | None = None,
+    period: float = 0.002,
+) -> Trajectory:
+    """The trajectory of one step of a plan; see `trajectory.trajectory`."""
+    return trajectory(RegraspPath(graph, planned_regrasp(graph, plan, index)), durations, period)
+
+
+def plan_trajectory(
+    graph: StanceGraph, plan: Plan, durations: Durations | None = None, period: float = 0.01
+) -> Trajectory:
+    """The trajectory of a whole plan.
+
+    Args:
+        graph: The stance graph of the plan's robot and map.
+        plan: The plan, with at least one step.
+        durations: How long the parts of a step take; by default the paper's 10, 30 and 10 s.
+        period: Spacing of the time grid [s].
+
+    Raises:
+        PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.
+
+    Example:
+        >>> plan_trajectory(graph, plan).every(0.1).save_csv("walk.csv")
+    """
+    if not plan.steps:
+        raise PlanError("the plan has no step: it starts at its goal")
+    whole = step_trajectory(graph, plan, 0, durations, period)
+    for index in range(1, len(plan.steps)):
+        whole = step_trajectory(graph, plan, index, durations, period).after(whole)
+    return whole

@@ -1,0 +1,235 @@
+"""One regrasp as a path without a clock: departure, swing and approach of one limb while the others hold.
+
+`RegraspPath` evaluates the configurations that were checked when the step was planned, at any
+places along it, so that a picture, a trajectory and a simulation all follow the same path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.errors import PlanError
+from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE, PATH_KINDS, STRAIGHT
+from mlivr_gym.kinematics.path_following import joints_along, poses_along
+
+if TYPE_CHECKING:
+    from mlivr_gym.stances.stance_graph import StanceGraph
+
+Array = NDArray[np.float64]
+
+PHASES = ("departure", "swing", "approach")
+"""Parts of a step."""
+
+TASK_SPACE_SAMPLES = 400
+"""Places at which a swing in task space is looked at before it is used."""
+
+LARGEST_JUMP = 0.2
+"""Largest change of a joint between two of them [rad]; a larger one would be a singularity on the way."""
+
+
+@dataclass(frozen=True)
+class Regrasp:
+    """What is needed to carry out one step.
+
+    Attributes:
+        limb: Limb that moves.
+        before: Point index of each limb before the step, N of them.
+        lands: Point index it takes hold of.
+        positions: Base positions before and after, shape (2, 3) [m].
+        rotations: Base rotations before and after, shape (2, 3, 3).
+        kind: Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`.
+        pivot: Centre of an arc, shape (3,) [m].
+        branches: Branch of each limb before the step, and of the moving limb after it, N + 1
+            numbers.
+        joints: Joint angles before the step, shape (N, 6) [rad].
+        landing: Joint angles of the moving limb after the step, shape (6,) [rad].
+        knots: Base parameter and joint angles at each knot of the swing, shape (k, 7); none if the
+            swing was not checked.
+    """
+
+    limb: int
+    before: tuple[int, ...]
+    lands: int
+    positions: Array
+    rotations: Array
+    kind: int
+    pivot: Array
+    branches: tuple[int, ...]
+    joints: Array
+    landing: Array
+    knots: Array
+
+
+class RegraspPath:
+    """Configurations along a regrasp.
+
+    A swing that was checked is followed on its knots. One that was not runs in task space, the
+    gripper on a straight line with its rotation by slerp, where the limb can do so on one branch
+    inside its joint limits; else in joint space.
+
+    Attributes:
+        pieces: Number of pieces of the swing, each from rest to rest.
+        in_task_space: Whether the gripper swings on a straight line.
+    """
+
+    def __init__(self, graph: StanceGraph, regrasp: Regrasp) -> None:
+        """Follow `regrasp` on the map and with the robot of `graph`."""
+        self.graph, self.regrasp = graph, regrasp
+        self._knots = regrasp.knots
+        self.in_task_space = False
+        if not len(self._knots):
+            ends = np.concatenate(
+                [self.departure(np.array([0.0, 1.0]))[1:], self.approach(np.array([0.0, 1.0]))[:1]]
+            )
+            self._knots = np.column_stack([[0.0, 1.0], ends])
+            self.in_task_space = self._serves_in_task_space()
+        self.pieces = len(self._knots) - 1
+
+    def departure(self, share: Array) -> Array:
+        """Joint angles of the moving limb at shares of its lift off the point it leaves, shape (k, 6) [rad]."""
+        return self._lifted(0, share)
+
+    def approach(self, share: Array) -> Array:
+        """Joint angles of the moving limb at shares of the way down to the point it lands on, shape (k, 6) [rad]."""
+        return self._lifted(1, 1.0 - share)
+
+    def _lifted(self, end: int, height: Array) -> Array:
+        step, graph = self.regrasp, self.graph
+        point = step.lands if end else step.before[step.limb]
+        branch = step.branches[graph.limbs if end else step.limb]
+        normal = graph.solver.normals[point]
+        flange = graph.solver.flanges[point] + graph.robot.lift * height[:, None] * normal
+        near = step.landing if end else step.joints[step.limb]
+        # The angles are followed from the point on, where the windings are known.
+        order = np.argsort(height, kind="stable")
+        base = (step.positions[end][None], step.rotations[end][None])
+        out = np.empty((len(height), 6))
+        out[order] = self._follow(
+            step.limb, branch, flange[order], graph.solver.tools[point][None], *base, near
+        )
+        return out
+
+    def swing(self, piece: int, share: Array) -> tuple[Array, Array]:
+        """Base parameter (k,) and joint angles (k, 6) [rad] of the moving limb at shares of one piece of its swing."""
+        if self.in_task_space:
+            return share, self._in_a_straight_line(share)
+        first, last = self._knots[piece : piece + 2]
+        values = first + share[:, None] * (last - first)
+        return values[:, 0], values[:, 1:]
+
+    def _serves_in_task_space(self) -> bool:
+        limits = self.graph.robot.limb.limits
+        try:
+            joints = self._in_a_straight_line(np.linspace(0.0, 1.0, TASK_SPACE_SAMPLES))
+        except PlanError:
+            return False
+        inside = (joints >= limits[:, 0] - LIMIT_TOLERANCE).all() and (
+            joints <= limits[:, 1] + LIMIT_TOLERANCE
+        ).all()
+        smooth = np.abs(np.diff(joints, axis=0)).max() < LARGEST_JUMP
+        return bool(inside and smooth and np.abs(joints[-1] - self._knots[-1, 1:]).max() < 1e-6)
+
+    def _in_a_straight_line(self, share: Array) -> Array:
+        """Joint angles of the moving limb on a straight line of its gripper, shape (k, 6) [rad]."""
+        step, graph = self.regrasp, self.graph
+        points = [step.before[step.limb], step.lands]
+        above = graph.grasp_map.positions[points] + graph.robot.lift * graph.solver.normals[points]
+        tools = Rotation.from_matrix(graph.solver.tools[points])
+        turn = (tools[0].inv() * tools[1]).as_rotvec()
+        rotations = (tools[0] * Rotation.from_rotvec(share[:, None] * turn)).as_matrix()
+        grasps = above[0] + share[:, None] * (above[1] - above[0])
+        flanges = grasps - graph.robot.tool_length * rotations[:, :, 2]
+        return self._follow(
+            step.limb,
+            step.branches[step.limb],
+            flanges,
+            rotations,
+            *self.base(share),
+            self._knots[0, 1:],
+        )
+
+    def base(self, u: Array) -> tuple[Array, Array]:
+        """Base positions (k, 3) [m] and rotations (k, 3, 3) at base parameters."""
+        step = self.regrasp
+        positions, rotations = np.empty((len(u), 3)), np.empty((len(u), 3, 3))
+        poses_along(
+            step.positions[0], step.rotations[0], step.positions[1], step.rotations[1], step.kind,
+            step.pivot, u,
+            positions, rotations,
+        )  # fmt: skip
+        return positions, rotations
+
+    def supports(self, u: Array) -> Array:
+        """Joint angles of all limbs at base parameters that start at 0, shape (k, N, 6) [rad]; the moving limb's are NaN."""
+        step, graph = self.regrasp, self.graph
+        positions, rotations = self.base(u)
+        joints = np.full((len(u), graph.limbs, 6), np.nan)
+        for limb in range(graph.limbs):
+            if limb != step.limb:
+                point = step.before[limb]
+                hold = (graph.solver.flanges[point][None], graph.solver.tools[point][None])
+                joints[:, limb] = self._follow(
+                    limb, step.branches[limb], *hold, positions, rotations, step.joints[limb]
+                )
+        return joints
+
+    def _follow(
+        self,
+        limb: int,
+        branch: int,
+        flange: Array,
+        tool: Array,
+        positions: Array,
+        rotations: Array,
+        near: Array,
+    ) -> Array:
+        solver = self.graph.solver
+        out = np.empty((max(len(flange), len(positions)), 6))
+        found = joints_along(
+            flange, tool, positions, rotations, solver.mount_rotations[limb],
+            solver.mount_positions[limb], solver.lengths,
+            branch, near, out,
+        )  # fmt: skip
+        if found < len(out):
+            ids = self.graph.grasp_map.ids
+            raise PlanError(
+                f"limb {limb} cannot stay on its branch while limb {self.regrasp.limb} moves to "
+                f"{ids[self.regrasp.lands]!r}: the plan does not fit this map and robot, or its steps were not checked"
+            )
+        return out
+
+
+def planned_regrasp(graph: StanceGraph, plan: Any, index: int) -> Regrasp:
+    """What is needed to carry out one step of a plan.
+
+    Args:
+        graph: The stance graph of the plan's robot and map.
+        plan: A `planners.Plan`; only its arrays are read.
+        index: Index of the step.
+
+    Raises:
+        PlanError: If the plan has no such step.
+    """
+    if not 0 <= index < len(plan.steps):
+        raise PlanError(f"the plan has no step {index}; it has {len(plan.steps)}, counted from 0")
+    step = plan.steps[index]
+    limb = step.limb
+    ends = slice(index, index + 2)
+    return Regrasp(
+        limb=limb,
+        before=graph.indices(plan.stances[index]),
+        lands=graph.grasp_map.index(step.lands),
+        positions=plan.base_positions[ends],
+        rotations=Rotation.from_quat(plan.base_quaternions[ends], scalar_first=True).as_matrix(),
+        kind=PATH_KINDS.index(step.path) if step.path in PATH_KINDS else STRAIGHT,
+        pivot=np.array(step.pivot),
+        branches=(*plan.branches[index].tolist(), int(plan.branches[index + 1, limb])),
+        joints=plan.joint_positions[index],
+        landing=plan.joint_positions[index + 1, limb],
+        knots=np.array(step.knots, dtype=np.float64).reshape(-1, 7),
+    )

@@ -1,0 +1,1 @@
+"""Figures, rendering and films."""

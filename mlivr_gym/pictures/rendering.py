@@ -1,0 +1,179 @@
+"""Pictures of the MuJoCo scene.
+
+Rendering without a screen needs EGL (or OSMesa). Where neither is there, `SceneRenderer` raises a
+`RenderError` that says what is missing, and callers may fall back to `figures`.
+"""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.errors import RenderError, SceneError
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.grasp_map import GraspMap
+
+Array = NDArray[np.float64]
+
+
+class SceneRenderer:
+    """Renders configurations of a robot in its cabin.
+
+    Example:
+        >>> renderer = SceneRenderer(graph.grasp_map, graph.robot)
+        >>> image = renderer.render(*graph.configuration(state))
+    """
+
+    def __init__(
+        self,
+        grasp_map: GraspMap,
+        robot: RobotSpec,
+        width: int = 960,
+        height: int = 540,
+        obstacles: Sequence[Box] = (),
+    ) -> None:
+        """Compile the scene and open a GL context.
+
+        Raises:
+            SceneError: If MuJoCo refuses the scene.
+            RenderError: If no GL library can be used.
+        """
+        try:
+            from mlivr_gym.simulation.scene import compiled, scene_spec  # isort: skip
+            import mujoco
+        except Exception as error:  # importing MuJoCo loads the GL library
+            raise _no_gl(error) from None
+        self.grasp_map = grasp_map
+        self.model = compiled(scene_spec(grasp_map, robot, obstacles))
+        self.data = mujoco.MjData(self.model)
+        try:
+            self._renderer: Any = mujoco.Renderer(self.model, height, width)
+            # Registered after the GL loader's own exit hook, hence run before it.
+            atexit.register(self._renderer.close)
+        except Exception as error:  # GL loaders raise errors of many kinds
+            raise _no_gl(error) from None
+
+    def render(
+        self,
+        position: Array,
+        quaternion: Array,
+        joints: Array,
+        hide: tuple[str, ...] = ("forward",),
+        lookat: Array | None = None,
+        distance: float = 5.8,
+        azimuth: float = 82.0,
+        elevation: float = -5.0,
+    ) -> NDArray[np.uint8]:
+        """Picture of one configuration, shape (height, width, 3).
+
+        Args:
+            position: Base position [m], shape (3,).
+            quaternion: Base orientation w, x, y, z.
+            joints: Joint angles [rad], shape (N, 6).
+            hide: Cabin faces that are left out.
+            lookat: Point in the middle of the picture [m]; by default the middle of the map.
+            distance: Distance of the camera [m].
+            azimuth: Camera azimuth [deg].
+            elevation: Camera elevation [deg].
+        """
+        import mujoco
+
+        from mlivr_gym.simulation.scene import FACE_GROUPS, set_configuration
+
+        set_configuration(self.model, self.data, position, quaternion, joints)
+        options = mujoco.MjvOption()
+        options.geomgroup[:] = 1
+        options.sitegroup[:] = 1
+        for face in hide:
+            options.geomgroup[FACE_GROUPS[face]] = 0
+            options.sitegroup[FACE_GROUPS[face]] = 0
+        camera = mujoco.MjvCamera()
+        points = self.grasp_map.positions
+        camera.lookat[:] = (
+            0.5 * (points.min(axis=0) + points.max(axis=0)) if lookat is None else lookat
+        )
+        camera.distance, camera.azimuth, camera.elevation = distance, azimuth, elevation
+        self._renderer.update_scene(self.data, camera, options)
+        image: NDArray[np.uint8] = self._renderer.render().copy()
+        return image
+
+    def close(self) -> None:
+        """Release the GL context."""
+        atexit.unregister(self._renderer.close)
+        self._renderer.close()
+
+
+def _no_gl(error: Exception) -> RenderError:
+    """What to say where no picture can be rendered, from the loader's error."""
+    backend = os.environ.get("MUJOCO_GL", "default")
+    message = (
+        f"MuJoCo cannot render with MUJOCO_GL={backend!r} ({type(error).__name__}: {error}); install an EGL "
+        f"library (Debian: libegl1) or set MUJOCO_GL to 'egl', 'osmesa' or 'glfw' before MuJoCo is imported"
+    )
+    _forget(error)
+    return RenderError(message)
+
+
+def _forget(error: BaseException) -> None:
+    """Let go of what a failed GL context left behind, whose own clean-up would print a traceback."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    while error.__context__ is not None:
+        error.__traceback__, error = None, error.__context__
+    error.__traceback__ = None
+    gc.collect()
+    sys.unraisablehook = hook
+
+
+class SceneWindow:
+    """Shows configurations in MuJoCo's viewer."""
+
+    def __init__(
+        self, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()
+    ) -> None:
+        """Open the window.
+
+        Raises:
+            SceneError: If MuJoCo refuses the scene.
+            RenderError: If there is no screen.
+        """
+        if sys.platform.startswith("linux") and not (
+            os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+        ):
+            # The window library would end the whole process.
+            raise RenderError(
+                "render_mode='human' needs a screen and DISPLAY is not set; use render_mode='rgb_array'"
+            )
+        try:
+            from mlivr_gym.simulation.scene import compiled, scene_spec  # isort: skip
+            import mujoco
+            import mujoco.viewer
+
+            self.model = compiled(scene_spec(grasp_map, robot, obstacles))
+            self.data = mujoco.MjData(self.model)
+            self._viewer: Any = mujoco.viewer.launch_passive(self.model, self.data)
+        except SceneError:
+            raise
+        except Exception as error:  # window systems raise errors of many kinds
+            raise RenderError(
+                f"MuJoCo's viewer cannot open a window ({type(error).__name__}: {error}); it needs a screen. "
+                f"Use render_mode='rgb_array' without one"
+            ) from None
+
+    def show(self, position: Array, quaternion: Array, joints: Array) -> None:
+        """Show one configuration."""
+        from mlivr_gym.simulation.scene import set_configuration
+
+        set_configuration(self.model, self.data, position, quaternion, joints)
+        self._viewer.sync()
+
+    def close(self) -> None:
+        """Close the window."""
+        self._viewer.close()

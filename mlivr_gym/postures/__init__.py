@@ -1,0 +1,1 @@
+"""Base poses and branches in which a stance is held."""

@@ -1,0 +1,172 @@
+"""Base pose and joint angles that a user gives for a stance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.collisions.contacts import Contact, contacts
+from mlivr_gym.errors import SettingError, StanceError
+from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.ur import inverse_kinematics
+from mlivr_gym.postures.selection import choices_along
+from mlivr_gym.postures.solver import Postures, PostureSolver
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.values import LONGEST, numbers
+from mlivr_gym.world.boxes import Box
+
+Array = NDArray[np.float64]
+
+JOINT_TOLERANCE = 0.02
+"""How far given joint angles may lie from those that hold the points at the base pose [rad]."""
+
+
+def given_pose(pose: Any) -> tuple[float, ...]:
+    """A base pose as seven numbers: x, y, z [m] and the unit quaternion w, x, y, z.
+
+    Args:
+        pose: The seven numbers, or a pair of position (3,) and quaternion (4,).
+
+    Raises:
+        SettingError: If they are not seven finite numbers or the quaternion's length is not 1
+            within 1 %.
+    """
+    pair = isinstance(pose, tuple) and len(pose) == 2 and not any(map(np.isscalar, pose))
+    given = numbers(
+        [*pose[0], *pose[1]] if pair else pose, (7,),
+        "start_pose (x, y, z [m], quaternion w, x, y, z)", SettingError, LONGEST
+    )  # fmt: skip
+    length = float(np.linalg.norm(given[3:]))
+    if abs(length - 1.0) > 0.01:
+        raise SettingError(
+            f"start_pose has a quaternion {given[3:].tolist()} of length {length:.4g}; it must be 1"
+        )
+    return (*given[:3].tolist(), *(given[3:] / length).tolist())
+
+
+def rotation_of(pose: Sequence[float]) -> Array:
+    """Base rotation of a pose of seven numbers, shape (3, 3)."""
+    matrix: Array = Rotation.from_quat(pose[3:], scalar_first=True).as_matrix()
+    return matrix
+
+
+def given_joints(robot: RobotSpec, joints: Any) -> Array:
+    """Joint angles of all limbs, shape (N, 6) [rad].
+
+    Raises:
+        SettingError: If they are not N times six finite numbers inside the joint limits.
+    """
+    flat = isinstance(joints, list | tuple | np.ndarray) and all(map(np.isscalar, joints))
+    shape = (6 * robot.limbs,) if flat else (robot.limbs, 6)
+    given = numbers(joints, shape, "start_joints (a row of six angles a limb [rad])", SettingError)
+    given = given.reshape(robot.limbs, 6)
+    limits = robot.limb.limits
+    outside = np.argwhere(
+        (given < limits[:, 0] - LIMIT_TOLERANCE) | (given > limits[:, 1] + LIMIT_TOLERANCE)
+    )
+    if len(outside):
+        limb, joint = outside[0]
+        low, high = limits[joint]
+        raise SettingError(
+            f"start_joints: joint {joint + 1} of limb {limb} is at {given[limb, joint]:.4f} rad, outside its limits "
+            f"{low:.4f} to {high:.4f} rad"
+        )
+    return given
+
+
+def masks_of_joints(
+    solver: PostureSolver, points: tuple[int, ...], posture: Postures, joints: Array
+) -> tuple[int, ...]:
+    """The branch and flip that each limb is on at given joint angles, as masks.
+
+    Raises:
+        StanceError: If the angles do not hold the points at the posture, or a limb may not hold on
+            that branch.
+    """
+    masks = []
+    for limb, point in enumerate(points):
+        name = solver.grasp_map.ids[point]
+        solutions, there = branch_angles_at(solver, limb, point, posture)
+        best, bit, worst = np.inf, 0, 0
+        for b in range(16):
+            if there >> (b & 7) & 1:
+                away = joints[limb] - solutions[b & 7]
+                away[5] -= np.pi * (b >> 3)
+                away = np.abs(np.angle(np.exp(1j * away)))
+                if away.max() < best:
+                    best, bit, worst = float(away.max()), b, int(away.argmax())
+        if best > JOINT_TOLERANCE:
+            raise StanceError(
+                f"start_joints of limb {limb} do not hold {name!r} at this base pose: joint {worst + 1} is {best:.3f} rad "
+                f"off the nearest solution (at most {JOINT_TOLERANCE:g} rad)"
+            )
+        if not int(posture.mask[0, limb]) >> bit & 1:
+            raise StanceError(
+                f"start_joints put limb {limb} on a branch on which it touches something or could not leave {name!r}"
+            )
+        masks.append(1 << bit)
+    return tuple(masks)
+
+
+def branch_angles_at(
+    solver: PostureSolver, limb: int, point: int, posture: Postures
+) -> tuple[Array, int]:
+    """Joint angles with which a limb holds a point at a posture, one row a branch (8, 6) [rad], and which there are."""
+    robot, rotation = solver.robot, posture.rotation[0]
+    mount = rotation @ robot.mount_rotations[limb]
+    origin = posture.position[0] + rotation @ robot.mount_positions[limb]
+    out = np.full((8, 6), np.nan)
+    place, turn = mount.T @ (solver.flanges[point] - origin), mount.T @ solver.tools[point]
+    return out, int(inverse_kinematics(place, np.ascontiguousarray(turn), robot.limb.lengths, out))
+
+
+def given_pose_fault(
+    solver: PostureSolver, points: tuple[int, ...], posture: Postures, obstacles: Sequence[Box]
+) -> str:
+    """Why a robot cannot hold a stance at a given base pose; `obstacles` stand beside the map's boxes."""
+    robot, ids = solver.robot, solver.grasp_map.ids
+    w = np.empty((1, robot.limbs, 4))
+    choices_along(
+        np.array([points]), solver.points, solver.normals, robot.tool_length, posture.position,
+        posture.rotation,
+        solver.mount_rotations, solver.mount_positions, solver.lengths, robot.characteristic_length,
+        np.empty((1, robot.limbs, 3)), np.empty((1, robot.limbs, 3)), w,
+    )  # fmt: skip
+    for limb, point in enumerate(points):
+        if not w[0, limb].any():
+            return f"limb {limb} does not reach point {ids[point]!r} from this base pose"
+    free = solver.at(points, posture.position[0], posture.rotation[0], collisions=False)
+    if not free.w_b[0] > 0.0:
+        return "at this base pose every combination of branches is singular or penetrates the robot itself"
+    if solver.settings.collisions:
+        close = _closest(solver, points, free, obstacles)
+        if close:
+            return (
+                f"at this base pose {close[0].first} is {close[0].distance:.3f} m from {close[0].second}; "
+                f"{solver.settings.clearance:g} m are needed"
+            )
+    if free.mask.all():
+        return "at this base pose every branch on which the limbs could depart touches something"
+    return (
+        f"at this base pose a limb could not depart along the surface normal with limb manipulability above "
+        f"{solver.settings.path_floor:g} and inside its joint limits"
+    )
+
+
+def _closest(
+    solver: PostureSolver, points: tuple[int, ...], posture: Postures, obstacles: Sequence[Box]
+) -> list[Contact]:
+    """What comes closer than the clearance on the branches of a posture, the closest first."""
+    robot = solver.robot
+    joints = np.full((robot.limbs, 6), np.nan)
+    for limb, point in enumerate(points):
+        joints[limb] = branch_angles_at(solver, limb, point, posture)[0][posture.branch[0, limb]]
+    quaternion = Rotation.from_matrix(posture.rotation[0]).as_quat(scalar_first=True)
+    boxes = (*solver.grasp_map.boxes, *obstacles)
+    grasps = [(i, solver.points[p], solver.normals[p]) for i, p in enumerate(points)]
+    here = (posture.position[0], quaternion, joints)
+    return contacts(robot, boxes, here, solver.settings.clearance, grasps)

@@ -1,0 +1,226 @@
+"""The dynamic model: the scene with controllers, compliant grasps and sensors, in zero gravity.
+
+**Joints** follow position and velocity references by PD control with the manufacturer's torque
+limits. It is an affine actuator, `torque = kp (ctrl - q) - kd qdot` cut off at the limit; with
+`ctrl = q_ref + kd / kp qdot_ref` it is the PD law, to which `tau / kp` adds a torque known
+beforehand, and nothing has to be computed between time steps.
+
+**Grasps** are springs and dampers in N/m and N m/rad between the grasp frame of a gripper and an
+anchor, a frame that is put on the point when the limb takes hold: six actuators a limb, along and
+about the anchor's axes, with no control. They are switched on and off together
+(`opt.disableactuator`). A weld could not do: its softness is normalised by mass. The damping is
+near critical for the whole robot on one grasp, so that it neither swings on it nor creeps.
+
+**Contacts** are MuJoCo's penalty contacts with its default time constant of 0.02 s and damping
+ratio of 1. Links of a limb that cannot meet are left out, and a gripper may touch what lies behind
+the surface of the point that it holds, leaves or lands on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.errors import RobotError, SettingError
+from mlivr_gym.robot.specification import RobotSpec, ur5e_data
+from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
+from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.grasp_map import GraspMap
+
+Array = NDArray[np.float64]
+
+FIRST_GRIPPER_BIT = 2
+"""Bit of `contype` that stands for the gripper of limb 0; those of the other limbs follow."""
+
+SAME_LENGTH = 1e-3
+"""Limbs whose lengths differ by less are one kind of arm [m]: calibrated figures vary a little."""
+
+AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
+"""Axes of a grasp, in the order of its actuators and sensors."""
+
+
+@dataclass(frozen=True)
+class Physics:
+    """Figures of controller, grasps and failures.
+
+    Attributes:
+        timestep: Time step [s]; `experiments/dynamic_simulation.py` shows what it changes.
+        kp: Gain of the joint position error [N m/rad].
+        kd: Gain of the joint velocity error [N m s/rad].
+        grasp_stiffness: Restoring force of a grasp [N/m].
+        grasp_damping: Its damping [N s/m]; critical for 57 kg.
+        grasp_rotational_stiffness: Restoring torque of a grasp [N m/rad].
+        grasp_rotational_damping: Its damping [N m s/rad]; critical for 40 kg m^2, that of the
+            two-limb robot about a grasp.
+        capture_distance: A gripper farther than this from its point cannot take hold [m].
+        capture_angle: Nor one turned by more than this from it [rad].
+        hold_force: Largest force that a grasp holds [N].
+        hold_torque: Largest torque that a grasp holds [N m].
+        saturation_time: A joint whose torque is at its limit for longer than this has failed [s].
+        limit_margin: A joint farther beyond its limits than this has failed [rad]; the
+            manufacturer's controller stops there.
+        feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward to the
+            PD controller, see `feedforward.feedforward`; the paper's controller does without.
+        assume_ur5e_masses: Whether a robot with limbs of other lengths is simulated all the same,
+            with the masses, inertias and torque limits of the UR5e; see `check_masses`.
+    """
+
+    timestep: float = 0.002
+    kp: float = 100.0
+    kd: float = 50.0
+    grasp_stiffness: float = 1.0e4
+    grasp_damping: float = 1.5e3
+    grasp_rotational_stiffness: float = 2.0e3
+    grasp_rotational_damping: float = 5.7e2
+    capture_distance: float = 0.01
+    capture_angle: float = float(np.deg2rad(2.0))
+    hold_force: float = 200.0
+    hold_torque: float = 100.0
+    saturation_time: float = 0.1
+    limit_margin: float = float(np.deg2rad(3.0))
+    feedforward: bool = True
+    assume_ur5e_masses: bool = False
+
+    def __post_init__(self) -> None:
+        """Check that every figure is finite and above zero."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.type != "bool" and not (np.isfinite(value) and value > 0.0):
+                raise SettingError(f"{field.name} is {value!r}; it must be finite and above 0")
+
+    @classmethod
+    def from_dict(cls, data: Any) -> Physics:
+        """The figures of a dictionary, the others as they are by default.
+
+        Raises:
+            SettingError: If it names a figure that there is not, or one is no number above 0.
+        """
+        known = [field.name for field in fields(cls)]
+        if not isinstance(data, dict) or set(data) - set(known):
+            what = sorted(map(str, set(data) - set(known)))[0] if isinstance(data, dict) else data
+            raise SettingError(f"unknown figure of physics {what!r}; valid are {', '.join(known)}")
+        for name, value in data.items():
+            if not isinstance(value, int | float):
+                raise SettingError(f"{name} is {value!r}; it must be a number")
+        return cls(**data)
+
+
+def torque_limits() -> Array:
+    """Largest torque of each joint of a limb [N m], shape (6,), from the manufacturer."""
+    return np.array(ur5e_data()["joint_limits"]["torque"], dtype=np.float64)
+
+
+def check_masses(robot: RobotSpec, physics: Physics) -> None:
+    """Refuse a robot whose masses are not known: another arm's would be wrong without a word.
+
+    Raises:
+        RobotError: If a length of its limbs is not the UR5e's, unless `assume_ur5e_masses` is set.
+    """
+    known = {name: value for name, value in ur5e_data()["dh"].items() if isinstance(value, float)}
+    found = {name: getattr(robot.limb, name) for name in known}
+    other = [name for name in known if abs(found[name] - known[name]) > SAME_LENGTH]
+    if other and not physics.assume_ur5e_masses:
+        told = ", ".join(f"{name} {found[name]:g} m (UR5e {known[name]:g} m)" for name in other)
+        raise RobotError(
+            f"robot {robot.name!r} cannot be simulated: masses, inertias and torque limits are "
+            f"known for the UR5e only, and its limbs differ in {told}; to simulate it with the "
+            "UR5e's all the same, set Physics(assume_ur5e_masses=True), on the command line "
+            "--assume-ur5e-masses"
+        )
+
+
+def dynamics_spec(
+    grasp_map: GraspMap,
+    robot: RobotSpec,
+    physics: Physics | None = None,
+    obstacles: Sequence[Box] = (),
+) -> mujoco.MjSpec:
+    """The scene of `scene.scene_spec` with everything that dynamics needs.
+
+    The actuator of joint k of limb i is `"limb{i}/joint{k}"`; those of its grasp are
+    `"limb{i}/grasp/x"` to `"limb{i}/grasp/about_z"`, in actuator group i + 1; each has a sensor of
+    its force under its own name. The anchor of limb i is body and site `"limb{i}/anchor"`. Sensors
+    `"contact"`, `"velocity"` and `"angular_momentum"` belong to the whole robot.
+
+    Args:
+        grasp_map: The map.
+        robot: The robot.
+        physics: Figures; by default those of `Physics`.
+        obstacles: Boxes in the way.
+
+    Raises:
+        RobotError: If the robot's masses are not known, see `check_masses`.
+    """
+    physics = physics or Physics()
+    check_masses(robot, physics)
+    spec = scene_spec(grasp_map, robot, obstacles)
+    spec.modelname += "-dynamics"
+    spec.option.timestep = physics.timestep
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    grippers = 0
+    for limb in range(robot.limbs):
+        _add_controllers(spec, limb, physics)
+        _add_grasp(spec, limb, physics)
+        grippers |= gripper_bit(limb)
+        for geom in spec.body(f"limb{limb}/gripper").geoms:
+            # Not SURROUNDINGS, but a bit of its own, which single boxes can be told not to meet.
+            geom.contype, geom.conaffinity = ROBOT, ROBOT | gripper_bit(limb)
+    for geom in spec.worldbody.geoms:
+        geom.contype, geom.conaffinity = SURROUNDINGS | grippers, 0
+    whole = {"objtype": mujoco.mjtObj.mjOBJ_XBODY, "objname": "base"}
+    spec.add_sensor(name="contact", type=mujoco.mjtSensor.mjSENS_CONTACT, **whole, intprm=[1, 1, 1])
+    whole["objtype"] = mujoco.mjtObj.mjOBJ_BODY
+    spec.add_sensor(name="velocity", type=mujoco.mjtSensor.mjSENS_SUBTREELINVEL, **whole)
+    spec.add_sensor(name="angular_momentum", type=mujoco.mjtSensor.mjSENS_SUBTREEANGMOM, **whole)
+    return spec
+
+
+def gripper_bit(limb: int) -> int:
+    """Bit of `contype` of the boxes that the gripper of a limb meets."""
+    return 1 << (FIRST_GRIPPER_BIT + limb)
+
+
+def _add_controllers(spec: mujoco.MjSpec, limb: int, physics: Physics) -> None:
+    for k, limit in enumerate(torque_limits(), 1):
+        name = f"limb{limb}/joint{k}"
+        # A stop would hide how far the controller lets a joint go; leaving the limits is a failure
+        # that is reported.
+        spec.joint(name).limited = mujoco.mjtLimited.mjLIMITED_FALSE
+        actuator = spec.add_actuator(
+            name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            biastype=mujoco.mjtBias.mjBIAS_AFFINE, forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
+            forcerange=[-float(limit), float(limit)],
+        )  # fmt: skip
+        actuator.gainprm[0] = physics.kp
+        actuator.biasprm[1], actuator.biasprm[2] = -physics.kp, -physics.kd
+        _add_force_sensor(spec, name)
+
+
+def _add_grasp(spec: mujoco.MjSpec, limb: int, physics: Physics) -> None:
+    anchor = spec.worldbody.add_body(name=f"limb{limb}/anchor")
+    anchor.add_site(name=f"limb{limb}/anchor", size=[0.005, 0, 0], rgba=(0, 0, 0, 0))
+    along = (physics.grasp_stiffness, physics.grasp_damping)
+    about = (physics.grasp_rotational_stiffness, physics.grasp_rotational_damping)
+    for k, axis in enumerate(AXES):
+        name = f"limb{limb}/grasp/{axis}"
+        actuator = spec.add_actuator(
+            name=name, target=f"limb{limb}/grasp", refsite=f"limb{limb}/anchor",
+            trntype=mujoco.mjtTrn.mjTRN_SITE,
+            gear=np.eye(6)[k], gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            biastype=mujoco.mjtBias.mjBIAS_AFFINE, group=limb + 1,
+        )  # fmt: skip
+        stiffness, damping = along if k < 3 else about
+        actuator.gainprm[0], actuator.biasprm[1], actuator.biasprm[2] = 0.0, -stiffness, -damping
+        _add_force_sensor(spec, name)
+
+
+def _add_force_sensor(spec: mujoco.MjSpec, actuator: str) -> None:
+    kind, what = mujoco.mjtSensor.mjSENS_ACTUATORFRC, mujoco.mjtObj.mjOBJ_ACTUATOR
+    spec.add_sensor(name=actuator, type=kind, objtype=what, objname=actuator)

@@ -1,0 +1,260 @@
+"""The MuJoCo scene: cabin, racks, seat tracks, handrails, graspable points and the robot.
+
+`scene_spec` returns a `mujoco.MjSpec`, from which a model is compiled or MJCF exported. Geoms of
+each cabin face have a geom group of their own (`FACE_GROUPS`), so that a picture can leave out the
+face in front.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.errors import SceneError, ShapeError
+from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec, ur5e_data
+from mlivr_gym.values import unique
+from mlivr_gym.world.boxes import BOX, POINT, Box, scene_name
+from mlivr_gym.world.grasp_map import GraspMap
+
+Array = NDArray[np.float64]
+
+FACE_GROUPS = {"deck": 1, "forward": 2, "aft": 3, "overhead": 4, "starboard": 5, "port": 5}
+"""Geom group of each cabin face; the robot has group 0."""
+
+_BODY, _GRIPPER, _STEEL, _POINT = (
+    (0.93, 0.93, 0.95, 1),
+    (0.15, 0.15, 0.17, 1),
+    (0.70, 0.72, 0.75, 1),
+    (0.95, 0.75, 0.10, 1),
+)
+_PANEL = (0.80, 0.82, 0.84, 1)
+_COLOURS = {
+    "panel": _PANEL, "closeout": _PANEL, "bulkhead": _PANEL, "rack": (0.90, 0.90, 0.88, 1),
+    "track": (0.45, 0.48, 0.52, 1), "handrail": (0.10, 0.35, 0.75, 1), "stanchion": _STEEL,
+    "obstacle": (0.85, 0.35, 0.15, 0.85),
+}  # fmt: skip
+_METAL = ("track", "handrail")
+
+ROBOT, SURROUNDINGS = 1, 2
+"""Bits of `contype` and `conaffinity`: the robot's shapes meet each other and the surroundings, boxes never meet."""
+
+
+def rgba(colour: str) -> tuple[float, float, float, float]:
+    """Components of a colour like `"#1f77b4"`, opaque."""
+    r, g, b = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return (r, g, b, 1.0)
+
+
+def scene_spec(
+    grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()
+) -> mujoco.MjSpec:
+    """Scene of a robot in a cabin.
+
+    Its geoms are the shapes that collisions are checked with; boxes are called `"box/{id}"`,
+    capsules of limb i `"limb{i}/{link}/{number}"`, the body `"body"`. Pairs of a limb's links that
+    cannot meet are excluded.
+
+    The robot's body is `"base"` with free joint `"base"`; joint k of limb i is
+    `"limb{i}/joint{k}"`, its flange frame is site `"limb{i}/flange"`, its grasp point site
+    `"limb{i}/grasp"`. Graspable points are sites `"point/{id}"`.
+
+    Raises:
+        ShapeError: If two boxes have the same id.
+    """
+    boxes = (*grasp_map.boxes, *obstacles)
+    unique([box.id for box in boxes], "box", ShapeError)
+    spec = mujoco.MjSpec()
+    spec.modelname = f"{grasp_map.name}-{robot.name}"
+    spec.compiler.degree = False  # MuJoCo would take the ranges of joints for degrees
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
+    spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
+    spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
+    spec.visual.quality.shadowsize = 4096
+    spec.visual.map.znear = 0.005
+    spec.add_texture(
+        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[1, 1, 1], rgb2=[0.86, 0.89, 0.93], width=256, height=256,
+    )  # fmt: skip
+    spec.add_material(name="matt", specular=0.1, shininess=0.1)
+    spec.add_material(name="metal", specular=0.6, shininess=0.6)
+    world = spec.worldbody
+    low, high = grasp_map.cabin
+    for x in np.linspace(low[0] + 0.2 * (high[0] - low[0]), low[0] + 0.8 * (high[0] - low[0]), 3):
+        world.add_light(
+            pos=[float(x), float(low[1] * 0.5), float(high[2] * 0.8)], dir=[0.0, 0.35, -1.0],
+            diffuse=[0.35, 0.35, 0.35], castshadow=bool(abs(x - 0.5 * (low[0] + high[0])) < 1.0),
+        )  # fmt: skip
+    world.add_light(
+        pos=[0.0, 0.0, 0.0], dir=[0.0, 0.3, 1.0], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        diffuse=[0.4, 0.4, 0.4], castshadow=False,
+    )  # fmt: skip
+    for side in (-1.0, 1.0):
+        world.add_light(
+            pos=[float(low[0] if side > 0 else high[0]), 0.0, 0.0], dir=[side, 0.0, 0.0],
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, diffuse=[0.3, 0.3, 0.3], castshadow=False,
+        )  # fmt: skip
+    for box in boxes:
+        world.add_geom(
+            name=scene_name(BOX, box.id), type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre,
+            size=box.half, rgba=_COLOURS[box.kind],
+            material="metal" if box.kind in _METAL else "matt", group=FACE_GROUPS.get(box.face, 0),
+            contype=SURROUNDINGS, conaffinity=ROBOT, quat=_quaternion(np.array(box.rotation)),
+        )  # fmt: skip
+    for point, face, position, rotation in zip(
+        grasp_map.ids, grasp_map.faces, grasp_map.positions, grasp_map.rotations, strict=True
+    ):
+        world.add_site(
+            name=scene_name(POINT, point), pos=position, quat=_quaternion(rotation),
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.016, 0.003, 0.0], rgba=_POINT,
+            group=FACE_GROUPS[face],
+        )  # fmt: skip
+    _add_robot(spec, robot)
+    return spec
+
+
+def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model of a scene.
+
+    Raises:
+        SceneError: If MuJoCo refuses it, with its reason.
+    """
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise SceneError(
+            f"MuJoCo cannot build scene {spec.modelname!r}: {' '.join(str(error).split())}"
+        ) from None
+
+
+def set_configuration(
+    model: mujoco.MjModel, data: mujoco.MjData, position: Array, quaternion: Array, joints: Array
+) -> None:
+    """Put the robot into a configuration and update the scene.
+
+    Args:
+        model: Compiled from `scene_spec`.
+        data: Its data.
+        position: Base position [m], shape (3,).
+        quaternion: Base orientation w, x, y, z, shape (4,).
+        joints: Joint angles [rad], shape (N, 6).
+    """
+    address = int(model.joint("base").qposadr[0])
+    data.qpos[address : address + 3], data.qpos[address + 3 : address + 7] = position, quaternion
+    for limb, angles in enumerate(joints):
+        for k, angle in enumerate(angles):
+            data.qpos[int(model.joint(f"limb{limb}/joint{k + 1}").qposadr[0])] = angle
+    mujoco.mj_forward(model, data)
+
+
+def _quaternion(rotation: Array) -> Array:
+    quaternion: Array = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+    return quaternion
+
+
+def _add_robot(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
+    data, limb, shapes = ur5e_data(), robot.limb, LimbShapes(robot)
+    half = 0.5 * robot.body_size
+    base = spec.worldbody.add_body(name="base", pos=[0, 0, 0])
+    base.add_freejoint(name="base")
+    touches = {"contype": ROBOT, "conaffinity": ROBOT | SURROUNDINGS}
+    base.add_geom(
+        name="body", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, rgba=_BODY, material="matt",
+        mass=robot.body_mass,
+        **touches,
+    )  # fmt: skip
+    base.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER, pos=[0, 0, half], size=[0.6 * half, 0.004, 0],
+        rgba=(0.1, 0.1, 0.12, 1),
+        mass=0, contype=0, conaffinity=0,
+    )  # fmt: skip
+    quarter = [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
+    origins = (
+        ([0, 0, limb.d1], None), ([0, 0, 0], quarter), ([limb.a2, 0, 0], None),
+        ([limb.a3, 0, limb.d4], None), ([0, -limb.d5, 0], quarter),
+        ([0, limb.d6, 0], [quarter[0], -quarter[1], 0, 0]),
+    )  # fmt: skip
+    for i, (rotation, position) in enumerate(
+        zip(robot.mount_rotations, robot.mount_positions, strict=True)
+    ):
+        colour = rgba(LIMB_COLOURS[i])
+        pale = tuple(0.55 * c + 0.45 for c in colour[:3]) + (1.0,)
+        bodies = {"base": base.add_body(name=f"limb{i}", pos=position, quat=_quaternion(rotation))}
+        parent = bodies["base"]
+        for k, ((offset, quaternion), link) in enumerate(zip(origins, data["links"], strict=True)):
+            extra = {} if quaternion is None else {"quat": quaternion}
+            parent = parent.add_body(name=f"limb{i}/{link['name']}", pos=offset, **extra)
+            bodies[link["name"]] = parent
+            parent.add_joint(
+                name=f"limb{i}/joint{k + 1}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1],
+                range=list(limb.joint_limits[k]),
+            )  # fmt: skip
+            inertia = np.array(link["inertia_urdf"])
+            parent.explicitinertial = True
+            parent.mass, parent.ipos = link["mass"], link["com_urdf"]
+            parent.fullinertia = [
+                inertia[0, 0],
+                inertia[1, 1],
+                inertia[2, 2],
+                inertia[0, 1],
+                inertia[0, 2],
+                inertia[1, 2],
+            ]
+        parent.add_site(name=f"limb{i}/flange", size=[0.005, 0, 0], rgba=(0, 0, 0, 0))
+        parent.add_site(
+            name=f"limb{i}/grasp",
+            pos=[0, 0, robot.tool_length],
+            size=[0.005, 0, 0],
+            rgba=(0, 0, 0, 0),
+        )
+        gripper = bodies["gripper"] = parent.add_body(name=f"limb{i}/gripper")
+        length = max(robot.tool_length, 0.01)
+        gripper.mass, gripper.ipos = robot.gripper_mass, [0, 0, 0.5 * robot.tool_length]
+        radius = data["gripper"]["radius"]
+        across = robot.gripper_mass * (3.0 * radius**2 + length**2) / 12.0
+        gripper.inertia, gripper.explicitinertial = (
+            [across, across, 0.5 * robot.gripper_mass * radius**2],
+            True,
+        )
+        count: Counter[str] = Counter()
+        for capsule in robot.shapes:
+            number = LINKS.index(capsule.link)
+            tint = (
+                _STEEL
+                if number == 0
+                else _GRIPPER
+                if number == 7
+                else colour
+                if number % 2 == 0
+                else pale
+            )
+            bodies[capsule.link].add_geom(
+                name=f"limb{i}/{capsule.link}/{count[capsule.link]}",
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                fromto=[*capsule.start, *_apart(capsule)], size=[capsule.radius, 0, 0], rgba=tint,
+                material="matt", mass=0,
+                **touches,
+            )  # fmt: skip
+            count[capsule.link] += 1
+        for first, second in shapes.never(i):
+            spec.add_exclude(bodyname1=_body_name(first, i), bodyname2=_body_name(second, i))
+
+
+def _apart(capsule: Capsule) -> list[float]:
+    """The capsule's end, moved a hair along z where both ends are one: MuJoCo wants a direction."""
+    end = list(capsule.end)
+    if capsule.start == capsule.end:
+        end[2] += 1e-9
+    return end
+
+
+def _body_name(link: str, limb: int) -> str:
+    return "base" if link == "body" else f"limb{limb}" if link == "base" else f"limb{limb}/{link}"

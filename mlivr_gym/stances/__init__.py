@@ -1,0 +1,1 @@
+"""Stance graphs and the steps that leave a state."""

@@ -1,0 +1,44 @@
+"""How a stance graph is made."""
+
+from __future__ import annotations
+
+from mlivr_gym.compiled.kernels import is_cached, second_process
+from mlivr_gym.errors import RobotError
+from mlivr_gym.postures.selection import solve_geometries
+from mlivr_gym.robot.specification import RobotSpec, robot_spec
+from mlivr_gym.settings import Settings
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.world.grasp_map import GraspMap, jem_map
+
+
+def stance_graph(
+    grasp_map: GraspMap | None = None,
+    robot: str | RobotSpec = "mlivr2",
+    settings: Settings | None = None,
+) -> PairGraph | LazyGraph:
+    """Stance graph of a robot on a map.
+
+    Args:
+        grasp_map: By default the measured JEM.
+        robot: Name, path of a JSON file, or description.
+        settings: Thresholds and switches; by default the paper's, with steps checked.
+
+    Raises:
+        RobotError: If the robot cannot hold any stance on the map.
+
+    Example:
+        >>> graph = stance_graph()
+        >>> len(graph.grasp_map)
+        331
+    """
+    grasp_map, robot, settings = grasp_map or jem_map(), robot_spec(robot), settings or Settings()
+    if robot.limbs > 2:
+        return LazyGraph(grasp_map, robot, settings)
+    with second_process("mlivr_gym.planners.warmup", not is_cached(solve_geometries)):
+        graph = PairGraph(grasp_map, robot, settings)
+    if not len(graph):
+        raise RobotError(
+            f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: {graph.no_stance()}"
+        )
+    return graph

@@ -1,0 +1,81 @@
+"""Stance graph of any number of limbs, whose neighbours are worked out when asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlivr_gym.postures.solver import OPPOSED_HEIGHTS, Postures
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.settings import Settings
+from mlivr_gym.stances.stance_graph import IntArray, StanceGraph
+from mlivr_gym.world.grasp_map import GraspMap
+
+
+class LazyGraph(StanceGraph):
+    """Stance graph of any number of limbs, whose neighbours are worked out when asked for."""
+
+    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
+        """Start with nothing known."""
+        super().__init__(grasp_map, robot, settings)
+        self._released: dict[tuple[tuple[int, ...], bytes, int], int] = {}
+
+    def postures(self, stances: IntArray) -> Postures:
+        """Postures of stances, shape (k, N), feasible or not; those that touch an obstacle or an occupied point cannot be held."""
+        stances = np.asarray(stances, dtype=np.int64).reshape(-1, self.limbs)
+        found = super().postures(stances)
+        if self.obstacles:
+            self.clear_of_obstacles(
+                np.arange(len(stances)),
+                stances,
+                found.position,
+                found.rotation,
+                found.branch,
+                found.mask,
+            )
+        if self.occupied:
+            found.mask[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
+        return found
+
+    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
+        """On which branches a limb can let go, worked out once."""
+        key = (stance, posture.position[0].tobytes() + posture.rotation[0].tobytes(), limb)
+        if key not in self._released:
+            self._released[key] = super().released(stance, posture, limb)
+        return self._released[key]
+
+    def _obstacles_changed(self) -> None:
+        self._released = {}
+
+    def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+        """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
+        limbs: list[IntArray] = []
+        points: list[IntArray] = []
+        for i in range(self.limbs):
+            near = [self.partners(p) for k, p in enumerate(stance) if k != i]
+            common = near[0]
+            for other in near[1:]:
+                common = np.intersect1d(common, other, assume_unique=True)
+            common = common[common != stance[i]]
+            limbs.append(np.full(len(common), i, dtype=np.int64))
+            points.append(common)
+        limb, point = np.concatenate(limbs), np.concatenate(points)
+        if not len(limb):
+            return limb, point, self.postures(np.zeros((0, self.limbs), dtype=np.int64))
+        stances = np.tile(np.array(stance, dtype=np.int64), (len(limb), 1))
+        stances[np.arange(len(limb)), limb] = point
+        postures = self.postures(stances)
+        node = self.is_node(postures)
+        return limb[node], point[node], postures.take(node)
+
+    @property
+    def max_step(self) -> float:
+        """An upper bound of the base displacement of one step [m].
+
+        The held grasps stay where they are and each lies within reach of the base before and after.
+        Also the grasps' centroid moves at most `2 span / N`, and the base lies at most the largest
+        height from it.
+        """
+        robot = self.robot
+        height = max(max(map(abs, robot.heights)), max(OPPOSED_HEIGHTS))
+        by_reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
+        return min(by_reach, 2.0 * robot.span / self.limbs + 2.0 * height)

@@ -1,0 +1,384 @@
+"""Stance graph of two limbs: the whole feasible set at once.
+
+The neighbours of a stance (a, b) are the other stances of row a (limb 0 holds) and of row b (limb 1
+holds), so no edge list is stored. What is stored, once known, is the set of branches the holding
+limb can keep on a step: one entry for each ordered pair of stances of a row, filled on demand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
+from mlivr_gym.compiled.kernels import in_parallel
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
+from mlivr_gym.postures.solver import Postures
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.settings import Settings
+from mlivr_gym.stances.pair_steps import (
+    ARC_BITS,
+    DIRECT,
+    FOLD_BITS,
+    KNOWN,
+    PAIR_BITS,
+    edge_entry,
+    fill_points,
+    fill_row,
+    longest_step,
+    pair_successors,
+    settle,
+)
+from mlivr_gym.stances.stance_graph import TOUCHED, Array, IntArray, StanceGraph, State, Successors
+from mlivr_gym.transitions.step_check import Way
+from mlivr_gym.world.grasp_map import GraspMap
+
+REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
+"""Causes that keep a stance out of the graph."""
+NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
+
+
+def fill_rows(graph: PairGraph, progress: Callable[[int, int], None] | None = None) -> None:
+    """Check every step of a graph, once; `progress` is called with rows done and rows in all."""
+    if graph.complete:
+        return
+    m = len(graph.grasp_map)
+    chunk = max(1, m // 16)
+    for held in range(2):
+        for begin in range(0, m, chunk):
+            in_parallel(
+                min(chunk, m - begin), fill_points, held, graph.rows, graph.row_start, graph.edges,
+                first=begin, least=2,
+            )  # fmt: skip
+            if progress is not None:
+                progress(held * m + min(begin + chunk, m), 2 * m)
+    graph.complete = True
+
+
+class PairGraph(StanceGraph):
+    """All stances of a two-limb robot that are nodes, and the steps between them.
+
+    Attributes:
+        points: Point indices of each stance, shape (n, 2), in lexical order.
+        position: Base positions [m], shape (n, 3).
+        rotation: Base rotations, shape (n, 3, 3).
+        w_m: Limb manipulability, shape (n, 2).
+        w_b: Base manipulability, shape (n,).
+        mask: Branches and flips each limb may hold on, shape (n, 2).
+        rows: Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n).
+        row_start: Where the row of each point begins in `rows`, shape (2, m + 1).
+        considered: Ordered pairs of points that were looked at.
+        reachable: How many of them inverse kinematics can hold.
+        removed: How many that meet the thresholds were left out because they touch something, by
+            what they touch.
+        no_departure: How many that meet the thresholds were left out because a limb could not leave
+            its point along the surface normal with `w_m` above `Settings.path_floor` and inside its
+            joint limits. Without thresholds that floor is what remains, where steps are checked.
+    """
+
+    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
+        """Work out every stance."""
+        super().__init__(grasp_map, robot, settings)
+        postures = self.postures(self.pairs)
+        node = self.is_node(postures)
+        self.considered, self.reachable = len(self.pairs), int(postures.reachable.sum())
+        self.removed = {
+            name: int((postures.cause[~node] == cause).sum()) for name, cause in REMOVED.items()
+        }
+        stuck = (
+            ~node
+            & (postures.cause == CLEAR)
+            & (postures.w_b > 0.0)
+            & (postures.w_b >= self.base_threshold)
+        )
+        self.no_departure = int((stuck & (postures.w_m >= self.limb_threshold).all(axis=1)).sum())
+        self.points = np.ascontiguousarray(self.pairs[node])
+        chosen = postures.take(node)
+        self.position, self.rotation, self.w_m, self.w_b = (
+            chosen.position,
+            chosen.rotation,
+            chosen.w_m,
+            chosen.w_b,
+        )
+        self.branch, self.mask = chosen.branch, chosen.mask
+        n, m = len(self.points), len(grasp_map)
+        by_second = np.lexsort((self.points[:, 0], self.points[:, 1]))
+        self.rows: IntArray = np.stack([np.arange(n), by_second]).astype(np.int64)
+        ordered = np.take_along_axis(self.points.T, self.rows, axis=1)
+        self.row_position: Array = self.position[self.rows]
+        """Base positions in the order of `rows` [m], shape (2, n, 3)."""
+        self.row_start: IntArray = np.stack(
+            [np.searchsorted(row, np.arange(m + 1)) for row in ordered]
+        )
+        self.degree: IntArray = np.diff(self.row_start, axis=1)
+        self.offset: IntArray = np.cumsum(self.degree.ravel() ** 2).reshape(2, m) - self.degree**2
+        self.local: IntArray = np.empty((2, n), dtype=np.int64)
+        for limb in range(2):
+            self.local[limb, self.rows[limb]] = np.arange(n) - self.row_start[limb, ordered[limb]]
+        self.table = np.zeros(
+            int((self.degree**2).sum()) if settings.transitions else 1, dtype=np.int64
+        )
+        """Edge entries, zero where not known yet."""
+        self.complete = False
+        """Whether every edge entry is known."""
+        self._keys = self.points[:, 0] * m + self.points[:, 1]
+        known = np.full((n, 2), not settings.collisions)
+        self._free = self.mask, known, self.mask * known, self.table
+        self.edges = self._edges()
+        """Arguments of `edge_entry`: the graph in the kernels' form."""
+
+    def _edges(self) -> tuple[Any, ...]:
+        """The kernels' arguments: masks, releases and entries with the present obstacles, and those without."""
+        robot, solver, settings = self.robot, self.solver, self.settings
+        mask0, ready0, released0, table0 = self._free
+        self.mask, ready, released, self.table, near = (
+            mask0,
+            ready0,
+            released0,
+            table0,
+            np.zeros(0, dtype=np.bool_),
+        )
+        overlay, boxes = bool(self.obstacles or self.occupied), False
+        if overlay:
+            near = self._near_obstacles()
+            boxes = bool(near.any())
+            self.mask, released, ready = mask0.copy(), released0.copy(), np.zeros_like(ready0)
+            taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
+            taken[list(self.occupied)] = True
+            gone = taken[self.points[:, 0]] | taken[self.points[:, 1]]
+            self.mask[gone] = released[gone] = 0
+            ready[gone] = True
+            ready[~gone & ~near] = ready0[~gone & ~near]
+            if boxes:
+                self.table = np.zeros_like(table0)
+                touching = near & self._within(self.robot.extent + self.settings.clearance)
+                self.clear_of_obstacles(
+                    np.flatnonzero(touching),
+                    self.points,
+                    self.position,
+                    self.rotation,
+                    self.branch,
+                    self.mask,
+                )
+        return (
+            self.points, self.local, self.degree, self.offset, self.table, self.position,
+            self.rotation, self.mask,
+            solver.mount_rotations, solver.mount_positions, solver.lengths, self.solver.flanges,
+            solver.tools, solver.points, settings.path_floor * robot.characteristic_length**3,
+            solver.limits, solver.full_turn,
+            (
+                settings.collisions, ready, released, solver.normals, solver.rails,
+                robot.tool_length, robot.lift,
+                solver.folds, solver.bodies.arrays,
+            ),
+            (overlay, boxes, near, mask0, ready0, released0, table0, self.hindrance.arrays),
+        )  # fmt: skip
+
+    def _near_obstacles(self) -> NDArray[np.bool_]:
+        """Stances whose robot, on a step from or to them, may come near an obstacle, shape (n,)."""
+        return self._within(self.robot.extent + self.settings.clearance + 0.8 * self.max_step)
+
+    def _within(self, reach: float) -> NDArray[np.bool_]:
+        """Stances whose base lies within `reach` [m] of an obstacle, shape (n,)."""
+        near = np.zeros(len(self), dtype=np.bool_)
+        for box in self.obstacles:
+            low, high = box.bounds
+            away = self.position - np.clip(self.position, low, high)
+            near |= np.einsum("ij,ij->i", away, away) <= reach**2
+        return near
+
+    def _obstacles_changed(self) -> None:
+        self.edges = self._edges()
+        self.complete = False
+
+    def __len__(self) -> int:
+        """Number of stances."""
+        return len(self.points)
+
+    @cached_property
+    def beyond_span(self) -> int:
+        """Ordered pairs of points within reach of two outstretched limbs that are not tried: farther apart than the span."""
+        robot = self.robot
+        reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
+        pairs = cKDTree(self.grasp_map.positions).query_pairs(reach, output_type="ndarray")
+        apart = np.linalg.norm(np.diff(self.grasp_map.positions[pairs], axis=1)[:, 0], axis=1)
+        return 2 * int((apart > robot.span + 1e-9).sum())
+
+    def no_stance(self) -> str:
+        """Why a graph without stances has none."""
+        if not self.reachable:
+            return (
+                f"no base pose at heights {self.robot.heights} m lets limbs mounted {self.robot.mount_radius:g} m "
+                f"from the axis reach two points"
+            )
+        touching = ", ".join(
+            f"{count} touch {TOUCHED[REMOVED[name]]}"
+            for name, count in self.removed.items()
+            if count
+        )
+        return (
+            f"of {self.reachable} stances in reach none meets w_m >= {self.limb_threshold:g} and w_b >= "
+            f"{self.base_threshold:g} with limbs that can depart at w_m >= {self.settings.path_floor:g}"
+            + (f"; of those that meet the thresholds {touching}" if touching else "")
+        )
+
+    def find(self, stance: Sequence[int]) -> int:
+        """Index of a stance given by point indices, or -1 if it is no node."""
+        key = stance[0] * len(self.grasp_map) + stance[1]
+        k = int(np.searchsorted(self._keys, key))
+        return k if k < len(self._keys) and self._keys[k] == key else -1
+
+    def posture(self, stance: Sequence[int]) -> Postures:
+        """Posture of one stance given by point indices, every array with a leading 1."""
+        s = self.find((stance[0], stance[1]))
+        return super().posture(stance) if s < 0 else self.node_postures(slice(s, s + 1))
+
+    def node_postures(self, chosen: slice | IntArray) -> Postures:
+        """Postures of stances given by index."""
+        position = self.position[chosen]
+        return Postures(
+            position, self.rotation[chosen], self.w_m[chosen], self.w_b[chosen],
+            self.branch[chosen], self.mask[chosen],
+            np.zeros(len(position), dtype=np.int64),
+        )  # fmt: skip
+
+    def _fault(
+        self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None
+    ) -> str:
+        near = pose is None and self.find(points) >= 0 and not self.occupied.intersection(points)
+        return (
+            f"its posture touches {TOUCHED[OBSTACLE]}"
+            if near
+            else super()._fault(points, posture, pose)
+        )
+
+    def _stands(self, stance: Sequence[int], posture: Postures, k: int = 0) -> int:
+        """Index of a stance if row `k` of `posture` is its own, or -1: a robot may stand in another."""
+        s = self.find((stance[0], stance[1]))
+        own = (
+            s >= 0
+            and (posture.position[k] == self.position[s]).all()
+            and (posture.rotation[k] == self.rotation[s]).all()
+        )
+        return s if own else -1
+
+    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
+        """On which branches a limb can let go of a stance; see `StepChecks.released`."""
+        s = self._stands(stance, posture)
+        if s < 0:
+            return super().released(stance, posture, limb)
+        settle(s, limb, self.edges)
+        return int(self.edges[17][2][s, limb])
+
+    def way(
+        self,
+        before: Sequence[int],
+        after: Sequence[int],
+        limb: int,
+        posture: Postures,
+        masks: Sequence[int],
+    ) -> Way:
+        """How a step that is an edge is made; see `StepChecks.way`."""
+        s0, s1 = self._stands(before, posture), self._stands(after, posture, 1)
+        if not self.settings.collisions or s0 < 0 or s1 < 0:
+            return super().way(before, after, limb, posture, masks)
+        held = 1 - limb
+        entry = int(edge_entry(held, s0, s1, self.edges))
+        kind = ARC if entry >> ARC_BITS & masks[held] else STRAIGHT
+        left = {held: entry & masks[held] & 0xFFFF}
+        if entry & DIRECT:
+            return Way(kind, -1, entry >> PAIR_BITS & 63, left)
+        return Way(kind, entry >> (FOLD_BITS + 2 * kind) & 3, -1, left)
+
+    def row(self, held: int, s: int) -> IntArray:
+        """The other stances that limb `held` of stance `s` shares its point with."""
+        point = self.points[s, held]
+        row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
+        return row[row != s]
+
+    def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+        """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
+        limbs, rows = [], []
+        for limb in range(2):
+            held, point = 1 - limb, stance[1 - limb]
+            row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
+            row = row[(self.points[row, limb] != stance[limb]) & (self.mask[row] > 0).all(axis=1)]
+            rows.append(row)
+            limbs.append(np.full(len(row), limb, dtype=np.int64))
+        limb_of, chosen = np.concatenate(limbs), np.concatenate(rows)
+        return limb_of, self.points[chosen, limb_of], self.node_postures(chosen)
+
+    def edge_masks(self, held: int, s: int, row: IntArray) -> IntArray:
+        """Branches that limb `held` can keep on the steps from `s` to each stance of `row`, joint limits included."""
+        out = np.full(len(row), 0xFFFF, dtype=np.int64)
+        if not self.settings.transitions:
+            return out
+        fill_row(held, s, row, out, self.edges)
+        return out
+
+    @contextmanager
+    def without(self, steps: Collection[tuple[tuple[int, ...], tuple[int, ...]]]) -> Iterator[None]:
+        """Take steps, given as pairs of stances, out of the graph for a while."""
+        kept = []
+        for before, after in steps:
+            held = 0 if before[0] == after[0] else 1
+            s0, s1, point = self.find(before), self.find(after), before[held]
+            entry = (
+                self.offset[held, point]
+                + self.local[held, s0] * self.degree[held, point]
+                + self.local[held, s1]
+            )
+            kept.append((entry, int(self.table[entry])))
+            self.table[entry] = KNOWN
+        try:
+            yield
+        finally:
+            for entry, value in reversed(kept):
+                self.table[entry] = value
+
+    def successors(self, state: State) -> Successors:
+        """All steps that leave a state."""
+        if state.pose is not None:
+            return super().successors(state)
+        s = self.find(state.stance)
+        if s < 0:
+            return Successors(
+                NO_POINTS, NO_POINTS, np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64)
+            )
+        size = int(self.degree[0, state.stance[0]] + self.degree[1, state.stance[1]])
+        limb, stance = (np.empty(size, dtype=np.int64) for _ in range(2))
+        masks = np.empty((size, 2), dtype=np.int64)
+        count = pair_successors(
+            s, state.masks[0], state.masks[1], self.settings.transitions, self.rows, self.row_start,
+            limb, stance, masks, self.edges,
+        )  # fmt: skip
+        limb, stance = limb[:count], stance[:count]
+        return Successors(limb, self.points[stance, limb], self.position[stance], masks[:count])
+
+    @cached_property
+    def max_step(self) -> float:
+        """Largest base displacement of one step [m], over all pairs of stances that share a point."""
+        out = np.zeros(len(self.grasp_map))
+        for held in range(2):
+            longest_step(0, len(out), held, self.rows, self.row_start, self.position, out)
+        return max(float(np.sqrt(out.max())), 1e-9)
+
+    @cached_property
+    def components(self) -> tuple[int, NDArray[np.int32]]:
+        """Number of connected parts of the graph before steps are checked, and the part of each stance, shape (n,)."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        m = len(self.grasp_map)
+        links = coo_array(
+            (np.ones(len(self)), (self.points[:, 0], m + self.points[:, 1])), shape=(2 * m, 2 * m)
+        )
+        _, label = connected_components(links, directed=False)
+        parts, part = np.unique(label[self.points[:, 0]], return_inverse=True)
+        return len(parts), part.astype(np.int32)

@@ -1,0 +1,391 @@
+"""The stance graph: which stances a robot can hold on a map, and which steps join them.
+
+`build.stance_graph` makes one: for two limbs a `PairGraph`, which holds the whole feasible set; for
+more a `LazyGraph`, which works neighbours out when they are asked for.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mlivr_gym.collisions.collision_model import Bodies
+from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
+from mlivr_gym.collisions.queries import clear_of_world, hands_clear
+from mlivr_gym.compiled.kernels import in_parallel
+from mlivr_gym.errors import MapError, RobotError, SettingError, ShapeError, StanceError
+from mlivr_gym.kinematics.base_path import STRAIGHT, follow
+from mlivr_gym.kinematics.holding import quaternion
+from mlivr_gym.postures.given_pose import (
+    given_joints,
+    given_pose,
+    given_pose_fault,
+    masks_of_joints,
+    rotation_of,
+)
+from mlivr_gym.postures.solver import FIELDS, Postures, PostureSolver
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.settings import Settings
+from mlivr_gym.transitions.step_check import State as State
+from mlivr_gym.transitions.step_check import StepChecks
+from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.grasp_map import GraspMap
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+MOST_PAIRS = 2_000_000
+"""Most ordered pairs of points: those of the JEM with points every 0.03 m, which takes gigabytes."""
+
+TOUCHED = {
+    UNDECIDED: "something", SELF: "the robot itself", CABIN: "the cabin", HANDRAIL: "a handrail",
+    OBSTACLE: "an obstacle",
+}  # fmt: skip
+"""What a cause of a collision is called in a sentence."""
+
+
+class Successors(NamedTuple):
+    """The k steps that leave a state, ordered by limb and point."""
+
+    limb: IntArray
+    """Limb that moves, shape (k,)."""
+    point: IntArray
+    """Point it moves to, shape (k,)."""
+    position: Array
+    """Base position after the step [m], shape (k, 3)."""
+    masks: IntArray
+    """Masks of all limbs after the step, shape (k, N)."""
+
+
+class StanceGraph(StepChecks):
+    """Stances and steps of one robot on one map under one set of thresholds."""
+
+    solver_class: type[PostureSolver] = PostureSolver
+    """What works postures out."""
+
+    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
+        """Prepare the solver and the pairs of points close enough to be held at once."""
+        self.grasp_map, self.robot, self.settings = grasp_map, robot, settings
+        self.solver = self.solver_class(grasp_map, robot, settings)
+        self.limb_threshold, self.base_threshold = settings.thresholds(robot.limbs)
+        positions = grasp_map.positions
+        tree = cKDTree(positions)
+        near = int(tree.count_neighbors(tree, robot.span)) - len(grasp_map)
+        if near > MOST_PAIRS:
+            raise MapError(
+                f"map {grasp_map.name!r} has {near} pairs of points within the span of {robot.span:g} "
+                f"m; at most {MOST_PAIRS} can be worked out: take a larger spacing or a smaller span"
+            )
+        pairs = tree.query_pairs(robot.span + 1e-9, output_type="ndarray").astype(np.int64)
+        distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
+        pairs = pairs[distance >= robot.grasp_separation - 1e-9]
+        if not len(pairs):
+            raise RobotError(
+                f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: no two of its "
+                f"points are between {robot.grasp_separation:g} m and {robot.span:g} m apart"
+            )
+        both = np.concatenate([pairs, pairs[:, ::-1]])
+        self.pairs: IntArray = both[np.lexsort((both[:, 1], both[:, 0]))]
+        """Ordered pairs of points that may be held at once, shape (p, 2)."""
+        self.partner_start: IntArray = np.searchsorted(
+            self.pairs[:, 0], np.arange(len(grasp_map) + 1)
+        )
+        self.obstacles: tuple[Box, ...] = ()
+        """What stands in the way at present, besides the map's own boxes."""
+        self.occupied: frozenset[int] = frozenset()
+        """Points that may not be grasped at present, by index."""
+        self.version = 0
+        """Number of changes of obstacles and occupied points."""
+        self.hindrance = Bodies(self.solver.shapes, (), settings.clearance)
+        """The obstacles in the form the compiled checks read."""
+
+    def add_obstacles(self, boxes: Sequence[Box]) -> None:
+        """Put boxes into the world: they take away the stances and steps that touch them.
+
+        Nothing is worked out again but what lies near, and that when it is asked for. Stances keep
+        their postures.
+
+        Raises:
+            ShapeError: If a box of that id is there already, on the map or as an obstacle.
+            SettingError: If collisions are not checked.
+        """
+        if boxes and not self.settings.collisions:
+            raise SettingError(
+                "obstacles need collisions=True; this stance graph does not look at collisions"
+            )
+        ids = [box.id for box in (*self.grasp_map.boxes, *self.obstacles)]
+        for box in boxes:
+            if box.id in ids:
+                raise ShapeError(f"a box {box.id!r} is there already")
+            ids.append(box.id)
+        if boxes:
+            self._set_obstacles((*self.obstacles, *boxes), self.occupied)
+
+    def remove_obstacles(self, ids: Sequence[str] | None = None) -> None:
+        """Take boxes out of the world again, by default all.
+
+        Raises:
+            ShapeError: If there is no box of an id.
+        """
+        there = [box.id for box in self.obstacles]
+        for name in ids or ():
+            if name not in there:
+                raise ShapeError(
+                    f"no obstacle {name!r}; there are {', '.join(map(repr, there)) or 'none'}"
+                )
+        left = tuple(box for box in self.obstacles if ids is not None and box.id not in ids)
+        self._set_obstacles(left, self.occupied)
+
+    def occupy(self, points: Sequence[str | int]) -> None:
+        """Make points unavailable: no limb may take hold of them until they are vacated."""
+        self._set_obstacles(
+            self.obstacles, self.occupied | {self.grasp_map.index(point) for point in points}
+        )
+
+    def vacate(self, points: Sequence[str | int] | None = None) -> None:
+        """Make points available again, by default all."""
+        gone = (
+            self.occupied if points is None else {self.grasp_map.index(point) for point in points}
+        )
+        self._set_obstacles(self.obstacles, self.occupied - gone)
+
+    def _set_obstacles(self, boxes: tuple[Box, ...], occupied: frozenset[int]) -> None:
+        if boxes != self.obstacles:
+            self.hindrance = Bodies(self.solver.shapes, boxes, self.settings.clearance)
+        self.obstacles, self.occupied = boxes, frozenset(occupied)
+        self.version += 1
+        self._obstacles_changed()
+
+    @abstractmethod
+    def _obstacles_changed(self) -> None:
+        """Forget what no longer holds."""
+
+    def partners(self, point: int) -> IntArray:
+        """Points that may be held together with `point`."""
+        return self.pairs[self.partner_start[point] : self.partner_start[point + 1], 1]
+
+    def indices(self, stance: Sequence[str | int]) -> tuple[int, ...]:
+        """Point indices of a stance given by ids or indices.
+
+        Raises:
+            StanceError: If the number of points, an id, or the points' distance is wrong.
+        """
+        if isinstance(stance, str) or not np.iterable(stance) or len(stance) != self.limbs:
+            raise StanceError(
+                f"stance {stance!r} must name {self.limbs} points, one for each limb of {self.robot.name!r}"
+            )
+        points = tuple(self.grasp_map.index(point) for point in stance)
+        for i, a in enumerate(points):
+            for b in points[i + 1 :]:
+                distance = float(
+                    np.linalg.norm(self.grasp_map.positions[a] - self.grasp_map.positions[b])
+                )
+                names = f"{self.grasp_map.ids[a]!r} and {self.grasp_map.ids[b]!r}"
+                if distance < self.robot.grasp_separation - 1e-9:
+                    raise StanceError(
+                        f"points {names} are {distance:.3f} m apart; two grippers need "
+                        f"{self.robot.grasp_separation:g} m"
+                    )
+                if distance > self.robot.span + 1e-9:
+                    raise StanceError(
+                        f"points {names} are {distance:.3f} m apart; robot {self.robot.name!r} spans "
+                        f"{self.robot.span:g} m"
+                    )
+        return points
+
+    def ids(self, stance: Sequence[int]) -> tuple[str, ...]:
+        """Point ids of a stance."""
+        return tuple(self.grasp_map.ids[p] for p in stance)
+
+    def postures(self, stances: IntArray) -> Postures:
+        """Postures of stances, shape (k, N), feasible or not."""
+        return self.solver.solve(np.asarray(stances, dtype=np.int64).reshape(-1, self.limbs))
+
+    def posture(self, stance: Sequence[int]) -> Postures:
+        """Posture of one stance given by point indices, every array with a leading 1."""
+        return self.postures(np.array([stance], dtype=np.int64))
+
+    def is_node(self, postures: Postures) -> NDArray[np.bool_]:
+        """Which of some stances are nodes of the graph, shape (k,)."""
+        node: NDArray[np.bool_] = np.all(postures.mask > 0, axis=1)
+        return node
+
+    def posture_of(self, state: State) -> Postures:
+        """Posture in which a robot stands in a state: that of its stance, or one of its own."""
+        if state.pose is None:
+            return self.posture(state.stance)
+        return self._posture_at(state.stance, state.pose)
+
+    def given_pose_of(
+        self, stance: Sequence[str | int], position: Array, quaternion: Array
+    ) -> tuple[float, ...] | None:
+        """A base pose as `state` takes it, None if it is that of the stance's own posture."""
+        posture = self.posture(self.indices(stance))
+        off = (
+            np.abs(posture.position[0] - position).max(),
+            np.abs(posture.rotation[0] - rotation_of((0, 0, 0, *quaternion))).max(),
+        )
+        return None if max(off) < 1e-9 else given_pose((position, quaternion))
+
+    def _posture_at(self, points: tuple[int, ...], pose: tuple[float, ...]) -> Postures:
+        """Posture of a stance at a base pose of the robot's own, present obstacles and occupied points heeded."""
+        posture = self.solver.at(points, np.array(pose[:3]), rotation_of(pose))
+        if self.obstacles:
+            self.clear_of_obstacles(
+                np.arange(1),
+                np.array([points]),
+                posture.position,
+                posture.rotation,
+                posture.branch,
+                posture.mask,
+            )
+        if any(point in self.occupied for point in points):
+            posture.mask[:] = 0
+        return posture
+
+    def state(self, stance: Sequence[str | int], pose: Any = None, joints: Any = None) -> State:
+        """The state of a robot that takes hold of a stance.
+
+        Args:
+            stance: Point id (or index) of each limb.
+            pose: Base pose, if the robot does not stand in the stance's own posture: x, y, z [m]
+                and quaternion w, x, y, z. The thresholds do not apply there; the robot must reach
+                its points, touch nothing and be able to depart.
+            joints: Joint angles, shape (N, 6) [rad], if the branch of each limb is given.
+
+        Raises:
+            StanceError: If the stance cannot be held; the message says why.
+            SettingError: If pose or joint angles are no such numbers.
+        """
+        points = self.indices(stance)
+        here = None if pose is None else given_pose(pose)
+        angles = None if joints is None else given_joints(self.robot, joints)
+        posture = self.posture(points) if here is None else self._posture_at(points, here)
+        if not self.is_node(posture)[0]:
+            raise StanceError(
+                f"stance {self.ids(points)} cannot be held: {self._fault(points, posture, here)}"
+            )
+        if angles is not None:
+            return State(points, masks_of_joints(self.solver, points, posture, angles), here)
+        return State(points, tuple(int(m) for m in posture.mask[0]), here)
+
+    def _fault(
+        self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None
+    ) -> str:
+        taken = [self.grasp_map.ids[p] for p in points if p in self.occupied]
+        if taken:
+            return f"point {taken[0]!r} is occupied"
+        if pose is not None:
+            return given_pose_fault(self.solver, points, posture, self.obstacles)
+        cause = int(posture.cause[0])
+        if cause:
+            return f"every posture that meets the thresholds touches {TOUCHED[cause]}"
+        w_m, w_b = posture.w_m[0], float(posture.w_b[0])
+        if not posture.reachable[0]:
+            return "the points are out of reach from every base pose tried"
+        low = int(np.argmin(w_m))
+        if w_m[low] < self.limb_threshold:
+            return f"limb manipulability {w_m[low]:.4f} of limb {low} is below the threshold {self.limb_threshold:g}"
+        if w_b < self.base_threshold:
+            return f"base manipulability {w_b:.6f} is below the threshold {self.base_threshold:g}"
+        return (
+            f"a limb could not depart along the surface normal with limb manipulability above "
+            f"{self.settings.path_floor:g} and inside its joint limits"
+        )
+
+    def configuration(self, state: State) -> tuple[Array, Array, Array]:
+        """A configuration of a state: base position [m], base quaternion w, x, y, z, joint angles (N, 6) [rad].
+
+        Each limb is on the first branch and flip that its mask allows, with angles in (-pi, pi].
+        """
+        posture = self.posture_of(state)
+        here = (posture.position[0], posture.rotation[0])
+        joints = np.full((self.limbs, 6), np.nan)
+        for i, point in enumerate(state.stance):
+            bit = (state.masks[i] & -state.masks[i]).bit_length() - 1
+            branch = bit & 7 if self.settings.transitions else int(posture.branch[0, i])
+            follow(
+                self.solver.flanges[point], self.solver.tools[point], *here, *here, STRAIGHT,
+                here[0],
+                self.solver.mount_rotations[i], self.solver.mount_positions[i], self.solver.lengths,
+                branch, 0,
+                joints[i], np.full(6, np.nan), np.full(6, np.inf), np.full(6, -np.inf),
+            )  # fmt: skip
+            if self.settings.transitions and bit >= 8:
+                joints[i, 5] += np.pi
+        return here[0], quaternion(here[1]), joints
+
+    @abstractmethod
+    def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+        """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
+
+    def successors(self, state: State) -> Successors:
+        """All steps that leave a state."""
+        limb, point, postures = self.candidates(state.stance)
+        here = self.posture_of(state)
+        keep, masks = [], []
+        for k in range(len(limb)):
+            after = list(state.stance)
+            after[limb[k]] = int(point[k])
+            step = self.transition(state, after, join(here, postures.take(np.array([k]))))
+            if step is not None:
+                keep.append(k)
+                masks.append(step.masks)
+        chosen = np.array(keep, dtype=np.int64)
+        return Successors(
+            limb[chosen],
+            point[chosen],
+            postures.position[chosen],
+            np.array(masks, dtype=np.int64).reshape(-1, self.limbs),
+        )
+
+    @property
+    @abstractmethod
+    def max_step(self) -> float:
+        """An upper bound of the base displacement of one step [m]."""
+
+    def clear_of_obstacles(
+        self,
+        chosen: IntArray,
+        points: IntArray,
+        position: Array,
+        rotation: Array,
+        branch: IntArray,
+        mask: IntArray,
+    ) -> None:
+        """Take the branches that touch an obstacle out of the masks of some stances.
+
+        Args:
+            chosen: Indices of the stances to look at.
+            points: Point indices of all, shape (k, N).
+            position: Base positions [m], shape (k, 3).
+            rotation: Base rotations, shape (k, 3, 3).
+            branch: The postures' own branches, shape (k, N).
+            mask: Branches and flips of each limb, shape (k, N), changed.
+        """
+        solver, bodies = self.solver, self.hindrance.arrays
+        in_parallel(
+            len(chosen), clear_of_world, chosen, points, solver.points, solver.normals,
+            self.robot.tool_length, position,
+            rotation, branch, mask, True, solver.mount_rotations, solver.mount_positions,
+            solver.lengths, bodies,
+            np.zeros(len(points), dtype=np.int64),
+        )  # fmt: skip
+        hands = np.zeros(len(self.grasp_map), dtype=np.int64)
+        hands_clear(
+            solver.points, solver.normals, self.robot.tool_length, solver.lengths, bodies, hands
+        )
+        mask[(hands[points] > 0).any(axis=1)] = 0
+
+
+def join(first: Postures, second: Postures) -> Postures:
+    """Postures of two groups one after the other."""
+    return Postures(
+        *(np.concatenate([getattr(first, name), getattr(second, name)]) for name in FIELDS)
+    )

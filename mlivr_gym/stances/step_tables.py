@@ -1,0 +1,235 @@
+"""Every step of a two-limb stance graph in plain arrays: what environments step through and experts search.
+
+`step_tables(graph)` checks every step of the graph, once for a map: the entries go to the user's
+cache directory, from where later runs read them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import zipfile
+import zlib
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym._version import __version__
+from mlivr_gym.compiled.cache import cache_folder, source_digest
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.errors import SettingError
+from mlivr_gym.files import FileError, write_whole
+from mlivr_gym.settings import GRAPH_RULES
+from mlivr_gym.stances import pair_graph
+from mlivr_gym.stances.pair_graph import PairGraph, fill_rows
+from mlivr_gym.stances.stance_graph import StanceGraph, State, Successors
+
+Array = NDArray[np.float64]
+
+FORMAT = 2
+"""Version of the file format; the files of version 0.1.0 carry none."""
+
+
+class StepTables(NamedTuple):
+    """The steps between n stances on m points; limb j of a stance moves while limb 1 - j holds.
+
+    The steps of stance s that move limb j are the entries from `start[2 s + j]` to `start[2 s + j +
+    1]`, in the order of the points they lead to.
+    """
+
+    points: NDArray[np.int32]
+    """Point that each limb of a stance holds, shape (n, 2)."""
+    position: Array
+    """Base positions [m], shape (n, 3)."""
+    masks: NDArray[np.int32]
+    """Branches and flips each limb of a stance may hold on, shape (n, 2)."""
+    land: NDArray[np.int32]
+    """Those on which it can let go, and may be once it has landed, shape (n, 2)."""
+    start: NDArray[np.int64]
+    """Where the steps begin, shape (2 n + 1,)."""
+    after: NDArray[np.int32]
+    """Stance that a step leads to, shape (e,)."""
+    left: NDArray[np.int32]
+    """Branches and flips that the limb that holds can keep on a step, never 0, shape (e,)."""
+
+    def successors(self, s: int, masks: tuple[int, ...]) -> Successors:
+        """The steps that leave a state of stance `s`, as `PairGraph.successors` gives them."""
+        begin, middle, end = self.start[2 * s], self.start[2 * s + 1], self.start[2 * s + 2]
+        after = self.after[begin:end].astype(np.int64)
+        moving = np.zeros(end - begin, dtype=np.int64)
+        moving[middle - begin :] = 1
+        left = self.left[begin:end].astype(np.int64)
+        leave = self.land[s] & masks
+        left[: middle - begin] &= masks[1] if leave[0] else 0
+        left[middle - begin :] &= masks[0] if leave[1] else 0
+        kept = np.flatnonzero(left)
+        after, moving, left = after[kept], moving[kept], left[kept]
+        both = self.land[after].astype(np.int64)
+        both[np.arange(len(kept)), 1 - moving] = left
+        return Successors(
+            moving, self.points[after, moving].astype(np.int64), self.position[after], both
+        )
+
+
+@kernel
+def gather_steps(
+    check, points, mask, rows, row_start, local, degree, offset, table, fill, start, after, left
+):
+    """Count the steps that leave each stance, or with `fill` write them where `start` says.
+
+    Args:
+        check: Whether steps are checked.
+        points: `PairGraph.points`.
+        mask: `PairGraph.mask`.
+        rows: `PairGraph.rows`.
+        row_start: `PairGraph.row_start`.
+        local: `PairGraph.local`.
+        degree: `PairGraph.degree`.
+        offset: `PairGraph.offset`.
+        table: `PairGraph.table`, every entry known if steps are checked.
+        fill: Whether to write the steps.
+        start: Shape (2 n + 1,); counts are written one place further on.
+        after: Shape (e,), written with `fill`.
+        left: Shape (e,), written with `fill`.
+    """
+    for s in range(len(points)):
+        for moving in range(2):
+            held = 1 - moving
+            point = points[s, held]
+            first = offset[held, point] + local[held, s] * degree[held, point]
+            count = 0
+            for k in range(row_start[held, point], row_start[held, point + 1]):
+                s2 = rows[held, k]
+                if s2 == s or mask[s2, moving] == 0:
+                    continue
+                branches = mask[s, held] & mask[s2, held] & 0xFFFF
+                if check:
+                    branches &= table[first + local[held, s2]]
+                if branches:
+                    if fill:
+                        after[start[2 * s + moving] + count] = s2
+                        left[start[2 * s + moving] + count] = branches
+                    count += 1
+            if not fill:
+                start[2 * s + moving + 1] = count
+
+
+def step_tables(
+    graph: StanceGraph, progress: Callable[[int, int], None] | None = None
+) -> StepTables:
+    """Check every step of a two-limb graph, or read the answers of an earlier run, and put the steps into arrays.
+
+    With the obstacles and occupied points that are there now.
+
+    Args:
+        graph: The stance graph.
+        progress: Called with rows done and rows in all while steps are checked.
+
+    Raises:
+        SettingError: If the robot has more than two limbs.
+    """
+    if not isinstance(graph, PairGraph):
+        raise SettingError(
+            f"exact tables need two limbs; robot {graph.robot.name!r} has {graph.limbs}"
+        )
+    check = graph.settings.transitions
+    if check and not graph.complete:
+        path = None if graph.obstacles or graph.occupied else cache_file(graph)
+        if path is None or not _read(graph, path):
+            fill_rows(graph, progress)
+            if path is not None:
+                _write(graph, path)
+    shape = (
+        check, graph.points, graph.mask, graph.rows, graph.row_start, graph.local, graph.degree,
+        graph.offset, graph.table,
+    )  # fmt: skip
+    start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
+    nothing = np.zeros(0, dtype=np.int32)
+    gather_steps(*shape, False, start, nothing, nothing)
+    np.cumsum(start, out=start)
+    after, left = np.empty(start[-1], dtype=np.int32), np.empty(start[-1], dtype=np.int32)
+    gather_steps(*shape, True, start, after, left)
+    land = graph.edges[17][2] if check else graph.mask
+    masks, land = ((mask & 0xFFFF).astype(np.int32) for mask in (graph.mask, land))
+    return StepTables(
+        graph.points.astype(np.int32), graph.position, masks, land, start, after, left
+    )
+
+
+def without_points(tables: StepTables, occupied: NDArray[np.bool_]) -> StepTables:
+    """The tables of the same map with some points not to be grasped, shape (m,); stances keep their indices."""
+    gone: NDArray[np.bool_] = np.any(occupied[tables.points], axis=1)
+    steps = np.diff(tables.start)
+    keep = ~np.repeat(np.repeat(gone, 2), steps) & ~gone[tables.after]
+    start = np.concatenate([[0], np.cumsum(keep)])[tables.start]
+    masks, land = (
+        np.where(gone[:, None], 0, mask).astype(np.int32) for mask in (tables.masks, tables.land)
+    )
+    return tables._replace(
+        masks=masks, land=land, start=start, after=tables.after[keep], left=tables.left[keep]
+    )
+
+
+def state_of(tables: StepTables, s: int, masks: NDArray[np.integer]) -> State:
+    """The state of a stance index and its masks."""
+    a, b = tables.points[s].tolist()
+    return State((a, b), (int(masks[0]), int(masks[1])))
+
+
+def cache_file(graph: PairGraph) -> Path | None:
+    """The file of a graph: its name depends on map, robot, settings and on the code that checks steps."""
+    folder = cache_folder()
+    if folder is None:
+        return None
+    digest = hashlib.sha256(__version__.encode())
+    digest.update(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
+    digest.update(repr(sorted(asdict(graph.settings).items())).encode())
+    digest.update(source_digest(Path(pair_graph.__file__)).encode())
+    return folder / f"steps-{digest.hexdigest()[:20]}.npz"
+
+
+def _write(graph: PairGraph, path: Path) -> None:
+    """Keep a filled graph; a cache that cannot be written is no error."""
+    ready, released = graph.edges[17][1:3]
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer, format=FORMAT, rules=GRAPH_RULES, points=graph.points, table=graph.table,
+        mask=graph.mask, ready=ready, released=released,
+    )  # fmt: skip
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, buffer.getvalue())
+    except (OSError, FileError):
+        return
+
+
+def _read(graph: PairGraph, path: Path) -> bool:
+    """Fill a graph from the cache; False if there is no usable file, with a word if it is an old one."""
+    ready, released = graph.edges[17][1:3]
+    into = {"table": graph.table, "mask": graph.mask, "ready": ready, "released": released}
+    try:
+        # np.load does not close a file that is no archive.
+        with path.open("rb") as stream, np.load(stream) as data:
+            made = tuple(int(data[name]) if name in data else 1 for name in ("format", "rules"))
+            if made != (FORMAT, GRAPH_RULES):
+                logging.getLogger(__name__).warning(
+                    "step tables %s are of format %d and rules %d, this version needs format %d and "
+                    "rules %d: they are worked out anew", path, *made, FORMAT, GRAPH_RULES,
+                )  # fmt: skip
+                return False
+            found = {name: data[name] for name in (*into, "points")}
+    except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+        return False
+    if not np.array_equal(found["points"], graph.points) or any(
+        found[k].shape != a.shape for k, a in into.items()
+    ):
+        return False
+    for name, array in into.items():
+        array[:] = found[name]
+    graph.complete = True
+    return True

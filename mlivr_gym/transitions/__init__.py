@@ -1,0 +1,1 @@
+"""States, and the check of a step between two stances."""

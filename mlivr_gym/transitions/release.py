@@ -1,0 +1,300 @@
+"""Compiled checks that a limb can let go of a point and be folded, and that the robot can then be moved.
+
+A step is shown to be possible in one of two ways. In the first the limb departs along the surface
+normal, folds at the body, the base moves while the limb stays folded, the limb unfolds and
+approaches. A limb may be folded in several ways (`RobotSpec.folds`); those among which it can
+change where the base stands count as one. In the second, for steps that the first cannot show, it
+swings in a line while the base moves, see `direct_kernels`.
+
+The branches in an answer of `release` are those among which the limb can change at rest, by way of
+a fold or, where it cannot fold, along lines from branch to branch. A limb that can leave or reach
+one of them can leave or reach all: branches need not be looked at in pairs. A plan takes a shorter
+way where there is one, see `swing`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.swept_hold import hold_free, holds_apart
+from mlivr_gym.collisions.swept_swing import departure_free, swing_free
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.stack_arrays import floats, integers
+from mlivr_gym.kinematics.base_path import STRAIGHT
+from mlivr_gym.transitions.grasp_poses import (
+    flange_at,
+    fold_near,
+    lifted_branches,
+    line_end,
+    raised,
+)
+
+TOGETHER, ROOT, VIA = 16, 20, 24
+"""First bits of the parts of an answer of `release`, which has room for four folds."""
+
+
+@kernel
+def release(
+    limb, mask, point, normal, rail, tool_length, lift, position, rotation, others, folds, limits,
+    mount_rotations,
+    mount_positions, lengths, bodies, inside, before,
+):  # fmt: skip
+    """On which branches a limb can let go at a stance, all else at rest, and change from one to the other.
+
+    The answer packs the branches and flips (bits 0 to 15, some of `mask`), the folds among which
+    the limb can change (4 bits from `TOGETHER`), the one through which it does (2 bits from `ROOT`)
+    and, for each branch, the one that is reached first (2 bits each from `VIA`). A limb that cannot
+    fold has no bits from `TOGETHER` on. Raised elbows are preferred: of twins that differ in the
+    elbow alone the lower one is looked at if no raised one can fold.
+
+    Args:
+        limb: Index of the limb.
+        mask: Branches and flips to look at.
+        point: The grasp [m].
+        normal: Surface normal there.
+        rail: Rail direction there.
+        tool_length: Flange to grasp [m].
+        lift: Departure along the normal [m].
+        position: Base position [m].
+        rotation: Base rotation.
+        others: Capsule ends of the other limbs in the body frame, one set for each branch, shape
+            (k, c, 2, 3).
+        folds: Joint angles of the folds [rad], shape (f, 5).
+        limits: Joint limits [rad], shape (6, 2).
+        mount_rotations: Shape (N, 3, 3).
+        mount_positions: Shape (N, 3) [m].
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        bodies: `Bodies.arrays`.
+        inside: Whether the robot's own shapes are looked at, not the boxes alone.
+        before: An answer in another world, whose ways alone are looked at, or -1.
+
+    Returns:
+        The answer, 0 if no branch is left.
+    """
+    shapes, gripper, _, fixed, world, clearance, _ = bodies
+    p, x, z, away = floats(3), floats(3), floats(3), floats(3)
+    q = floats(8, 6)
+    mount_rotation, mount_position = mount_rotations[limb], mount_positions[limb]
+    flange_at(
+        point, normal, rail, tool_length, position, rotation, mount_rotation, mount_position, p, x,
+        z, away
+    )  # fmt: skip
+    first = mask
+    if before < 0:
+        first = raised(
+            limb, mask, point, normal, tool_length, position, rotation, mount_rotations,
+            mount_positions, lengths, shapes
+        )  # fmt: skip
+    free = np.int64(0)
+    for turn in range(2):
+        rest = first if turn == 0 else mask & ~first
+        if not rest:
+            continue
+        rest = lifted_branches(limb, rest, p, x, z, away, lift, lengths, limits, q)
+        for b in range(8):
+            if rest & (0x0101 << b):
+                found = departure_free(
+                    limb, p, x, z, away, lift, lengths, b, mount_rotation, mount_position, position,
+                    rotation, others, shapes,
+                    gripper, fixed, world, point, normal, clearance, inside,
+                )  # fmt: skip
+                if found != CLEAR:
+                    rest &= ~(0x0101 << b)
+        free |= rest
+        if rest and before >> TOGETHER & 15:
+            answer = folding(
+                limb, rest, q, position, rotation, others, folds, limits, mount_rotation,
+                mount_position, lengths, bodies,
+                inside, before,
+            )  # fmt: skip
+            if answer:
+                return answer
+    if not free:
+        return free
+    return linked(
+        limb, free, q, position, rotation, others, limits, mount_rotation, mount_position, lengths,
+        bodies, inside, before >= 0
+    )  # fmt: skip
+
+
+@kernel
+def folding(
+    limb, free, q, position, rotation, others, folds, limits, mount_rotation, mount_position,
+    lengths, bodies, inside, before
+):  # fmt: skip
+    """The answer of `release` from those of the branches in `free`, with angles `q` (8, 6), that can fold; 0 if none can."""
+    shapes, _, _, fixed, world, clearance, body = bodies
+    start, target = floats(6), floats(6)
+    path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
+    for root in range(len(folds)):
+        if before >= 0 and before >> ROOT & 3 != root:
+            continue
+        together = np.int64(1) << root
+        for k in range(6):
+            start[k] = folds[root, k] if k < 5 else 0.0
+        if not fold_near(folds[root], start, limits, start):
+            continue
+        for other in range(len(folds)):
+            if other == root or (before >= 0 and not before >> (TOGETHER + other) & 1):
+                continue
+            if fold_near(folds[other], start, limits, target):
+                found = swing_free(
+                    limb, path, 0.0, 0.0, start, target, lengths, mount_rotation, mount_position,
+                    others, shapes, fixed,
+                    world, clearance, inside, body,
+                )  # fmt: skip
+                if found == CLEAR:
+                    together |= np.int64(1) << other
+        folded = via = np.int64(0)
+        for b in range(8):
+            if not free & (0x0101 << b):
+                continue
+            for fold in range(len(folds)):
+                if not together >> fold & 1 or (
+                    before >= 0 and before >> (VIA + 2 * b) & 3 != fold
+                ):
+                    continue
+                if fold_near(folds[fold], q[b], limits, target):
+                    found = swing_free(
+                        limb, path, 0.0, 0.0, q[b], target, lengths, mount_rotation, mount_position,
+                        others, shapes, fixed,
+                        world, clearance, inside, body,
+                    )  # fmt: skip
+                    if found == CLEAR:
+                        folded |= 0x0101 << b
+                        via |= np.int64(fold) << (2 * b)
+                        break
+        if folded & free:
+            return folded & free | together << TOGETHER | np.int64(root) << ROOT | via << VIA
+    return np.int64(0)
+
+
+@kernel
+def linked(
+    limb, free, q, position, rotation, others, limits, mount_rotation, mount_position, lengths,
+    bodies, inside, single
+):  # fmt: skip
+    """The most branches of `free`, with angles `q` (8, 6), among which a limb can change along lines at rest.
+
+    If `single`, the first branch alone.
+    """
+    shapes, _, _, fixed, world, clearance, body = bodies
+    target, group = floats(6), integers(8)
+    for a in range(8):
+        group[a] = a
+    path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
+    for a in range(8):
+        if not free & (0x0101 << a):
+            continue
+        if single:
+            return free & (0x0101 << a)
+        for b in range(a + 1, 8):
+            if (
+                free & (0x0101 << b)
+                and group[a] != group[b]
+                and line_end(q[a], q[b], limits, target) < np.inf
+            ):
+                found = swing_free(
+                    limb, path, 0.0, 0.0, q[a], target, lengths, mount_rotation, mount_position,
+                    others, shapes, fixed,
+                    world, clearance, inside, body,
+                )  # fmt: skip
+                if found == CLEAR:
+                    gone = group[b]
+                    for c in range(8):
+                        if group[c] == gone:
+                            group[c] = group[a]
+    best, most = np.int64(0), 0
+    for a in range(8):
+        here, count = np.int64(0), 0
+        for b in range(8):
+            if group[b] == group[a] and free & (0x0101 << b):
+                here |= 0x0101 << b
+                count += 1
+        if count > most and free & (0x0101 << a):
+            best, most = here & free, count
+    return best
+
+
+@kernel
+def carried(
+    limb, together, path, folds, mount_rotations, mount_positions, lengths, bodies, inside, q
+):  # fmt: skip
+    """The first fold of a set in which a limb can be carried along a base path, into `q`, -1 if there is none."""
+    shapes, _, _, fixed, world, clearance, body = bodies
+    none = floats(0, len(shapes[0]), 2, 3)
+    q[5] = 0.0
+    for fold in range(len(folds)):
+        if together >> fold & 1:
+            for joint in range(5):
+                q[joint] = folds[fold, joint]
+            found = swing_free(
+                limb, path, 0.0, 1.0, q, q, lengths, mount_rotations[limb], mount_positions[limb],
+                none, shapes, fixed, world,
+                clearance, inside, body,
+            )  # fmt: skip
+            if found == CLEAR:
+                return fold
+    return -1
+
+
+@kernel
+def holding(
+    limb, mask, grip, tool, path, mover, start, end, mount_rotations, mount_positions, lengths,
+    bodies, inside, parts
+):  # fmt: skip
+    """Those of the branches in `mask` on which a limb can hold along a base path while `mover` goes from `start` to `end`."""
+    shapes, _, hand, fixed, world, clearance, _ = bodies
+    for b in range(8):
+        if mask & (0x0101 << b):
+            found = hold_free(
+                limb, grip, tool, path, 0.0, 1.0, b, lengths, mount_rotations[limb],
+                mount_positions[limb], start, end,
+                mount_rotations[mover], mount_positions[mover], shapes, hand, fixed, world,
+                clearance, inside, parts,
+            )  # fmt: skip
+            if found != CLEAR:
+                mask &= ~(0x0101 << b)
+    return mask
+
+
+@kernel
+def together_apart(
+    i, j, first, second, grip_i, tool_i, grip_j, tool_j, path, mount_rotations, mount_positions,
+    lengths, bodies
+):  # fmt: skip
+    """Branches of two limbs that hold, none of which come near each other along a base path.
+
+    A branch of the second that comes near any of the first is dropped, unless that leaves none;
+    then those of the first that come near the second's first branch are.
+    """
+    shapes, clearance = bodies[0], bodies[5]
+    for turn in range(2):
+        kept = second
+        for c in range(8):
+            for b in range(8):
+                if kept & (0x0101 << c) and first & (0x0101 << b):
+                    found = holds_apart(
+                        grip_i, tool_i, b, mount_rotations[i], mount_positions[i], grip_j, tool_j,
+                        c, mount_rotations[j],
+                        mount_positions[j], path, lengths, shapes, clearance,
+                    )  # fmt: skip
+                    if found != CLEAR:
+                        kept &= ~(0x0101 << c)
+        if kept or turn == 1:
+            return first, kept
+        chosen = 0
+        while not second & (0x0101 << chosen):
+            chosen += 1
+        second &= 0x0101 << chosen
+        for b in range(8):
+            if first & (0x0101 << b):
+                found = holds_apart(
+                    grip_i, tool_i, b, mount_rotations[i], mount_positions[i], grip_j, tool_j,
+                    chosen, mount_rotations[j],
+                    mount_positions[j], path, lengths, shapes, clearance,
+                )  # fmt: skip
+                if found != CLEAR:
+                    first &= ~(0x0101 << b)
+    return first, second

@@ -1,0 +1,1 @@
+"""Boxes, rails, and maps of graspable points."""

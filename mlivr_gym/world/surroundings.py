@@ -1,0 +1,214 @@
+"""Boxes of a cabin: racks, closeouts, bulkheads, seat tracks and handrails, from the figures that a map brings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mlivr_gym.errors import MapError, shown
+from mlivr_gym.values import LONGEST, numbers
+from mlivr_gym.world.boxes import Array, Box
+from mlivr_gym.world.rails import Handrail, Segment
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+FACE_AXES = {"deck": (2, 1), "overhead": (2, -1), "forward": (1, 1), "aft": (1, -1)}
+"""Axis across each rack face and the sign of its inward normal."""
+
+
+def _box(
+    id: str, kind: str, face: str, centre: Any, half: Any, rotation: Array | None = None
+) -> Box:
+    return Box(
+        id,
+        kind,
+        tuple(centre),
+        tuple(half),
+        Box.rows(np.eye(3) if rotation is None else rotation),
+        face,
+    )
+
+
+class _Figures:
+    """Figures of a map's `scene`, each by its dotted name."""
+
+    def __init__(self, data: Any, where: str = "scene") -> None:
+        self._data, self._where = data, where
+
+    def get(self, name: str, *shape: int) -> Any:
+        """A number or, with a shape, nested lists of numbers [m].
+
+        Raises:
+            MapError: If it is missing or faulty.
+        """
+        found, path = self._data, self._where
+        for key in name.split("."):
+            if not isinstance(found, dict):
+                raise MapError(f"{path} must be an object, not {shown(found)}")
+            path = f"{path}.{key}"
+            if key not in found:
+                raise MapError(f"{path} is missing")
+            found = found[key]
+        return numbers(found, shape, path, MapError, LONGEST).tolist()
+
+
+def module_boxes(scene: Any, racks: list[Any]) -> Iterator[Box]:
+    """Racks, corner closeouts and end bulkheads of a module, where the figures are given.
+
+    Args:
+        scene: The map's `scene`: plane of the rack fronts on each face, rack sections, closeouts
+            and ends [m].
+        racks: Face and centre of each rack [m].
+
+    Raises:
+        MapError: If a figure is missing or faulty; the message names it.
+    """
+    if not isinstance(scene, dict):
+        raise MapError(f"scene must be an object, not {shown(scene)}")
+    if not scene.get("panel_planes"):
+        return
+    figures = _Figures(scene)
+    planes = {"deck": "deck_z", "overhead": "overhead_z", "forward": "forward_y", "aft": "aft_y"}
+    levels = {face: figures.get(f"panel_planes.{plane}") for face, plane in planes.items()}
+    start, end = figures.get("rack_zone_x", 2)
+    middle, half_x = 0.5 * (start + end), 0.5 * (end - start)
+    for face, (axis, sign) in FACE_AXES.items():
+        run = 3 - axis
+        centre, half = np.zeros(3), np.zeros(3)
+        centre[0], half[0] = middle, half_x
+        centre[axis], half[axis] = levels[face] - sign * 0.06, 0.02
+        centre[run], half[run] = (
+            0.5 * sum(levels[f] for f, (a, _) in FACE_AXES.items() if a == run),
+            1.02,
+        )
+        yield _box(f"{face}/shell", "panel", face, centre, half)
+    yield from _racks(figures, racks, levels)
+    yield from _closeouts(figures, middle, half_x)
+    yield from _ends(figures)
+
+
+def _racks(figures: _Figures, racks: list[Any], levels: dict[str, float]) -> Iterator[Box]:
+    half_width, half_length = (
+        0.5 * figures.get("rack_outer_span"),
+        0.5 * figures.get("rack_post_length"),
+    )
+    for number, entry in enumerate(racks):
+        rack = _Figures(entry, f"racks[{number}]")
+        x, run_centre = rack.get("x_centre"), rack.get("run_centre")
+        face = entry.get("face")
+        if face not in tuple(FACE_AXES):
+            valid = ", ".join(FACE_AXES)
+            raise MapError(f"racks[{number}]: unknown face {shown(face)}; valid faces are {valid}")
+        axis, sign = FACE_AXES[face]
+        run = 3 - axis
+        centre, half = np.zeros(3), np.zeros(3)
+        centre[0], half[0] = x, half_width
+        centre[axis], half[axis] = levels[face] - sign * 0.02, 0.02
+        centre[run], half[run] = run_centre, half_length
+        yield _box(entry.get("id"), "rack", face, centre, half)
+
+
+def _closeouts(figures: _Figures, middle: float, half_x: float) -> Iterator[Box]:
+    (y0, z0), (y1, z1) = figures.get("corner_closeout", 2, 2)
+    for sy in (-1.0, 1.0):
+        for sz in (-1.0, 1.0):
+            angle = np.arctan2(sz * (z1 - z0), sy * (y1 - y0))
+            c, s = np.cos(angle), np.sin(angle)
+            rotation = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+            centre = np.array([middle, sy * 0.5 * (y0 + y1), sz * 0.5 * (z0 + z1)])
+            face, side = "deck" if sz < 0 else "overhead", "forward" if sy < 0 else "aft"
+            yield _box(
+                f"{face}/{side}/closeout", "closeout", face, centre, (half_x, 0.09, 0.01), rotation
+            )
+
+
+def _ends(figures: _Figures) -> Iterator[Box]:
+    """What closes the module at the airlock and at Node 2."""
+    (x0, x1), (y0, y1) = figures.get("airlock_end.x", 2), figures.get("airlock_end.y", 2)
+    centre_x, half_x = 0.5 * (x0 + x1), 0.5 * (x1 - x0)
+    upper = figures.get("airlock_end.upper_z", 2)[1]
+    for face, at in (("deck", figures.get("airlock_end.deck_z")), ("overhead", upper)):
+        yield _box(f"{face}/airlock_end", "panel", face, (centre_x, 0.0, at), (half_x, y1, 0.01))
+    for face, at in (("forward", y0), ("aft", y1)):
+        yield _box(f"{face}/airlock_end", "panel", face, (centre_x, at, -0.05), (half_x, 0.01, 1.1))
+    opening = [figures.get(f"node2_opening.{axis}", 2) for axis in "yz"]
+    passage = [figures.get(f"node2_vestibule.{axis}", 2) for axis in "yz"]
+    yield from _ring(
+        "node2/bulkhead",
+        "starboard",
+        (-0.02, 0.0),
+        1.13,
+        [0.5 * sum(side) for side in opening],
+        0.6325,
+    )
+    half = max(0.5 * (high - low) for low, high in passage)
+    middle_yz, x = [0.5 * sum(side) for side in passage], figures.get("node2_vestibule.x", 2)
+    yield from _ring("node2/passage", "starboard", x, half + 0.02, middle_yz, half)
+    centre, inner = figures.get("airlock.centre_yz", 2), figures.get("airlock.inner_radius")
+    yield from _ring("airlock/bulkhead", "port", (x1, x1 + 0.02), 1.43, centre, inner)
+    tube = (figures.get("airlock.x", 2)[0], x1)
+    yield from _ring(
+        "airlock/tube", "port", tube, None, centre, inner, figures.get("airlock.outer_radius")
+    )
+
+
+def _ring(
+    name: str,
+    face: str,
+    x: Sequence[float],
+    outer: float | None,
+    centre: list[float],
+    inner: float,
+    wall: float = 0.0,
+) -> Iterator[Box]:
+    """A square plate or tube from `x[0]` to `x[1]` with a square opening of half width `inner` at (y, z): four boxes.
+
+    The outside is a square of half width `outer` about the axis, or of `wall` about the opening.
+    """
+    y, z = centre
+    low_y, high_y, low_z, high_z = (
+        (-outer, outer, -outer, outer)
+        if outer is not None
+        else (y - wall, y + wall, z - wall, z + wall)
+    )
+    parts = (
+        ((low_y, low_z), (high_y, z - inner)), ((low_y, z + inner), (high_y, high_z)),
+        ((low_y, z - inner), (y - inner, z + inner)), ((y + inner, z - inner), (high_y, z + inner)),
+    )  # fmt: skip
+    for k, (low, high) in enumerate(parts):
+        yield Box.between(f"{name}{k}", "bulkhead", (x[0], *low), (x[1], *high), face)
+
+
+def track_box(segment: Segment) -> Box:
+    """The strip of a seat track, its face in the plane of the grasps."""
+    start, end, normal = (np.array(v) for v in (segment.start, segment.end, segment.normal))
+    length = float(np.linalg.norm(end - start))
+    along = (end - start) / length
+    rotation = np.column_stack([along, np.cross(normal, along), normal])
+    half = (0.5 * length, 0.5 * segment.width, 0.5 * segment.thickness)
+    return _box(
+        segment.id,
+        "track",
+        segment.face,
+        0.5 * (start + end) - 0.5 * segment.thickness * normal,
+        half,
+        rotation,
+    )
+
+
+def handrail_boxes(rail: Handrail) -> Iterator[Box]:
+    """A bar on two posts; only the bounding box where the bar is not known."""
+    if rail.bar_min is None or rail.bar_max is None:
+        yield Box.between(rail.id, "handrail", rail.min, rail.max, rail.face)
+        return
+    yield Box.between(rail.id, "handrail", rail.bar_min, rail.bar_max, rail.face)
+    along = "xyz".index(rail.axis)
+    for side in (0, 1):
+        low, high = list(rail.min), list(rail.max)
+        if side == 0:
+            high[along] = rail.bar_min[along] + 0.008
+        else:
+            low[along] = rail.bar_max[along] - 0.008
+        yield Box.between(f"{rail.id}/post{side}", "stanchion", low, high, rail.face)

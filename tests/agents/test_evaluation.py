@@ -1,0 +1,87 @@
+"""What counts as a success: the goal was reached, and nothing else."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym.agents import RandomPolicy, Task, evaluate
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.dynamics import Physics
+
+
+class First:
+    """The first action that the mask allows, or forbids."""
+
+    def __init__(self, possible=True):
+        self.possible = possible
+
+    def act(self, env, observation, mask):
+        return int(np.flatnonzero(mask == self.possible)[0])
+
+
+@pytest.fixture(scope="module")
+def env(small_map):
+    return MlivrEnv(map=small_map, collisions=False)
+
+
+def test_an_episode_that_is_cut_off_is_no_success(env):
+    """From starts that no single step joins with the goal."""
+    planner, tasks = Planner(env.graph), []
+    for seed in range(40):
+        env.reset(seed=seed)
+        plan = planner.plan(env.state.stance, env.goal.tolist(), "steps").unwrap()
+        if len(plan.steps) > 1:
+            tasks.append(Task(plan.stances[0], tuple(env.goal)))
+    result = evaluate(env, RandomPolicy(0), tasks, max_steps=1)
+    assert len(tasks) > 10
+    assert not result.success.any()
+    assert (result.steps == 1).all()
+
+
+def test_an_action_that_is_not_possible_is_no_success(env):
+    executed = []
+    result = evaluate(env, First(possible=False), 5, execute=lambda *given: executed.append(given))
+    assert not result.success.any()
+    assert (result.steps == 1).all()
+    assert not executed
+    assert (result.base_translation == 0.0).all()
+    assert np.isnan(result.carried_out).all()
+
+
+def test_a_simulated_step_that_fails_is_no_success(small_map):
+    """Grippers that must be on their points to a nanometre miss them: the episode ends, far from its goal."""
+    env = MlivrEnv(
+        map=small_map,
+        collisions=False,
+        dynamics="mujoco",
+        step_duration=10.0,
+        physics=Physics(capture_distance=1e-9),
+    )
+    executed = []
+    result = evaluate(env, First(), 2, execute=lambda *given: executed.append(given))
+    assert env._measures["failure"]["kind"]
+    assert result.success.tolist() == [False, False]
+    assert result.success_rate == 0.0
+    assert result.steps.tolist() == [1, 1]
+    assert not executed
+
+
+def test_reaching_the_goal_is_a_success_and_the_walk_is_told(env):
+    walks = []
+    env.reset(seed=1)
+    plan = Planner(env.graph).plan(env.state.stance, env.goal.tolist(), "steps").unwrap()
+
+    class Follow:
+        def act(self, env, observation, mask):
+            limb, point = plan.actions[env.steps]
+            return limb * len(env.graph.grasp_map) + env.graph.grasp_map.index(point)
+
+    result = evaluate(
+        env,
+        Follow(),
+        [Task(plan.stances[0], plan.goal)],
+        execute=lambda env, states: walks.append(states),
+    )
+    assert result.success.all()
+    assert result.steps.tolist() == [len(plan.steps)]
+    assert [env.graph.ids(state.stance) for state in walks[0]] == list(plan.stances)

@@ -1,0 +1,226 @@
+"""The body's cube and the limbs' mounts are compared with every box; coal is the ruler."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from coal_ruler import Ruler, grasps_of, obstacles
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Box, Capsule, robot_spec, stance_graph
+from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.kinematics.base_path import STRAIGHT
+from mlivr_gym.kinematics.holding import base_path, quaternion
+from mlivr_gym.motion.swings import SwingFinder
+from mlivr_gym.stances.stance_graph import State
+
+CLEARANCE = 0.02
+ROBOT = robot_spec("mlivr2")
+
+
+def rod(centre, axes, thickness, length):
+    """A rod along the third of some axes, the columns of a rotation."""
+    half = (0.5 * thickness, 0.5 * thickness, 0.5 * length)
+    return Box("rod", "obstacle", tuple(centre), half, Box.rows(axes))
+
+
+def configuration(graph, s, rng):
+    """A stance on random ones of the branches it allows, and its mask."""
+    bits = ([b for b in range(16) if m >> b & 1] for m in graph.mask[s].tolist())
+    mask = tuple(1 << int(rng.choice(some)) for some in bits)
+    return graph.configuration(State(tuple(graph.points[s].tolist()), mask)), mask
+
+
+def notch(limb, around):
+    """A place between body and shoulder, 8 mm inside the mount, in the body frame, and axes there.
+
+    The third is tangential.
+    """
+    axes = ROBOT.mount_rotations[limb] @ Rotation.from_euler("z", around).as_matrix()
+    return axes @ np.array([0.045, 0.0, 0.19]), axes[:, [2, 0, 1]]
+
+
+def test_a_thin_rod_in_the_notch_keeps_stances_away(small_checked_graph):
+    """60 rods of a millimetre that only a mount touches: the stances are gone."""
+    graph, ruler, rng = small_checked_graph, Ruler(ROBOT), np.random.default_rng(0)
+    tried = 0
+    while tried < 60:
+        s, limb = int(rng.integers(len(graph))), int(rng.integers(2))
+        here, mask = configuration(graph, s, rng)
+        place, axes = notch(limb, rng.uniform(-np.pi, np.pi))
+        box = rod(here[0] + graph.rotation[s] @ place, graph.rotation[s] @ axes, 0.001, 0.01)
+        near = [entry for entry in ruler.among([box]).measured(here) if entry[0] < CLEARANCE]
+        if [name for _, name, _ in near] != [f"limb{limb}/base/0"]:
+            continue
+        tried += 1
+        assert near[0][0] < -0.007
+        found = contacts(ROBOT, (box,), here, CLEARANCE)
+        assert [(c.first, c.second) for c in found] == [(f"limb{limb}/base/0", "box/rod")]
+        with obstacles(graph, box):
+            assert not all(m & now for m, now in zip(mask, graph.mask[s].tolist(), strict=True))
+
+
+def test_stances_among_random_rods_keep_their_clearance(small_checked_graph):
+    """Rods of 6 to 40 mm about the body: no stance that stays allowed is nearer to one."""
+    graph, ruler, rng = small_checked_graph, Ruler(ROBOT), np.random.default_rng(1)
+    free = mount_alone = 0
+    for _ in range(400):
+        s = int(rng.integers(len(graph)))
+        here, mask = configuration(graph, s, rng)
+        out = rng.normal(size=3) * (0.4, 1.0, 1.0)
+        out *= rng.uniform(0.05, 0.12) / np.linalg.norm(out)
+        out = graph.rotation[s] @ (out + rng.choice((-0.19, 0.19)) * np.array([1.0, 0.0, 0.0]))
+        turn = Rotation.random(rng=rng).as_matrix()
+        box = rod(here[0] + out, turn, rng.uniform(0.006, 0.04), rng.uniform(0.02, 0.1))
+        near = [entry for entry in ruler.among([box]).measured(here) if entry[0] < CLEARANCE]
+        mount_alone += bool(near) and all("base" in name for _, name, _ in near)
+        with obstacles(graph, box):
+            if all(m & now for m, now in zip(mask, graph.mask[s].tolist(), strict=True)):
+                free += 1
+                assert not near
+    assert free > 10
+    assert mount_alone > 10
+
+
+def test_capsules_of_ones_own_on_the_base_touch_nothing(small_map):
+    """A robot with a long arm on each mount: stances called free keep the clearance to racks."""
+    arm = Capsule("base", (0.0, 0.0, 0.05), (-0.6, 0.0, 0.05), 0.03)
+    robot = replace(ROBOT, name="own", capsules=(*ROBOT.shapes, arm))
+    graph, rng = stance_graph(small_map, robot), np.random.default_rng(2)
+    ruler = Ruler(robot, small_map.boxes)
+    plain = len(stance_graph(small_map))
+    assert 100 < len(graph) < plain
+    for s in rng.choice(len(graph), 100, replace=False):
+        here, _ = configuration(graph, s, rng)
+        least = ruler.measured(here, grasps_of(graph, enumerate(graph.points[s].tolist())))
+        assert not least or least[0][0] >= CLEARANCE - 1e-9
+
+
+def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):
+    """An obstacle is looked at from wherever a robot's own shapes reach to."""
+    mast = Capsule("base", (0.0, 0.0, 0.05), (2.5, 0.0, 0.05), 0.03)
+    robot = replace(ROBOT, name="mast", capsules=(*ROBOT.shapes, mast))
+    graph, rng = stance_graph(ladder, robot), np.random.default_rng(3)
+    here, _ = configuration(graph, 0, rng)
+    tip = here[0] + graph.rotation[0] @ (
+        robot.mount_positions[0] + robot.mount_rotations[0] @ np.array([2.45, 0.0, 0.05])
+    )  # fmt: skip
+    with obstacles(graph, rod(tip, np.eye(3), 0.01, 0.01)):
+        assert not graph.mask[0].all()
+    assert np.linalg.norm(tip - here[0]) < robot.extent
+
+
+def moving_base(graph, rng):
+    """A random edge made by carrying a fold on a straight line while the base moves.
+
+    Stances, limb that holds, base path and fold.
+    """
+    while True:
+        s0, held = int(rng.integers(len(graph))), int(rng.integers(2))
+        row = graph.row(held, s0)
+        s1 = int(rng.choice(row))
+        masks = graph.edge_masks(held, s0, np.array([s1]))
+        if not masks[0] or np.linalg.norm(graph.position[s1] - graph.position[s0]) < 0.15:
+            continue
+        stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
+        left = [0xFFFF, 0xFFFF]
+        left[held] = int(masks[0])
+        way = graph.way(*stances, 1 - held, graph.node_postures(np.array([s0, s1])), left)
+        if way.kind == STRAIGHT and way.fold >= 0:
+            path = (
+                graph.position[s0],
+                graph.rotation[s0],
+                graph.position[s1],
+                graph.rotation[s1],
+                STRAIGHT,
+                np.zeros(3),
+            )
+            return s0, s1, held, path, np.array([*graph.robot.folds[way.fold], 0.0])
+
+
+def test_a_rod_that_only_a_mount_meets_on_the_way_blocks_the_step(small_checked_graph):
+    """It stands in the notch half way, and away from all else, at all times and at both ends."""
+    graph, ruler, rng = small_checked_graph, Ruler(ROBOT), np.random.default_rng(4)
+    places = np.linspace(0.0, 1.0, 101)
+    tried = looked = 0
+    while tried < 8:
+        looked += 1
+        assert looked < 400
+        s0, s1, held, path, fold = moving_base(graph, rng)
+        where, turned = base_path(*path, places)
+        finder = SwingFinder(graph, 1 - held, path, [])
+        knots = np.array([[0.0, *fold], [1.0, *fold]])
+        assert finder.clear(knots)
+        place, axes = notch(held, rng.uniform(-np.pi, np.pi))
+        box = rod(where[50] + turned[50] @ place, turned[50] @ axes, 0.001, 0.01)
+        joints = np.zeros((2, 6))
+        joints[1 - held] = fold
+        ruler.among([box])
+        near = set()
+        for k in range(len(places)):
+            measured = ruler.measured((where[k], quaternion(turned[k]), joints))
+            touched = {name for gap, name, _ in measured if gap < CLEARANCE}
+            near |= {(k, name) for name in touched if not name.startswith(f"limb{held}/")}
+            near |= {(k, "mount") for name in touched if name == f"limb{held}/base/0"}
+        moments = {k for k, _ in near}
+        if {name for _, name in near} != {"mount"} or 0 in moments or 100 in moments:
+            continue
+        tried += 1
+        with obstacles(graph, box):
+            assert not finder.clear(knots)
+            if all(graph.mask[s].all() for s in (s0, s1)):
+                assert not graph.edge_masks(held, s0, np.array([s1]))[0]
+
+
+@pytest.mark.parametrize(
+    "link",
+    [
+        "body",
+        "base",
+        "shoulder",
+        "upper_arm",
+        "forearm",
+        "wrist_1",
+        "wrist_2",
+        "wrist_3",
+        "gripper",
+    ],
+)
+def test_a_box_in_any_shape_keeps_the_stance_away(small_checked_graph, link):
+    """A box of a millimetre in the middle of each shape in turn, for both limbs."""
+    graph, rng = small_checked_graph, np.random.default_rng(5)
+    ruler = Ruler(ROBOT)
+    for s in rng.choice(len(graph), 5, replace=False):
+        here, mask = configuration(graph, s, rng)
+        for limb in range(2):
+            ruler.measured(here)
+            name = "body" if link == "body" else f"limb{limb}/{link}/0"
+            geom = next(g for g, shape in ruler.shapes.items() if shape == name)
+            middle = ruler.data.geom_xpos[geom]
+            with obstacles(graph, rod(middle.copy(), np.eye(3), 0.001, 0.001)):
+                now = graph.mask[s].tolist()
+                assert not all(m & n for m, n in zip(mask, now, strict=True))
+
+
+def test_the_plain_definition_measures_what_coal_measures():
+    """Every pair of shapes nearer than 0.3 m, a turned box among them, and no other."""
+    rng, ruler = np.random.default_rng(6), Ruler(ROBOT)
+    met = set()
+    for _ in range(40):
+        turn = Rotation.random(rng=rng).as_quat(scalar_first=True)
+        here = (rng.uniform(-1.0, 1.0, 3), turn, rng.uniform(-3.0, 3.0, (2, 6)))
+        axes = Rotation.random(rng=rng).as_matrix()
+        half = tuple(rng.uniform(0.01, 0.3, 3))
+        middle = tuple(here[0] + rng.normal(0.0, 0.25, 3))
+        box = Box("box", "obstacle", middle, half, Box.rows(axes))
+        found = contacts(ROBOT, (box,), here, 0.3)
+        ours = {frozenset((c.first, c.second.removeprefix("box/"))): c.distance for c in found}
+        theirs = ruler.among([box]).measured(here, beyond=0.3)
+        assert {frozenset(pair) for _, *pair in theirs} == set(ours)
+        for gap, *pair in theirs:
+            if gap > 1e-6:
+                assert ours[frozenset(pair)] == pytest.approx(gap, abs=1e-6)
+                met |= {name for name in pair if "box" in pair}
+            else:
+                assert ours[frozenset(pair)] <= 1e-6
+    assert {"body", "limb0/base/0", "limb1/forearm/0"} <= met

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from mlivr_gym import Box
+from mlivr_gym.collisions.box_grid import CELL, MOST_CELLS, MOST_ENTRIES, BoxWorld
+from mlivr_gym.collisions.distances import CLEAR, segment_box_apart
+from mlivr_gym.collisions.link_capsules import EVERY, against_boxes
+
+
+def touched(world, start, end, radius):
+    """Whether the grid finds that a capsule touches a box."""
+    ends, none = np.array([[start, end]]), np.zeros(3)
+    answer, _ = against_boxes(
+        ends, np.zeros((1, 2)), EVERY, 1, np.array([radius]), world.arrays, 1, none, none, 0.0
+    )  # fmt: skip
+    return answer != CLEAR
+
+
+def random_boxes(rng, count):
+    middle, half = rng.uniform(-3, 3, (count, 3)), rng.uniform(0.05, 0.6, (count, 3))
+    return [Box(f"b{k}", "obstacle", tuple(middle[k]), tuple(half[k])) for k in range(count)]
+
+
+FAR = [Box(f"far{side}", "obstacle", (side * 990.0,) * 3, (10.0,) * 3) for side in (-1, 1)]
+
+
+@pytest.mark.parametrize("far", [[], FAR], ids=["near", "far"])
+def test_the_grid_finds_what_pairwise_distances_find(far):
+    """Brute force over the boxes; with some 2 km apart the cells are large, the answers the same."""
+    rng = np.random.default_rng(0)
+    boxes = random_boxes(rng, 12) + far
+    world = BoxWorld(boxes)
+    found = []
+    for _ in range(300):
+        start, end, radius = (
+            rng.uniform(-4, 4, 3),
+            rng.uniform(-4, 4, 3),
+            float(rng.uniform(0.01, 0.3)),
+        )
+        apart = [
+            np.sqrt(segment_box_apart(tuple(start - box.centre), tuple(end - start), box.half))
+            - radius
+            for box in boxes
+        ]
+        assert touched(world, start, end, radius) == (min(apart) < 0.0)
+        found.append(min(apart) < 0.0)
+    assert 50 < sum(found) < 250
+    assert touched(world, (980.0, 985.0, 990.0), (985.0, 985.0, 985.0), 0.1) == bool(far)
+
+
+@pytest.mark.parametrize(
+    "boxes",
+    [
+        FAR,
+        [Box("all", "obstacle", (0, 0, 0), (1000, 1000, 1000))],
+        [Box(f"b{k}", "obstacle", (0, 0, 0), (60, 60, 60)) for k in range(40)],
+        [Box("mote", "obstacle", (1000, 1000, 1000), (1e-9, 1e-9, 1e-9)), *FAR],
+    ],
+    ids=["far", "large", "many", "mote"],
+)
+def test_the_grid_stays_small_however_far_boxes_reach(boxes):
+    _, head, start, items, filled = BoxWorld(boxes).arrays
+    assert head[15] > CELL
+    assert head[16:].prod() <= MOST_CELLS
+    assert len(items) <= MOST_ENTRIES
+    assert len(filled) == len(start) - 1 == head[16:].prod()
+
+
+def test_the_cells_of_a_module_keep_their_size(jem):
+    assert BoxWorld(jem.boxes).arrays[1][15] == CELL

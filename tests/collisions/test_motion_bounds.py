@@ -1,0 +1,187 @@
+"""Bounds of how far shapes move hold, and are no more than three times too large."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import GraspMap, robot_spec
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.collisions.link_capsules import seen_from
+from mlivr_gym.collisions.motion_bounds import (
+    capsule_motion,
+    joint_motion,
+    moved_by_base,
+    path_speed,
+    seen_from_grasp,
+)
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
+from mlivr_gym.kinematics.holding import base_path
+from mlivr_gym.robot.capsules import LINKS
+from mlivr_gym.simulation.scene import scene_spec
+
+ROBOT = robot_spec("mlivr2")
+SHAPES = LimbShapes(ROBOT)
+LINK, ENDS = SHAPES.arrays[0], SHAPES.arrays[1]
+FLOOR = {"id": "R", "face": "deck", "start": [-0.4, 0, 0], "end": [0.4, 0, 0], "normal": [0, 0, 1]}
+MODEL = scene_spec(GraspMap.from_dict({"segments": [FLOOR]}), ROBOT).compile()
+DATA = mujoco.MjData(MODEL)
+BODIES = [MODEL.body("limb0" if link == "base" else f"limb0/{link}").id for link in LINKS[:7]]
+FIRST = int(MODEL.joint("limb0/joint1").qposadr[0])
+LOOSE = 3.0
+"""Largest ratio of a bound to the farthest motion found."""
+
+
+def numbers(low, high, count=6):
+    return st.lists(st.floats(low, high), min_size=count, max_size=count).map(np.array)
+
+
+def turns():
+    """Changes of six joint angles, often of a few joints alone [rad]."""
+    one = st.one_of(st.just(0.0), st.floats(-0.3, 0.3))
+    return st.lists(one, min_size=6, max_size=6).map(np.array)
+
+
+def postures(rng):
+    """Joint angles among which bounds are nearly reached: arms bent every way in their plane."""
+    right = 0.5 * np.pi * np.arange(4)
+    plane = np.stack(np.meshgrid(right, right, right), axis=-1).reshape(-1, 3)
+    other = rng.uniform(-np.pi, np.pi, (len(plane), 3))
+    return np.column_stack([other[:, 0], plane, other[:, 1:]])
+
+
+def ends_seen(q):
+    """Ends of the moving capsules seen from each of the links 0 to 6, shape (7, c, 2, 3) [m]."""
+    DATA.qpos[FIRST : FIRST + 6] = q
+    mujoco.mj_kinematics(MODEL, DATA)
+    origins, axes = DATA.xpos[BODIES], DATA.xmat[BODIES].reshape(-1, 3, 3)
+    world = origins[LINK][:, None] + np.einsum("cij,cej->cei", axes[LINK], ENDS)
+    return np.einsum("rcei,rij->rcej", world - origins[:, None, None], axes)
+
+
+def farthest(q, minus, plus, shares=(-1.0, -0.6, -0.3, 0.3, 0.6, 1.0)):
+    """How far each end moves from the middle of a motion, shape (7, c, 2) [m].
+
+    Joint angles go on a parabola from `q + minus` through `q` to `q + plus`, a line where these
+    are opposite.
+    """
+    middle, out = ends_seen(q), np.zeros((7, len(LINK), 2))
+    for s in shares:
+        here = q + 0.5 * s * (plus - minus) + 0.5 * s**2 * (plus + minus)
+        out = np.maximum(out, np.linalg.norm(ends_seen(here) - middle, axis=3))
+    return out
+
+
+def bounds(minus, plus):
+    """Bound of each end's motion seen from each of the links 0 to 4, shape (5, c, 2) [m].
+
+    NaN for ends on that link or before.
+    """
+    shift, spin = np.empty((5, 4)), np.empty((5, 7))
+    joint_motion(plus, minus, ROBOT.limb.lengths, shift, spin)
+    out = np.full((5, len(LINK), 2), np.nan)
+    for row in range(5):
+        for c in np.flatnonzero(row < LINK):
+            for e in range(2):
+                out[row, c, e] = seen_from(row, int(c), e, SHAPES.arrays, shift, spin)
+    whole = np.empty((len(LINK), 2))
+    capsule_motion(SHAPES.arrays, shift, spin, 0.5, whole)
+    np.testing.assert_allclose(whole, 0.5 * out[0], rtol=1e-12)
+    return out
+
+
+def from_grasp(minus, plus):
+    """Bound of each end's motion seen from the flange, infinite where there is none, (c, 2) [m]."""
+    out = np.full((len(LINK), 2), np.inf)
+    seen_from_grasp(plus, minus, ROBOT.limb.lengths, SHAPES.arrays, out)
+    return out
+
+
+@given(numbers(-np.pi, np.pi), turns(), turns(), st.booleans())
+@examples(max_examples=150, deadline=None)
+def test_no_end_moves_farther_than_its_bound(q, minus, plus, line):
+    minus = -plus if line else minus
+    found = farthest(q, minus, plus)
+    limit = bounds(minus, plus)
+    assert not (found[:5] > limit + 1e-12).any()
+    assert (found[6] <= from_grasp(minus, plus) + 1e-12).all()
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_the_turn_of_every_joint_counts(joint):
+    """One joint turns alone; ends that do not lie on its axis move, and are bounded."""
+    plus = np.zeros(6)
+    plus[joint] = 0.2
+    q = np.array([0.3, -1.0, 1.4, 0.5, 0.9, -0.4])
+    found, limit = farthest(q, -plus, plus), bounds(-plus, plus)
+    moves = found[0] > 1e-6
+    assert moves.any() == (joint < 5)  # what is beyond joint 6 lies on its axis
+    assert (limit[0][moves] >= found[0][moves]).all()
+    assert (found[6] <= from_grasp(-plus, plus) + 1e-12).all()
+    assert (found[6] > 1e-6).any() == (joint > 0)
+
+
+@given(turns())
+@examples(max_examples=25, deadline=None)
+def test_bounds_are_no_more_than_three_times_what_some_posture_needs(plus):
+    """The farthest motion on lines in joint space among many postures, from links and grasp."""
+    many = postures(np.random.default_rng(0))
+    found = np.max([farthest(q, -plus, plus, (1.0,)) for q in many], axis=0)
+    for row, limit in enumerate(bounds(-plus, plus)):
+        # Seen from the base the shoulder turns in place.
+        beyond = max(row, 1) < LINK
+        assert limit[beyond].max() <= LOOSE * found[row][beyond].max() + 1e-9
+    followed = from_grasp(-plus, plus)
+    # Both ends of the upper arm have a bound from the grasp only where they hang on the elbow.
+    assert np.isfinite(followed[LINK > 2]).all()
+    assert np.isfinite(followed[LINK == 2]).any()
+    assert followed[LINK > 2].max() <= LOOSE * found[6][LINK > 2].max() + 1e-9
+
+
+@given(
+    numbers(-1.0, 1.0, 3),
+    st.floats(0.0, 0.2),
+    st.floats(0.0, 0.3),
+    st.floats(0.0, 0.05),
+    st.integers(0, 999),
+)
+@examples(max_examples=100, deadline=None)
+def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, own, seed):
+    """An end that moves by `own` in the body frame while the base travels and turns."""
+    rng = np.random.default_rng(seed)
+    ends, motion, out = np.array([[place, -place]]), np.full((1, 2), own), np.empty((1, 2))
+    moved_by_base(ends, motion, travel, swing, out)
+    across = np.cross(place, rng.normal(size=3))
+    farthest = 0.0
+    for axis in (across, rng.normal(size=3)):
+        axis = axis / max(np.linalg.norm(axis), 1e-12)
+        for share in (0.5, 1.0):
+            turn = Rotation.from_rotvec(share * swing * axis).as_matrix()
+            away = turn @ place - place
+            for way in (away, rng.normal(size=3)):
+                length = np.linalg.norm(way)
+                way = way / length if length > 1e-12 else np.array([1.0, 0.0, 0.0])
+                end = place + own * (turn.T @ way)
+                gone = share * travel * way + turn @ end - place
+                farthest = max(farthest, float(np.linalg.norm(gone)))
+    assert farthest <= out.min() + 1e-12
+    assert out.max() <= LOOSE * farthest + 1e-9
+
+
+@given(
+    numbers(-0.5, 0.5, 3),
+    numbers(-0.5, 0.5, 3),
+    numbers(0.2, 0.8, 3),
+    st.sampled_from([STRAIGHT, ARC]),
+)
+@examples(max_examples=60, deadline=None)
+def test_the_base_is_no_faster_than_its_bound(start, end, pivot, kind):
+    pivot = pivot + 0.5
+    path = (start, np.eye(3), end, np.eye(3), kind, pivot)
+    where, _ = base_path(*path, np.linspace(0.0, 1.0, 201))
+    fastest = np.linalg.norm(np.diff(where, axis=0), axis=1).max() * 200.0
+    assert fastest <= path_speed(path) + 1e-9
+    assert path_speed(path) <= LOOSE * fastest + 1e-9

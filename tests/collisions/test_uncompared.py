@@ -1,0 +1,185 @@
+"""Kernels, plain definition and MuJoCo leave out what the table says, no more and no less."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from coal_ruler import mujoco_pairs
+
+from mlivr_gym import Box, robot_spec
+from mlivr_gym.collisions.collision_model import Bodies
+from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, SELF
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.collisions.link_capsules import EVERY, against_body, against_limb, body_against_boxes
+from mlivr_gym.collisions.uncompared import ANY, BOXES, NOT_COMPARED, OTHER, OWN, not_compared
+from mlivr_gym.robot.capsules import LINKS
+from mlivr_gym.simulation.scene import scene_spec
+
+FAT = {
+    "base": 2.5,
+    "upper_arm": 2.0,
+    "forearm": 2.0,
+    "wrist_1": 2.0,
+    "wrist_2": 2.0,
+    "wrist_3": 2.0,
+    "gripper": 2.0,
+}
+
+
+def fat(robot):
+    """A robot whose capsules are so thick that nothing but joints keeps links apart."""
+    shapes = tuple(replace(c, radius=FAT.get(c.link, 1.0) * c.radius) for c in robot.shapes)
+    return replace(robot, name="fat", capsules=shapes)
+
+
+ROBOTS = [robot_spec("mlivr2"), robot_spec("mlivr3"), fat(robot_spec("mlivr3"))]
+
+
+def left_out(robot):
+    """What the table leaves out for a robot: pairs of links, and whether they are of one limb."""
+    checked = robot.name != "fat"
+    rows = [row for row in NOT_COMPARED if row.whose != BOXES and (checked or not row.checked)]
+    found = set()
+    for row in rows:
+        pair = tuple(sorted((row.first, row.second)))
+        found |= {(*pair, whose) for whose in (OWN, OTHER) if row.whose in (whose, ANY)}
+    return {entry for entry in found if "body" not in entry or entry[2] == OWN}
+
+
+def every_pair():
+    """All pairs of links, of one limb and of two, and of the body with each."""
+    links = list(itertools.combinations_with_replacement(sorted(LINKS), 2))
+    return {(*pair, whose) for pair in links for whose in (OWN, OTHER)} | {
+        (*sorted(("body", link)), OWN) for link in LINKS
+    }
+
+
+def compared_by_name(names):
+    """Pairs of links from pairs of names like `limb0/forearm/0` and `body`."""
+    found = set()
+    for first, second in names:
+        a, b = first.split("/"), second.split("/")
+        own = "body" in (first, second) or a[0] == b[0]
+        found.add(
+            (
+                *sorted((a[-2] if len(a) > 1 else a[0], b[-2] if len(b) > 1 else b[0])),
+                OWN if own else OTHER,
+            )
+        )
+    return found
+
+
+def compared_by_kernels(robot):
+    """Pairs that a kernel reports when they, and nothing else, overlap."""
+    shapes = LimbShapes(robot)
+    count, still, shift, spin = (
+        len(shapes),
+        np.zeros((len(shapes), 2)),
+        np.zeros((5, 4)),
+        np.zeros((5, 7)),
+    )
+    lonely = np.empty((count, 2, 3))
+    lonely[:] = 10.0 * np.arange(1, count + 1)[:, None, None]
+
+    def own(ends):
+        seen = (shift, spin, 0.0)
+        return against_body(0, ends, still, EVERY, *seen, shapes.arrays, shapes.fixed, 0.0)[0]
+
+    assert own(lonely) == CLEAR
+    found = set()
+    for a, b in itertools.combinations(range(count), 2):
+        ends = lonely.copy()
+        ends[b] = ends[a]
+        if own(ends) == SELF:
+            found.add((*sorted((shapes.names[a], shapes.names[b])), OWN))
+    mounts, _, half, _ = shapes.fixed
+    for c, name in enumerate(shapes.names):
+        places = {("body", OWN): [0.0, 0.0, half[2]]} | {
+            ("base", OWN if m == 0 else OTHER): 2.0 * mounts[m, 1] for m in range(robot.limbs)
+        }  # fmt: skip
+        for (other, whose), place in places.items():
+            ends = lonely.copy()
+            ends[c] = np.array(place)
+            thin = (
+                *shapes.arrays[:2],
+                np.full(count, 0.01 if other == "body" else 0.14),
+                *shapes.arrays[3:],
+            )
+            reach = np.array([*shapes.fixed[1]]) if other == "base" else np.full(robot.limbs, 1e-3)
+            fixed = (mounts, reach, half, shapes.fixed[3])
+            answer = against_body(0, ends, still, EVERY, shift, spin, 0.0, thin, fixed, 0.0)[0]
+            if answer == SELF:
+                found.add((*sorted((other, name)), whose))
+        for d, other in enumerate(shapes.names):
+            away = lonely + 1000.0
+            away[d] = lonely[c]
+            if against_limb(lonely, still, EVERY, away, still, shapes.arrays, 0.0)[0] == SELF:
+                found.add((*sorted((name, other)), OTHER))
+    return found
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_the_kernels_leave_out_what_the_table_says(robot):
+    assert every_pair() - compared_by_kernels(robot) == left_out(robot)
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_the_plain_definition_leaves_out_what_the_table_says(robot):
+    """A clearance beyond every distance finds all pairs; every shape is compared with a box."""
+    box = Box.between("crate", "obstacle", (1.0, 1.0, 1.0), (2.0, 2.0, 2.0))
+    here = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.full((robot.limbs, 6), 0.3))
+    found = contacts(robot, (box,), here, 100.0)
+    among = [(c.first, c.second) for c in found if c.second != "box/crate"]
+    assert every_pair() - compared_by_name(among) == left_out(robot)
+    names = {f"limb{i}/{link}/0" for i in range(robot.limbs) for link in LINKS} | {"body"}
+    assert {c.first for c in found if c.second == "box/crate"} == names
+    # At a grasp in front of the box the gripper, and nothing else, may come near it.
+    grasp = (1, np.array([2.0, 1.5, 1.5]), np.array([1.0, 0.0, 0.0]))
+    at_grasp = contacts(robot, (box,), here, 100.0, [grasp])
+    assert {c.first for c in at_grasp if c.second == "box/crate"} == names - {"limb1/gripper/0"}
+    assert [row.first for row in NOT_COMPARED if row.whose == BOXES] == ["gripper"]
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_mujoco_leaves_out_what_the_table_says(ladder, robot):
+    box = Box.between("crate", "obstacle", (1.0, 1.0, 1.0), (2.0, 2.0, 2.0))
+    pairs = mujoco_pairs(scene_spec(ladder, robot, (box,)).compile())
+    shapes = {pair for pair in pairs if all(name.startswith(("body", "limb")) for name in pair)}
+    assert every_pair() - compared_by_name(shapes) == left_out(robot)
+    names = {f"limb{i}/{link}/0" for i in range(robot.limbs) for link in LINKS} | {"body"}
+    with_box = {pair for pair in pairs if "box/crate" in pair}
+    assert {name for pair in with_box for name in pair if name != "box/crate"} == names
+
+
+def test_every_row_has_a_reason_of_its_own_place():
+    rows = [(frozenset((row.first, row.second)), row.whose) for row in NOT_COMPARED]
+    assert len(set(rows)) == len(rows)
+    assert all(row.reason for row in NOT_COMPARED)
+    assert not_compared("forearm", "upper_arm") == not_compared("upper_arm", "forearm")
+    assert not_compared("forearm", "upper_arm", OTHER) is None
+    assert not_compared("shoulder", "base", OTHER) is not None
+
+
+def test_what_moves_with_the_base_contains_body_and_mounts():
+    """A millimetre box anywhere in the body or a mount is found, one 22 cm away is not."""
+    robot, rng = robot_spec("mlivr3"), np.random.default_rng(0)
+    shapes = LimbShapes(robot)
+    mounts, radius, half, _ = shapes.fixed
+
+    def answer(point):
+        speck = Box("speck", "obstacle", tuple(point), (5e-4, 5e-4, 5e-4))
+        bodies = Bodies(shapes, (speck,), 0.0).arrays
+        return body_against_boxes(np.zeros(3), np.eye(3), 0.0, 0.0, bodies[6], bodies[4], 0.0)
+
+    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
+    inside = [*corners, *rng.uniform(-half, half, (200, 3))]
+    for m in range(len(mounts)):
+        share, out = rng.uniform(size=(50, 1)), rng.normal(size=(50, 3))
+        out *= radius[m] * rng.uniform(size=(50, 1)) / np.linalg.norm(out, axis=1, keepdims=True)
+        inside += [*(mounts[m, 0] + share * (mounts[m, 1] - mounts[m, 0]) + out)]
+    assert all(answer(point) == OBSTACLE for point in inside)
+    outside = rng.normal(size=(200, 3))
+    outside *= 0.22 / np.linalg.norm(outside, axis=1, keepdims=True)
+    assert all(answer(point) == CLEAR for point in outside)

@@ -1,0 +1,106 @@
+"""Actions in every form that policies return: the environment takes what its action space contains."""
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from sb3_contrib import MaskablePPO
+from sb3_contrib.common.maskable.evaluation import evaluate_policy
+from sb3_contrib.common.maskable.utils import get_action_masks
+from stable_baselines3 import DQN, PPO
+
+from mlivr_gym.envs.env import ActionMaskObservation, MlivrEnv
+from mlivr_gym.errors import SettingError
+
+REFUSED = (
+    3.0, np.float64(3.0), np.array(3.0), np.array([3]), np.array([[3]]), torch.tensor([3]),
+    torch.tensor(3.0), "3", None, [3],
+    -1, 10**30, np.uint64(2**63), np.array(-1), np.bool_(True), np.array(True), np.arange(2000),
+)  # fmt: skip
+
+
+def arguments(small_map):
+    return {"map": small_map, "collisions": False, "max_episode_steps": 5}
+
+
+@pytest.fixture(scope="module")
+def env(small_map):
+    return gymnasium.make("MLIVR-JEM-v0", **arguments(small_map))
+
+
+@pytest.mark.parametrize(
+    "form",
+    [int, np.int64, np.int8, np.uint16, np.array, torch.tensor, lambda a: np.array(a, np.int16)],
+)
+def test_one_step_whatever_the_form_of_the_action(env, form):
+    _, info = env.reset(seed=0)
+    number = int(np.flatnonzero(info["action_mask"])[0])
+    expected = env.step(number)
+    env.reset(seed=0)
+    action = form(number)
+    assert torch.is_tensor(action) or env.action_space.contains(action)
+    observation, *_, info = env.unwrapped.step(action)
+    assert not info["invalid_action"]
+    np.testing.assert_array_equal(observation["stance"], expected[0]["stance"])
+
+
+@pytest.mark.parametrize("action", REFUSED, ids=repr)
+def test_what_the_action_space_does_not_contain_is_refused(env, action):
+    env.reset(seed=0)
+    assert not (
+        isinstance(action, (int, np.generic, np.ndarray)) and env.action_space.contains(action)
+    )
+    before = env.unwrapped.steps
+    with pytest.raises(SettingError, match="action .* is not a whole number from 0 to") as caught:
+        env.unwrapped.step(action)
+    assert "\n" not in str(caught.value)
+    assert env.unwrapped.steps == before
+
+
+@pytest.mark.parametrize("algorithm", [PPO, DQN])
+def test_predict_loops_of_stable_baselines3(env, algorithm):
+    """The two loops of its documentation: over its vector environment, and over a single one."""
+    sizes = (
+        {"n_steps": 8, "batch_size": 8}
+        if algorithm is PPO
+        else {"learning_starts": 4, "buffer_size": 20}
+    )
+    model = algorithm("MultiInputPolicy", env, **sizes, seed=0)
+    model.learn(8)
+    vec_env = model.get_env()
+    obs = vec_env.reset()
+    for _ in range(8):
+        action, _states = model.predict(obs, deterministic=True)
+        obs, rewards, dones, infos = vec_env.step(action)
+        assert rewards.shape == dones.shape == (1,)
+        assert len(infos) == 1
+    obs, _ = env.reset()
+    for _ in range(8):
+        action, _states = model.predict(obs, deterministic=True)
+        obs, _, terminated, truncated, _ = env.step(action)
+        if terminated or truncated:
+            obs, _ = env.reset()
+
+
+@pytest.mark.parametrize("wrapper", [None, ActionMaskObservation])
+def test_predict_loops_of_sb3_contrib(env, wrapper):
+    world = env if wrapper is None else wrapper(env)
+    model = MaskablePPO("MultiInputPolicy", world, n_steps=8, batch_size=8, seed=0)
+    model.learn(8)
+    evaluate_policy(model, world, n_eval_episodes=2, warn=False)
+    obs, _ = world.reset()
+    for _ in range(8):
+        action, _ = model.predict(obs, action_masks=get_action_masks(world))
+        obs, _, terminated, truncated, info = world.step(action)
+        assert not info["invalid_action"]
+        if terminated or truncated:
+            obs, _ = world.reset()
+
+
+def test_no_mask_before_the_first_reset(small_map):
+    plain = MlivrEnv(map=small_map, collisions=False)
+    for world in (plain, ActionMaskObservation(plain)):
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            world.action_masks()
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        get_action_masks(gymnasium.make("MLIVR-JEM-v0", **arguments(small_map)))

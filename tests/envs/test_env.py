@@ -1,0 +1,400 @@
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env, data_equivalence
+
+import mlivr_gym
+from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
+from mlivr_gym.envs.env import ActionMaskObservation, MlivrEnv
+from mlivr_gym.errors import GoalError, MlivrError, SettingError, StanceError
+from mlivr_gym.planners import Planner
+
+
+@pytest.fixture(scope="module")
+def env():
+    """The paper's world: where thousands of steps are taken, collisions would only cost time."""
+    return gymnasium.make("MLIVR-JEM-v0", collisions=False).unwrapped
+
+
+@pytest.fixture(scope="module")
+def safe_env():
+    return gymnasium.make("MLIVR-JEM-v0").unwrapped
+
+
+def masked(env, info, rng):
+    return int(rng.choice(np.flatnonzero(info["action_mask"])))
+
+
+@pytest.mark.parametrize(
+    ("robot", "collisions"),
+    [("mlivr2", True), ("mlivr2", False), ("mlivr3", False), ("mlivr4", False)],
+)
+def test_both_checkers_pass_without_a_warning(robot, collisions, small_map):
+    """Every warning is an error here; only the window of render_mode='human' is left out."""
+    from stable_baselines3.common.env_checker import check_env as sb3_check
+
+    world = small_map if collisions else None
+    environment = gymnasium.make(
+        "MLIVR-JEM-v0", robot=robot, map=world, collisions=collisions
+    ).unwrapped
+    check_env(environment, skip_render_check=True)
+    sb3_check(environment)
+
+
+def test_made_by_module_name_and_spec_survives_json():
+    environment = gymnasium.make("mlivr_gym:MLIVR-JEM-v0", reward="base", collisions=False)
+    spec = EnvSpec.from_json(environment.spec.to_json())
+    assert spec.id == "MLIVR-JEM-v0"
+    assert spec.max_episode_steps == 100
+    assert gymnasium.make(spec).unwrapped.reward == "base"
+
+
+def test_truncated_by_the_registration():
+    environment = gymnasium.make("MLIVR-JEM-v0", max_episode_steps=3, goal_tolerance=0.0)
+    _, info = environment.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for k in range(3):
+        _, _, terminated, truncated, info = environment.step(masked(environment, info, rng))
+        assert not terminated
+        assert truncated == (k == 2)
+
+
+@pytest.mark.parametrize(
+    ("robot", "collisions"), [("mlivr2", True), ("mlivr2", False), ("mlivr4", False)]
+)
+def test_equal_seeds_give_equal_episodes(robot, collisions, small_map):
+    world = small_map if collisions else None
+    a, b = (
+        gymnasium.make("MLIVR-JEM-v0", robot=robot, map=world, collisions=collisions)
+        for _ in range(2)
+    )
+    assert data_equivalence(a.reset(seed=5), b.reset(seed=5))
+    rng = np.random.default_rng(0)
+    info = a.reset(seed=5)[1]
+    b.reset(seed=5)
+    for _ in range(5):
+        action = masked(a, info, rng)
+        ours, theirs = a.step(action), b.step(action)
+        assert data_equivalence(ours, theirs)
+        info = ours[-1]
+        if ours[2]:
+            break
+
+
+def test_a_pickled_environment_goes_on_alike(env):
+    env.reset(seed=3)
+    other = pickle.loads(pickle.dumps(env))
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        action = int(rng.choice(np.flatnonzero(env.action_masks())))
+        assert data_equivalence(env.step(action), other.step(action))
+    assert data_equivalence(env.reset(), other.reset())
+
+
+def test_masked_sampling_never_meets_an_invalid_action_in_10000_steps(env):
+    _, info = env.reset(seed=0)
+    env.action_space.seed(0)
+    for _ in range(10_000):
+        action = env.action_space.sample(info["action_mask"])
+        observation, reward, terminated, truncated, info = env.step(action)
+        assert not info["invalid_action"]
+        assert info["action_mask"].any()
+        assert reward == -1.0
+        assert type(terminated) is bool
+        assert type(truncated) is bool
+        assert env.observation_space.contains(observation)
+        if terminated or info["steps"] >= 50:
+            _, info = env.reset()
+
+
+def test_masked_sampling_where_nothing_may_be_touched(safe_env):
+    _, info = safe_env.reset(seed=0)
+    safe_env.action_space.seed(0)
+    for _ in range(60):
+        _, _, _, _, info = safe_env.step(safe_env.action_space.sample(info["action_mask"]))
+        assert not info["invalid_action"]
+        assert info["action_mask"].any()
+
+
+def test_every_masked_out_action_changes_nothing(env):
+    _, info = env.reset(seed=2)
+    before = env._observation()
+    for steps, action in enumerate(np.flatnonzero(info["action_mask"] == 0), 1):
+        observation, reward, terminated, _, after = env.step(int(action))
+        assert after["invalid_action"]
+        assert reward == -1.0
+        assert not terminated
+        assert after["steps"] == steps
+        assert after["base_translation"] == 0.0
+        assert data_equivalence(observation, before)
+        assert after["stance"] == info["stance"]
+
+
+def test_observations_are_fresh_arrays(env):
+    first, info = env.reset(seed=1)
+    second, *_ = env.step(int(np.flatnonzero(info["action_mask"])[0]))
+    for key in first:
+        assert first[key] is not second[key]
+        assert not np.shares_memory(first[key], second[key])
+
+
+@pytest.mark.parametrize(
+    ("robot", "collisions"),
+    [("mlivr2", True), ("mlivr2", False), ("mlivr3", False), ("mlivr4", False)],
+)
+@pytest.mark.parametrize("reward", ["steps", "base"])
+def test_a_replayed_plan_gives_exactly_its_cost(robot, collisions, reward):
+    environment = gymnasium.make(
+        "MLIVR-JEM-v0", robot=robot, reward=reward, success_bonus=7.0, collisions=collisions
+    ).unwrapped
+    environment.reset(seed=4)
+    start, goal = environment.state.stance, environment.goal
+    planner = Planner(environment.graph)
+    how = {"method": "greedy"} if robot != "mlivr2" else {}
+    plan = planner.plan(start, goal, reward, **how).unwrap()
+    _, info = environment.reset(options={"start": plan.stances[0], "goal": plan.goal})
+    assert len(plan.steps) > 0
+    returns, ended = 0.0, False
+    for limb, point in plan.actions:
+        assert not ended
+        action = limb * len(environment.graph.grasp_map) + environment.graph.grasp_map.index(point)
+        assert info["action_mask"][action]
+        _, r, ended, _, info = environment.step(action)
+        returns += r
+    assert ended
+    assert info["is_success"]
+    assert info["steps"] == len(plan.steps)
+    assert info["stance"] == plan.stances[-1]
+    assert info["base_translation"] == pytest.approx(plan.base_translation, abs=1e-9)
+    cost = len(plan.steps) if reward == "steps" else plan.base_translation
+    assert returns == pytest.approx(7.0 - cost, abs=1e-9)
+    if robot == "mlivr2":
+        assert returns == pytest.approx(7.0 - plan.cost, abs=1e-9)
+
+
+def test_shaping_telescopes():
+    """With discount 1 the shaped return differs by the potential at the start alone."""
+    plain = gymnasium.make("MLIVR-JEM-v0", collisions=False).unwrapped
+    shaped = gymnasium.make("MLIVR-JEM-v0", collisions=False, shaping=True, discount=1.0).unwrapped
+    _, info = plain.reset(seed=6)
+    start, goal = plain.state.stance, plain.goal
+    plan = Planner(plain.graph).plan(start, goal, "steps").unwrap()
+    totals = []
+    for environment in (plain, shaped):
+        environment.reset(options={"start": start, "goal": goal})
+        total = 0.0
+        for limb, point in plan.actions:
+            action = limb * len(plain.graph.grasp_map) + plain.graph.grasp_map.index(point)
+            total += environment.step(action)[1]
+        totals.append(total)
+    assert totals[1] - totals[0] == pytest.approx(
+        np.linalg.norm(info["base_position"] - goal), abs=1e-9
+    )
+
+
+def test_start_and_goal_are_drawn_such_that_a_plan_joins_them(env):
+    planner = Planner(env.graph)
+    starts = set()
+    for seed in range(25):
+        _, info = env.reset(seed=seed)
+        starts.add(info["stance"])
+        assert not info["is_success"]
+        assert planner.plan(info["stance"], env.goal, "steps").plan is not None
+    assert len(starts) > 20
+
+
+def test_goal_alone_or_start_alone_may_be_given(env):
+    _, info = env.reset(seed=0, options={"start": ("D1a:4", "D1b:4")})
+    assert info["stance"] == ("D1a:4", "D1b:4")
+    env.reset(seed=0, options={"goal": (6.0, 0.0, 0.42)})
+    np.testing.assert_array_equal(env.goal, [6.0, 0.0, 0.42])
+
+
+def test_bad_input_is_named(env):
+    for error, words, options in (
+        (StanceError, "'Z'", {"start": ("Z", "D1a:4")}),
+        (StanceError, "below the threshold", {"start": ("D1a:4", "D2b:4")}),
+        (GoalError, "outside the cabin", {"goal": (60, 0, 0)}),
+        (SettingError, "'begin'", {"begin": 1}),
+    ):
+        with pytest.raises(error, match=words):
+            env.reset(options=options)
+    env.reset(seed=0)
+    with pytest.raises(SettingError, match="action 99999"):
+        env.step(99999)
+    for words, change in (
+        ("reward is 'gold'", {"reward": "gold"}),
+        ("dynamics is 'real'.*'kinematic'", {"dynamics": "real"}),
+        ("limb_threshold is -1", {"limb_threshold": -1}),
+        ("discount is 0", {"discount": 0}),
+        ("unknown robot", {"robot": "mlivr9"}),
+        ("cannot read map", {"map": "nowhere.json"}),
+    ):
+        with pytest.raises(MlivrError, match=words):
+            MlivrEnv(**change)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        MlivrEnv(map=env.graph.grasp_map).step(0)
+
+
+def test_mask_wrapper(env):
+    wrapped = ActionMaskObservation(gymnasium.make("MLIVR-JEM-v0"))
+    observation, info = wrapped.reset(seed=0)
+    np.testing.assert_array_equal(observation["action_mask"], info["action_mask"])
+    np.testing.assert_array_equal(wrapped.action_masks(), info["action_mask"].astype(bool))
+    assert wrapped.observation_space.contains(observation)
+
+
+def test_subprocess_vector_environment(small_map):
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    arguments = {"map": small_map}
+    vector = make_vec_env(
+        "mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0, vec_env_cls=SubprocVecEnv, env_kwargs=arguments
+    )
+    try:
+        observations = vector.reset()
+        assert observations["base_position"].shape == (2, 3)
+        masks = vector.env_method("action_masks")
+        _, rewards, _, infos = vector.step(np.array([np.flatnonzero(m)[0] for m in masks]))
+        assert rewards.tolist() == [-1.0, -1.0]
+        assert not any(info["invalid_action"] for info in infos)
+    finally:
+        vector.close()
+
+
+def test_masked_ppo_runs_on_the_environment(small_map):
+    from sb3_contrib import MaskablePPO
+
+    world = gymnasium.make("MLIVR-JEM-v0", map=small_map)
+    model = MaskablePPO("MultiInputPolicy", world, n_steps=32, batch_size=32, seed=0)
+    model.learn(64)
+
+
+def test_expert_policy_is_optimal_and_random_is_not(small_map):
+    env = MlivrEnv(map=small_map, collisions=False)
+    expert, chance = (
+        evaluate(env, ExpertPolicy(), 20, seed=1),
+        evaluate(env, RandomPolicy(0), 20, seed=1, max_steps=30),
+    )
+    assert expert.success_rate == 1.0
+    assert chance.steps.mean() > expert.steps.mean()
+    for k in range(20):
+        env.reset(seed=1 + k)
+        plan = Planner(env.graph).plan(env.state.stance, env.goal, "steps").unwrap()
+        assert expert.steps[k] == len(plan.steps)
+    with pytest.raises(SettingError, match="episodes is 0"):
+        evaluate(env, RandomPolicy(), 0)
+    with pytest.raises(SettingError, match="two limbs"):
+        evaluate(MlivrEnv(robot="mlivr3", collisions=False), ExpertPolicy(), 1)
+
+
+def test_environment_and_planner_do_not_import_torch():
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, gymnasium, mlivr_gym, mlivr_gym.planners, mlivr_gym.cli.main, mlivr_gym.cli.table1;"
+        "gymnasium.make('MLIVR-JEM-v0').reset(seed=0); assert 'torch' not in sys.modules"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert mlivr_gym.__version__
+
+
+@pytest.fixture(scope="module")
+def physical_env():
+    return gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco", step_duration=20.0).unwrapped
+
+
+def test_both_checkers_pass_with_dynamics(physical_env):
+    from stable_baselines3.common.env_checker import check_env as sb3_check
+
+    check_env(physical_env, skip_render_check=True)
+    sb3_check(physical_env)
+
+
+def test_a_plan_is_replayed_in_simulation(checked_graph):
+    physical_env = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
+    plan = Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
+    _, info = physical_env.reset(options={"plan": plan})
+    assert info["failure"] is None
+    assert info["stance"] == plan.stances[0]
+    total, points = 0.0, len(checked_graph.grasp_map)
+    for k, (limb, point) in enumerate(plan.actions):
+        action = limb * points + checked_graph.grasp_map.index(point)
+        assert info["action_mask"][action]
+        observation, reward, terminated, _, info = physical_env.step(action)
+        total += reward
+        assert info["failure"] is None
+        assert info["stance"] == plan.stances[k + 1]
+        assert 0.0 < info["capture_distance"] < 0.01
+        assert 0.0 < info["peak_torque"] < 28.0
+        assert (observation["branches"].reshape(2, 16).sum(axis=1) == 1).all()
+        np.testing.assert_allclose(
+            physical_env._walk.configuration[2], plan.joint_positions[k + 1], atol=0.05
+        )
+    assert terminated
+    assert info["is_success"]
+    assert total == -len(plan.steps)
+    assert info["simulated_time"] == pytest.approx(50.0 * len(plan.steps))
+
+
+def test_steps_of_its_own_are_carried_out_and_keep_the_limits(physical_env):
+    rng = np.random.default_rng(4)
+    _, info = physical_env.reset(seed=4)
+    limits = physical_env.graph.robot.limb.limits
+    other = pickle.loads(pickle.dumps(physical_env))
+    for k in range(3):
+        possible = {int(a) for a in np.flatnonzero(physical_env.action_masks())}
+        successors = physical_env.graph.successors(physical_env.state)
+        assert possible <= set(
+            (successors.limb * len(physical_env.graph.grasp_map) + successors.point).tolist()
+        )
+        action = masked(physical_env, info, rng)
+        done = physical_env.step(action)
+        if k == 0:
+            assert data_equivalence(done, other.step(action))
+        _, _, terminated, _, info = done
+        assert info["failure"] is None
+        joints = physical_env._walk.configuration[2]
+        assert (joints >= limits[:, 0] - 0.05).all()
+        assert (joints <= limits[:, 1] + 0.05).all()
+        if terminated:
+            break
+
+
+def test_a_step_that_fails_ends_the_episode_with_its_reason():
+    from mlivr_gym.simulation.dynamics import Physics
+
+    environment = gymnasium.make(
+        "MLIVR-JEM-v0",
+        dynamics="mujoco",
+        step_duration=10.0,
+        physics=Physics(capture_distance=1e-9),
+    ).unwrapped
+    _, info = environment.reset(options={"start": ("D2a:4", "D1b:3"), "goal": (6.3, 0.5, 0.35)})
+    stance, invalid = info["stance"], int(np.flatnonzero(info["action_mask"] == 0)[0])
+    assert environment.step(invalid)[4]["simulated_time"] == 0.0
+    _, _, terminated, truncated, info = environment.step(
+        int(np.flatnonzero(info["action_mask"])[0])
+    )
+    assert terminated
+    assert not truncated
+    assert info["failure"]["kind"] == "missed grasp"
+    assert info["stance"] == stance
+    assert not info["is_success"]
+    with pytest.raises(gymnasium.error.ResetNeeded, match="failed"):
+        environment.step(invalid)
+    environment.reset(seed=1)
+
+
+def test_dynamics_need_checked_steps_and_plans_need_dynamics(safe_env):
+    with pytest.raises(SettingError, match="transitions=True"):
+        MlivrEnv(dynamics="mujoco", transitions=False)
+    with pytest.raises(SettingError, match="'kinematic', 'mujoco'"):
+        MlivrEnv(dynamics="bullet")
+    with pytest.raises(SettingError, match="plan"):
+        safe_env.reset(options={"plan": None})

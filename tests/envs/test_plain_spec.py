@@ -1,0 +1,155 @@
+"""What made an environment survives JSON, whatever it was made of."""
+
+import json
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+from mlivr_gym import Box, Capsule, GraspMap, Limb, RobotSpec
+from mlivr_gym.envs.env import ActionMaskObservation, MlivrEnv
+from mlivr_gym.envs.plain_spec import plain
+from mlivr_gym.errors import MapError, MlivrError, SettingError
+from mlivr_gym.simulation.dynamics import Physics
+
+
+def remade(env):
+    """The environment that the JSON of its spec makes."""
+    return gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
+
+
+def test_an_environment_of_objects_is_made_again_from_json(small_map):
+    robot = RobotSpec(
+        name="own", heights=(0.62, 0.7), limb=Limb(a2=-0.43), body_mass=np.float64(21.0)
+    )
+    physics = Physics(kp=120.0, feedforward=False, assume_ur5e_masses=True)
+    env = gymnasium.make(
+        "MLIVR-JEM-v0", map=small_map, robot=robot, physics=physics, dynamics="mujoco",
+        collisions=np.bool_(False),
+        clearance=np.float64(0.025),
+    )  # fmt: skip
+    again = remade(env)
+    ours, theirs = env.unwrapped, again.unwrapped
+    for name in ("positions", "rotations", "cabin"):
+        np.testing.assert_array_equal(
+            getattr(theirs.graph.grasp_map, name), getattr(small_map, name)
+        )
+    for name in ("ids", "faces", "name", "segments", "handrails", "boxes", "fingerprint"):
+        assert getattr(theirs.graph.grasp_map, name) == getattr(small_map, name)
+    assert theirs.graph.robot == robot
+    assert theirs.graph.robot.fingerprint == robot.fingerprint
+    assert theirs.graph.settings == ours.graph.settings
+    assert theirs._walk.physics == physics
+    assert again.spec == env.spec
+    assert type(env.spec.kwargs["map"]) is dict
+    np.testing.assert_array_equal(theirs.graph.position, ours.graph.position)
+    assert again.reset(seed=4)[1]["stance"] == env.reset(seed=4)[1]["stance"]
+
+
+def test_failure_probabilities_paths_and_wrappers_survive(ladder, tmp_path):
+    risk = np.linspace(0.0, 0.3, len(ladder))
+    file = tmp_path / "map.json"
+    file.write_text(json.dumps(ladder.to_dict()))
+    env = ActionMaskObservation(
+        gymnasium.make(
+            "MLIVR-JEM-v0",
+            map=Path(file),
+            collisions=False,
+            grasp_failure=risk,
+            max_episode_steps=7,
+        )
+    )
+    again = remade(env)
+    np.testing.assert_array_equal(again.unwrapped.failure_probability, risk)
+    assert again.unwrapped.graph.grasp_map.fingerprint == ladder.fingerprint
+    assert isinstance(again, ActionMaskObservation)
+    assert again.spec.max_episode_steps == 7
+
+
+def test_a_robot_with_shapes_of_its_own_survives():
+    shapes = (
+        Capsule("forearm", (0.0, 0.0, 0.1), (0.1, 0.0, 0.2), 0.05),
+        Capsule("gripper", (0, 0, 0), (0, 0, 0.04), 0.03),
+    )
+    robot = RobotSpec(name="thin", capsules=shapes)
+    env = gymnasium.make("MLIVR-JEM-v0", robot=robot, collisions=False)
+    assert remade(env).unwrapped.graph.robot == robot
+
+
+def test_the_vector_environment_is_made_again_from_json(ladder):
+    made = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=3, map=ladder, collisions=False)
+    again = gymnasium.make_vec(EnvSpec.from_json(made.spec.to_json()))
+    assert again.num_envs == 3
+    assert again.unwrapped.env.graph.grasp_map.fingerprint == ladder.fingerprint
+
+
+def test_the_spec_does_not_change_with_its_environment(ladder):
+    """The arguments that a caller keeps stay as they are."""
+    arguments = {"map": ladder, "collisions": False}
+    env = gymnasium.make("MLIVR-JEM-v0", **arguments)
+    assert arguments["map"] is ladder
+    assert env.unwrapped.spec.kwargs["map"] == plain(ladder.to_dict())
+    assert MlivrEnv(**arguments).spec is None
+
+
+def test_a_map_with_a_turned_box_is_the_same_to_the_last_digit(ladder):
+    c, s = np.cos(0.3), np.sin(0.3)
+    box = Box(
+        "turned",
+        "rack",
+        (0.1, 0.2, 1.7),
+        (0.05, 0.06, 0.07),
+        ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)),
+        "aft",
+    )
+    world = GraspMap(
+        ladder.ids,
+        ladder.positions + 1e-17,
+        ladder.rotations,
+        ladder.faces,
+        ladder.cabin,
+        "turned",
+        boxes=(box,),
+    )
+    again = GraspMap.from_dict(json.loads(json.dumps(world.to_dict())))
+    assert again.boxes == (box,)
+    assert again.fingerprint == world.fingerprint
+    np.testing.assert_array_equal(again.positions, world.positions)
+
+
+@pytest.mark.parametrize(
+    ("words", "change"),
+    [
+        ("'cabin' of the map is missing", {"cabin": None}),
+        ("'points' of the map is unknown", {"points": []}),
+        ("ids must be a list", {"ids": "abc"}),
+        ("lists of strings", {"ids": [1, 2]}),
+        ("faces", {"faces": ["deck"]}),
+        ("positions is .* must be numbers", {"positions": [[1, 2], [3]]}),
+        ("positions is .* must be numbers", {"positions": [[10**400, 0, 0]]}),
+        ("shape", {"rotations": [[1.0]]}),
+        ("unknown face 'roof'", {"faces": ["roof"] * 15}),
+        ("boxes must be a list", {"boxes": 3}),
+        ("segment number 0", {"segments": [3]}),
+    ],
+)
+def test_faulty_plain_maps_are_named(ladder, words, change):
+    data = {k: v for k, v in (ladder.to_dict() | change).items() if v is not None}
+    with pytest.raises(MlivrError, match=words):
+        GraspMap.from_dict(data)
+
+
+def test_faulty_plain_arguments_are_named(ladder):
+    with pytest.raises(MapError):
+        MlivrEnv(map={})
+    with pytest.raises(MlivrError, match="unknown robot field 'arms'"):
+        MlivrEnv(robot={"arms": 2})
+    physical = {"map": ladder, "collisions": False, "dynamics": "mujoco"}
+    with pytest.raises(SettingError, match="unknown figure of physics 'gain'.*kp"):
+        MlivrEnv(physics={"gain": 2.0}, **physical)
+    with pytest.raises(SettingError, match="kp is 'high'"):
+        MlivrEnv(physics={"kp": "high"}, **physical)
+    with pytest.raises(SettingError, match="unknown figure of physics 3"):
+        MlivrEnv(physics=3, **physical)

@@ -1,0 +1,454 @@
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.vector import AutoresetMode
+from scipy.stats import ks_2samp
+
+from mlivr_gym import Settings, stance_graph
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.grasp_failure import failure_probabilities
+from mlivr_gym.envs.tasks import random_state, sample_task
+from mlivr_gym.envs.vector_env import MlivrVectorEnv
+from mlivr_gym.errors import GoalError, SettingError, StanceError, UnknownPointError
+from mlivr_gym.planners import Planner
+from mlivr_gym.stances.pair_graph import fill_rows
+from mlivr_gym.stances.step_tables import cache_file, step_tables, without_points
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory):
+    """A cache directory of the tests' own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def single(small_map, cache):
+    """The small map with collisions; every step is asked of the graph."""
+    return MlivrEnv(map=small_map)
+
+
+@pytest.fixture(scope="module")
+def exact(small_map, cache):
+    return MlivrEnv(map=small_map, precompute=True)
+
+
+def same(ours, theirs):
+    return all(np.array_equal(ours[name], theirs[name]) for name in theirs)
+
+
+@pytest.mark.parametrize(("reward", "collisions"), [("steps", True), ("base", False)])
+def test_vector_environment_equals_single_environments(small_map, reward, collisions):
+    """Step by step on random walks, some actions not possible: observation, reward, end, masks and info."""
+    options = {
+        "map": small_map,
+        "collisions": collisions,
+        "reward": reward,
+        "success_bonus": 3.0,
+        "shaping": True,
+    }
+    copies = MlivrVectorEnv(4, 12, **options)
+    observations, infos = copies.reset(seed=1)
+    singles = [MlivrEnv(**options) for _ in range(4)]
+    for env in singles[1:]:
+        env.graph = singles[0].graph  # what one has found out the others need not
+    rng = np.random.default_rng(0)
+    compared = 0
+    for env, start, goal in zip(singles, observations["stance"], copies.goals, strict=True):
+        env.reset(options={"start": start.tolist(), "goal": goal})
+    over = np.zeros(4, dtype=bool)
+    for _ in range(60):
+        actions = (rng.random(infos["action_mask"].shape) * infos["action_mask"]).argmax(axis=1)
+        actions[rng.random(4) < 0.1] = 0
+        observations, rewards, ended, cut, infos = copies.step(actions)
+        for k, env in enumerate(singles):
+            if over[k]:
+                _, info = env.reset(
+                    options={"start": observations["stance"][k].tolist(), "goal": copies.goals[k]}
+                )
+                assert rewards[k] == 0.0
+                assert infos["steps"][k] == 0
+                assert not ended[k]
+                assert not cut[k]
+                continue
+            observation, reward, terminated, _, info = env.step(int(actions[k]))
+            assert same({name: rows[k] for name, rows in observations.items()}, observation)
+            assert rewards[k] == pytest.approx(reward, abs=1e-12)
+            assert ended[k] == terminated
+            assert cut[k] == (info["steps"] >= 12)
+            for name in ("action_mask", "limb_manipulability", "base_position"):
+                np.testing.assert_array_equal(infos[name][k], info[name])
+            for name in (
+                "base_translation",
+                "steps",
+                "base_manipulability",
+                "is_success",
+                "invalid_action",
+            ):
+                assert infos[name][k] == pytest.approx(info[name], abs=1e-12)
+            compared += 1
+        over = ended | cut
+    assert compared > 150
+
+
+def test_tables_give_the_steps_of_the_graph(single, exact):
+    """The environment from tables and the one that asks the graph go alike."""
+    rng = np.random.default_rng(2)
+    for seed in range(3):
+        ours, theirs = exact.reset(seed=seed), single.reset(seed=seed)
+        for _ in range(20):
+            assert same(ours[0], theirs[0])
+            assert same(ours[-1], {"action_mask": theirs[-1]["action_mask"]})
+            a, b = exact.successors(), single.successors()
+            assert all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+            action = int(rng.choice(np.flatnonzero(theirs[-1]["action_mask"])))
+            ours, theirs = exact.step(action), single.step(action)
+
+
+def test_tables_without_some_points_are_those_of_the_occupied_map(small_map):
+    graph = stance_graph(small_map, settings=Settings(collisions=False))
+    free = step_tables(graph)
+    taken = np.random.default_rng(0).permutation(len(small_map))[:10]
+    occupied = np.zeros(len(small_map), dtype=bool)
+    occupied[taken] = True
+    thinned = without_points(free, occupied)
+    graph.occupy(taken.tolist())
+    there = step_tables(graph)
+    for name in ("start", "after", "left", "masks"):
+        np.testing.assert_array_equal(getattr(thinned, name), getattr(there, name))
+
+
+def test_what_is_cached_is_what_was_worked_out(small_map, monkeypatch, tmp_path):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "new"))
+    fewer = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
+    first, second = stance_graph(fewer), stance_graph(fewer)
+    assert len(step_tables(first).after) > 200
+    assert cache_file(first).exists()
+    monkeypatch.setattr(
+        "mlivr_gym.stances.step_tables.fill_rows", lambda *_: pytest.fail("the cache was not used")
+    )
+    step_tables(second)
+    np.testing.assert_array_equal(first.table, second.table)
+    np.testing.assert_array_equal(first.mask, second.mask)
+    monkeypatch.setattr("mlivr_gym.stances.step_tables.fill_rows", fill_rows)
+    cache_file(first).write_bytes(b"no archive")
+    third = stance_graph(fewer)
+    step_tables(third)
+    np.testing.assert_array_equal(first.table, third.table)
+    other = stance_graph(fewer, settings=Settings(path_floor=0.035))
+    assert cache_file(other) != cache_file(first)
+    monkeypatch.setenv(CACHE_VARIABLE, "")
+    assert cache_file(first) is None
+
+
+def test_made_by_gymnasium_and_seeded(small_map):
+    made = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=3, map=small_map, collisions=False)
+    assert isinstance(made.unwrapped, MlivrVectorEnv)
+    assert made.unwrapped.max_episode_steps == 100
+    assert made.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    one, other = made.reset(seed=5)[0], made.reset(seed=5)[0]
+    assert same(one, other)
+    assert made.observation_space.contains(one)
+    assert not same(one, made.reset(seed=6)[0])
+    assert same(
+        {k: v[1:] for k, v in one.items()}, {k: v[:2] for k, v in made.reset(seed=6)[0].items()}
+    )
+
+
+def test_only_some_copies_start_anew(small_map):
+    copies = MlivrVectorEnv(3, 2, AutoresetMode.DISABLED, map=small_map, collisions=False)
+    _, infos = copies.reset(seed=0)
+    for _ in range(2):
+        _, _, ended, cut, infos = copies.step(infos["action_mask"].argmax(axis=1))
+    assert (ended | cut).all()
+    with pytest.raises(SettingError, match="episode 0 has ended"):
+        copies.step(infos["action_mask"].argmax(axis=1))
+    goals = copies.goals.copy()
+    copies.reset(options={"reset_mask": np.array([True, False, False])})
+    assert copies.steps.tolist() == [0, 2, 2]
+    assert (copies.goals[1:] == goals[1:]).all()
+
+
+def test_bad_input_is_named(small_map):
+    for words, change in (
+        ("num_envs is 0", {"num_envs": 0}),
+        ("autoreset_mode is 'now'", {"autoreset_mode": "now"}),
+        ("does not render", {"render_mode": "rgb_array"}),
+        ("exact tables need two limbs", {"robot": "mlivr3", "collisions": False}),
+        ("grasp_failure is 0.6", {"grasp_failure": 0.6}),
+    ):
+        with pytest.raises(SettingError, match=words):
+            MlivrVectorEnv(**({"num_envs": 1, "map": small_map, "collisions": False} | change))
+    copies = MlivrVectorEnv(2, map=small_map, collisions=False)
+    copies.reset(seed=0)
+    with pytest.raises(SettingError, match="actions must be 2 numbers"):
+        copies.step(np.array([0, 10**6]))
+    with pytest.raises(SettingError, match="reset option is 'begin'"):
+        copies.reset(options={"begin": 1})
+
+
+class SplitMix:
+    """splitmix64 (Steele, Lea and Flood, 2014) in whole numbers of Python, with the interface of a generator."""
+
+    def __init__(self, seed):
+        self.state = int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
+
+    def integers(self, bound):
+        self.state = (self.state + 0x9E3779B97F4A7C15) % 2**64
+        z = self.state
+        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 % 2**64
+        z = (z ^ z >> 27) * 0x94D049BB133111EB % 2**64
+        return (z ^ z >> 31) * bound // 2**64
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_tasks_are_drawn_as_the_single_environment_draws_them(small_map, given):
+    """Number for number: `sample_task` over the graph, fed with the stream of each copy."""
+    copies = MlivrVectorEnv(200, map=small_map, collisions=False)
+    graph, m = copies.env.graph, len(small_map)
+    starts = None
+    if given:
+        copies.reset(seed=1000)
+        starts = copies.tables.points[copies.stances].tolist()
+    observations, infos = copies.reset(seed=7, options={"start": starts} if given else None)
+    for k in range(200):
+        start = graph.state(starts[k]) if given else None
+        state, goal = sample_task(graph, SplitMix(7 + k), copies.env.goal_tolerance, start)
+        assert tuple(observations["stance"][k].tolist()) == state.stance
+        assert tuple(copies.masks[k].tolist()) == state.masks
+        np.testing.assert_allclose(copies.goals[k], goal, atol=1e-12)
+        away = np.linalg.norm(infos["base_position"][k] - copies.goals[k])
+        assert away > copies.env.goal_tolerance
+        assert not infos["is_success"][k]
+    assert len({tuple(row) for row in observations["stance"].tolist()}) > 100
+    assert m > 30
+
+
+def test_goals_can_be_reached_from_the_starts_that_are_given(single):
+    """A plan of the planner joins each pair; without a start the goal alone may be given."""
+    copies = MlivrVectorEnv(60, env=single)
+    graph, rng = single.graph, np.random.default_rng(3)
+    starts = [graph.ids(random_state(graph, rng).stance) for _ in range(60)]
+    _, infos = copies.reset(seed=11, options={"start": starts})
+    planner = Planner(graph)
+    assert [tuple(row) for row in infos["stance"]] == starts
+    for k in range(60):
+        assert tuple(copies.masks[k].tolist()) == graph.state(starts[k]).masks
+        assert planner.plan(starts[k], copies.goals[k].tolist(), "steps").plan is not None
+    goals = copies.goals[::-1].copy()
+    observations, infos = copies.reset(options={"goal": goals})
+    np.testing.assert_array_equal(copies.goals, goals)
+    assert infos["action_mask"].any(axis=1).all()
+    assert not (infos["stance"] == np.array(starts)).all()
+    both = {"start": np.array(starts), "goal": goals.tolist()}
+    _, infos = copies.reset(options=both)
+    assert [tuple(row) for row in infos["stance"]] == starts
+    assert (copies.goals == goals).all()
+
+
+def test_tasks_are_as_far_as_those_of_the_single_environment(small_map):
+    """Distances of 400 tasks each: the two-sample Kolmogorov-Smirnov test does not tell them apart."""
+    copies = MlivrVectorEnv(400, map=small_map, collisions=False)
+    _, infos = copies.reset(seed=0)
+    ours = np.linalg.norm(infos["base_position"] - copies.goals, axis=1)
+    single, theirs = copies.env, []
+    for seed in range(400):
+        _, info = single.reset(seed=seed)
+        theirs.append(np.linalg.norm(info["base_position"] - single.goal))
+    assert ks_2samp(ours, theirs).pvalue > 0.001
+    assert ks_2samp(ours, np.array(theirs) * 1.3).pvalue < 0.001
+
+
+def test_info_names_the_stance_as_the_single_environment_does(small_map):
+    copies = MlivrVectorEnv(3, map=small_map, collisions=False)
+    observations, infos = copies.reset(seed=2)
+    for _ in range(3):
+        assert infos["stance"].shape == (3, 2)
+        assert infos["_stance"].all()
+        for row, points in zip(infos["stance"], observations["stance"], strict=True):
+            assert tuple(row) == tuple(small_map.ids[p] for p in points)
+            assert type(row[0]) is str
+        observations, *_, infos = copies.step(infos["action_mask"].argmax(axis=1))
+
+
+def test_nothing_goes_before_the_first_reset(small_map):
+    """Not even where one task is all there is."""
+    for mode in ("NextStep", "Disabled"):
+        copies = MlivrVectorEnv(2, autoreset_mode=mode, map=small_map, collisions=False)
+        for call in (copies.action_masks, lambda c=copies: c.step(np.zeros(2, dtype=int))):
+            with pytest.raises(gymnasium.error.ResetNeeded, match="copy 0 was never reset"):
+                call()
+        copies.reset(seed=0, options={"reset_mask": np.array([True, False])})
+        with pytest.raises(gymnasium.error.ResetNeeded, match="copy 1 was never reset"):
+            copies.step(np.zeros(2, dtype=int))
+        copies.reset(options={"reset_mask": np.array([False, True])})
+        copies.step(copies.action_masks().argmax(axis=1))
+
+
+def test_seeds(small_map):
+    copies = MlivrVectorEnv(3, map=small_map, collisions=False)
+
+    def drawn(seed, options=None):
+        copies.reset(seed=seed, options=options)
+        return [
+            (*s, *g)
+            for s, g in zip(
+                copies.tables.points[copies.stances].tolist(), copies.goals, strict=True
+            )
+        ]
+
+    one = drawn(5)
+    assert drawn(np.int64(5)) == drawn([5, 6, 7]) == drawn(np.array([5, 6, 7])) == one
+    assert drawn([7, np.int32(6), 5]) == one[::-1]
+    assert len(set(one)) == 3
+    assert drawn(None) != one
+    drawn(5)
+    later = drawn(None)
+    drawn(5)
+    assert drawn([None, 9, None])[::2] == later[::2]  # None goes on with the stream
+    # Only the copies that start anew take their seeds.
+    drawn(5)
+    drawn([1, 2, 3], {"reset_mask": np.array([True, False, False])})
+    assert drawn(None)[1:] == later[1:]
+    for words, seed in (
+        ("list of 1 for 3 copies", [7]),
+        ("list of 4 for 3 copies", [1, 2, 3, 4]),
+        ("seed is 1.5", 1.5),
+        ("seed is -1", -1),
+        ("seed is 'a'", "a"),
+        ("seed is 2.0", [1, 2.0, 3]),
+    ):
+        with pytest.raises(SettingError, match=words):
+            copies.reset(seed=seed)
+    fresh = [MlivrVectorEnv(2, map=small_map, collisions=False) for _ in range(2)]
+    for env in fresh:
+        env.reset()
+    assert (fresh[0].goals != fresh[1].goals).any()
+
+
+def test_faulty_options_are_named_and_change_nothing(small_map):
+    copies = MlivrVectorEnv(2, map=small_map, collisions=False)
+    observations, infos = copies.reset(seed=0)
+    good, goal = infos["stance"].tolist(), copies.goals.tolist()
+    far = [small_map.ids[0], small_map.ids[-1]]
+    for error, words, options in (
+        (SettingError, "'start' is of 1 rows.*2 rows", {"start": good[:1]}),
+        (SettingError, "'goal' is of 3 rows.*2 rows", {"goal": goal[0]}),
+        (SettingError, "'goal' is 3", {"goal": 3}),
+        (StanceError, "must name 2 points", {"start": [3, 4]}),
+        (UnknownPointError, "'Z'", {"start": [good[0], ["Z", good[1][0]]]}),
+        (StanceError, "m apart", {"start": [good[0], far]}),
+        (GoalError, "outside the cabin", {"start": good, "goal": [goal[0], [60, 0, 0]]}),
+        (SettingError, "reset_mask is of shape", {"reset_mask": np.array([True])}),
+        (SettingError, "reset_mask .* 2 bools", {"reset_mask": [0, 1]}),
+    ):
+        with pytest.raises(error, match=words):
+            copies.reset(options=options)
+        assert copies.stances.tolist() == [
+            copies._stance_at[tuple(p)] for p in observations["stance"].tolist()
+        ]
+        assert copies.goals.tolist() == goal
+        assert copies.steps.tolist() == [0, 0]
+
+
+def test_a_start_from_which_nothing_is_reached_is_named(small_map):
+    """With a tolerance as long as the module no goal is far enough."""
+    copies = MlivrVectorEnv(2, map=small_map, collisions=False)
+    _, infos = copies.reset(seed=0)
+    copies.env.goal_tolerance = 20.0
+    with pytest.raises(
+        StanceError, match=f"no goal that a walk joins with start .*{infos['stance'][0][0]}"
+    ):
+        copies.reset(options={"start": infos["stance"]})
+    with pytest.raises(StanceError, match="no start and goal that a walk joins"):
+        copies.reset()
+
+
+@pytest.mark.parametrize(
+    "actions",
+    [
+        [0.0, 1.0],
+        np.zeros(2),
+        np.array([0.7, 1.2]),
+        [0],
+        0,
+        [0, -1],
+        [True, False],
+        ["0", "1"],
+        [[0, 1]],
+        [[0], [0, 1]],
+        None,
+    ],
+    ids=repr,
+)
+def test_a_batch_holds_integers_of_the_action_space(small_map, actions):
+    copies = MlivrVectorEnv(2, map=small_map, collisions=False)
+    copies.reset(seed=0)
+    with pytest.raises(
+        SettingError, match=r"actions must be 2 numbers of Discrete\(76\), in integers"
+    ):
+        copies.step(actions)
+    assert copies.steps.tolist() == [0, 0]
+    for good in (
+        [0, 1],
+        np.array([0, 1], dtype=np.uint8),
+        torch.tensor([0, 1]),
+        copies.action_space.sample(),
+    ):
+        copies.step(good)
+
+
+@pytest.mark.parametrize("vector", [False, True])
+def test_grasps_fail_as_often_as_said(small_map, vector):
+    """Shares of failed attempts against their probabilities; a failed attempt leaves the stance and costs a step."""
+    options = {
+        "map": small_map,
+        "collisions": False,
+        "goal_tolerance": 0.0,
+        "grasp_failure": 0.3,
+        "grasp_failure_seed": 4,
+    }
+    rng = np.random.default_rng(0)
+    expected, failed, attempts = 0.0, 0, 0
+    if vector:
+        copies = MlivrVectorEnv(64, None, **options)
+        before, infos = copies.reset(seed=0)
+        risk, m = copies.env.failure_probability, len(small_map)
+        for _ in range(60):
+            actions = (rng.random(infos["action_mask"].shape) * infos["action_mask"]).argmax(axis=1)
+            after, _, _, _, infos = copies.step(actions)
+            stayed = (after["stance"] == before["stance"]).all(axis=1)
+            np.testing.assert_array_equal(stayed, infos["grasp_failed"])
+            expected, failed = expected + risk[actions % m].sum(), failed + stayed.sum()
+            attempts, before = attempts + 64, after
+    else:
+        env = MlivrEnv(**options)
+        _, info = env.reset(seed=0)
+        for _ in range(1500):
+            before, moved = info["stance"], info["base_translation"]
+            action = int(rng.choice(np.flatnonzero(info["action_mask"])))
+            expected += env.failure_probability[action % len(small_map)]
+            _, reward, _, _, info = env.step(action)
+            assert info["grasp_failed"] == (info["stance"] == before)
+            assert info["action_mask"].any()
+            assert reward == -1.0
+            assert info["action_mask"][action] or not info["grasp_failed"]
+            assert info["base_translation"] >= moved
+            failed, attempts = failed + info["grasp_failed"], attempts + 1
+    assert abs(failed - expected) < 4.0 * np.sqrt(expected)
+    assert attempts > 1000
+
+
+def test_failure_probabilities():
+    drawn = failure_probabilities(20_000, 0.2, seed=1)
+    assert drawn.mean() == pytest.approx(0.2, abs=0.005)
+    assert drawn.min() >= 0.0
+    assert drawn.max() <= 0.4
+    np.testing.assert_array_equal(
+        failure_probabilities(3, np.array([0.0, 0.5, 0.9])), [0.0, 0.5, 0.9]
+    )
+    with pytest.raises(SettingError, match="3 numbers"):
+        failure_probabilities(3, np.array([0.0, 1.0, 0.5]))

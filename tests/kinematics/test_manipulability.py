@@ -1,0 +1,114 @@
+import numpy as np
+import pytest
+from oracle import flange, pinocchio_arm
+
+from mlivr_gym import Limb, robot_spec
+from mlivr_gym.kinematics.manipulability import (
+    base_manipulability,
+    inverse_root_determinant,
+    limb_information,
+    limb_manipulability,
+    scaling,
+)
+from mlivr_gym.kinematics.ur import forward_kinematics, inverse_kinematics
+from mlivr_gym.settings import Settings, base_threshold
+
+LIMB = Limb()
+ARM = pinocchio_arm(LIMB)
+
+
+def random_limb(rng):
+    """A configuration away from singularities, its flange pose and its branch."""
+    while True:
+        q = rng.uniform(-np.pi, np.pi, 6)
+        pose, jacobian = flange(ARM, q)
+        if abs(np.linalg.det(jacobian)) > 1e-2:
+            break
+    out = np.empty((8, 6))
+    mask = inverse_kinematics(pose[:3, 3].copy(), pose[:3, :3].copy(), LIMB.lengths, out)
+    branch = min(
+        (b for b in range(8) if mask >> b & 1), key=lambda b: np.abs(np.sin((out[b] - q) / 2)).max()
+    )
+    return q, pose, jacobian, branch
+
+
+@pytest.mark.parametrize("limbs", [2, 3, 4])
+def test_fast_base_manipulability_agrees_with_the_null_space_definition(limbs):
+    robot, rng = robot_spec(f"mlivr{limbs}"), np.random.default_rng(limbs)
+    l_c = robot.characteristic_length
+    for _ in range(30):
+        total, info, scratch = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+        jacobians, grasps = [], []
+        for i in range(limbs):
+            _, pose, jacobian, branch = random_limb(rng)
+            mount, origin = robot.mount_rotations[i], robot.mount_positions[i]
+            assert limb_information(
+                pose[:3, 3].copy(),
+                pose[:3, 2].copy(),
+                LIMB.lengths,
+                branch,
+                mount,
+                origin,
+                l_c,
+                info,
+            )
+            total += info
+            tip = pose[:3, 3] + robot.tool_length * pose[:3, 2]
+            jacobian = jacobian.copy()
+            jacobian[:3] += np.cross(jacobian[3:].T, tip - pose[:3, 3]).T
+            jacobians.append(np.kron(np.eye(2), mount) @ jacobian)
+            grasps.append(mount @ tip + origin)
+        truth = base_manipulability(np.array(jacobians), np.array(grasps), l_c)
+        assert inverse_root_determinant(total, scratch) == pytest.approx(truth, rel=1e-8)
+
+
+def test_one_support_gives_limb_manipulability():
+    rng, robot = np.random.default_rng(5), robot_spec("mlivr2")
+    for _ in range(20):
+        _, pose, jacobian, branch = random_limb(rng)
+        info, scratch = np.empty((6, 6)), np.empty((6, 6))
+        limb_information(
+            pose[:3, 3].copy(),
+            pose[:3, 2].copy(),
+            LIMB.lengths,
+            branch,
+            robot.mount_rotations[0],
+            robot.mount_positions[0],
+            0.87,
+            info,
+        )
+        expected = limb_manipulability(jacobian, 0.87)
+        assert inverse_root_determinant(info, scratch) == pytest.approx(expected, rel=1e-8)
+        grasp = robot.mount_rotations[0] @ pose[:3, 3] + robot.mount_positions[0]
+        turned = np.kron(np.eye(2), robot.mount_rotations[0]) @ jacobian
+        assert base_manipulability(turned[None], grasp[None], 0.87) == pytest.approx(
+            expected, rel=1e-8
+        )
+
+
+def test_limb_manipulability_is_the_volume_of_the_normalised_jacobian():
+    _, jacobian = flange(ARM, np.array([0.1, -1.2, 1.5, 0.4, 1.2, 0.0]))
+    normalised = scaling(0.87) @ jacobian
+    assert limb_manipulability(jacobian, 0.87) == pytest.approx(
+        np.prod(np.linalg.svd(normalised)[1])
+    )
+
+
+def test_largest_limb_manipulability_of_a_ur5e_is_about_0_18():
+    rng = np.random.default_rng(0)
+    best = max(
+        limb_manipulability(flange(ARM, rng.uniform(-np.pi, np.pi, 6))[1], 0.87)
+        for _ in range(20000)
+    )
+    assert 0.165 < best < 0.185
+
+
+def test_base_threshold_falls_with_the_cube_of_the_number_of_limbs():
+    assert [base_threshold(n) for n in (2, 4)] == [0.001, 0.000125]
+    assert Settings().thresholds(3) == (0.1, pytest.approx(0.001 * 8 / 27))
+    assert Settings(manipulability=False).thresholds(2) == (0.0, 0.0)
+
+
+def test_forward_kinematics_of_the_flange_is_consistent():
+    q, pose, _, _ = random_limb(np.random.default_rng(1))
+    np.testing.assert_allclose(forward_kinematics(q, LIMB.lengths)[6], pose, atol=1e-12)

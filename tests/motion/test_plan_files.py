@@ -1,0 +1,104 @@
+"""A plan that is loaded can be carried out: nothing in the file reaches a kernel unchecked."""
+
+import copy
+import json
+
+import pytest
+
+from mlivr_gym.errors import PlanError
+from mlivr_gym.planners import Plan, Planner
+
+
+@pytest.fixture(scope="module")
+def data(checked_graph):
+    """A plan of several steps, as plain data."""
+    plan = Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap()
+    return json.loads(json.dumps(plan.to_dict()))
+
+
+def changed(data, path, value):
+    """The data with another value at a path of keys and indices."""
+    out = copy.deepcopy(data)
+    place = out
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    return out
+
+
+FAULTS = [
+    (("branches", 1, 0), 1_000_000, "branches .* whole number from 0 to 7"),
+    (("branches", 1, 0), -1, "branches"),
+    (("branches", 1, 0), 0.5, "branches"),
+    (("branches", 1, 0), 10**30, "branches"),
+    (("branches", 1), [1], "branches"),
+    (("steps", 0, "limb"), 5, r"steps\[0\].limb is 5; .* from 0 to 1"),
+    (("steps", 0, "limb"), "x", r"steps\[0\].limb is 'x'"),
+    (("steps", 0, "limb"), 1, "do not lead from"),
+    (("steps", 0, "knots", 1), [0.5, 1.0], r"steps\[0\].knots"),
+    (("steps", 0, "knots", 1, 3), "a", r"steps\[0\].knots"),
+    (("steps", 0, "knots", 1, 3), 1e300, r"steps\[0\].knots has an angle"),
+    (("steps", 0, "knots", 0, 0), 0.7, "rise from 0 to 1"),
+    (("steps", 0, "pivot"), ["a", "b", "c"], r"steps\[0\].pivot"),
+    (("steps", 0, "pivot"), [1.0], r"steps\[0\].pivot has shape \(1,\)"),
+    (("steps", 0, "path"), "curve", r"steps\[0\].path is 'curve'"),
+    (("steps", 0, "swing"), 3, r"steps\[0\].swing is 3"),
+    (("steps", 0, "wheels"), 3, r"steps\[0\] is .*; it must be an object with limb"),
+    (("steps", 0), 7, r"steps\[0\] is 7"),
+    (("steps", 0, "lands"), "D1a:0", "do not lead from"),
+    (("actions", 0), [0], r"actions\[0\]"),
+    (("actions", 0, 0), 2, r"actions\[0\] is 2"),
+    (("base_quaternions", 0), [0, 0, 0, 0], "base_quaternions .* length 1"),
+    (("base_quaternions", 0), [1e300, 0, 0, 0], "base_quaternions .* length 1"),
+    (("base_positions", 0, 0), float("nan"), "base_positions"),
+    (("base_positions", 0, 0), 1e300, "base_positions .* millimetres"),
+    (("joint_positions", 0, 0, 0), float("nan"), "joint_positions"),
+    (("joint_positions", 0, 0, 0), 1e300, "joint_positions has an angle of 1e.300 rad"),
+    (("stances", 0), ["D2a:4"], r"stances\[0\] names 1 points; the robot has 2 limbs"),
+    (("stances", 0, 0), "Q:1", "do not lead from"),
+    (("stances",), [], "0 stances"),
+    (("goal", 0), 10**400, "goal"),
+    (("goal_tolerance",), -1.0, "goal_tolerance is -1.0"),
+    (("cost_name",), "love", "cost_name is 'love'"),
+    (("expanded",), 1.5, "expanded is 1.5"),
+    (("method",), "\ud800", "method"),
+    (("settings", "collisions"), "yes", "collisions is 'yes'"),
+    (("settings", "colour"), 1, "settings is "),
+    (("settings",), 3, "settings is 3"),
+    (("robot", "limbs"), 3, "the robot has 3 limbs"),
+    (("robot",), None, "a robot is a JSON object"),
+    (("obstacles",), [3], "a box is an object"),
+    (("occupied",), ["no:1"], "unknown graspable point 'no:1'"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "words"), FAULTS)
+def test_a_faulty_plan_is_refused_by_name(jem, data, path, value, words):
+    with pytest.raises(PlanError, match=words):
+        Plan.from_dict(changed(data, path, value), jem)
+
+
+def test_the_file_is_named(jem, data, tmp_path):
+    path = tmp_path / "walk.json"
+    path.write_text(json.dumps(changed(data, ("branches", 1, 0), 1_000_000)))
+    with pytest.raises(
+        PlanError, match=r"plan '.*walk\.json': the plan has a faulty field: branches"
+    ):
+        Plan.load(path, jem)
+
+
+def test_a_point_that_the_map_lacks_is_named_though_the_fingerprint_fits(jem, data):
+    """The first stance and all that goes with it name another point."""
+    limb = data["steps"][0]["limb"]
+    other = changed(data, ("stances", 0, limb), "Q:1")
+    other["steps"][0]["departs"] = "Q:1"
+    assert Plan.from_dict(other).stances[0][limb] == "Q:1"
+    with pytest.raises(PlanError, match="unknown graspable point 'Q:1'"):
+        Plan.from_dict(other, jem)
+
+
+def test_a_plan_without_checked_steps_survives_its_file(graph, jem):
+    """No knots at all."""
+    plan = Planner(graph).plan(("D1a:4", "D1b:4"), (3.0, 0.0, 0.0)).unwrap()
+    assert not plan.steps[0].knots
+    assert Plan.from_dict(json.loads(json.dumps(plan.to_dict())), jem).to_dict() == plan.to_dict()

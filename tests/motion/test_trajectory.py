@@ -1,0 +1,210 @@
+import csv
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.errors import PlanError, SettingError
+from mlivr_gym.motion.plan_motion import plan_trajectory, step_trajectory
+from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
+from mlivr_gym.motion.trajectory import FREE, Durations, Trajectory, quintic
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.scene import scene_spec, set_configuration
+
+
+@pytest.fixture(scope="module")
+def plan(checked_graph):
+    return Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
+
+
+@pytest.fixture(scope="module")
+def walk(checked_graph, plan):
+    return plan_trajectory(checked_graph, plan, period=0.01)
+
+
+@pytest.fixture(scope="module")
+def scene(jem, plan):
+    model = scene_spec(jem, plan.robot).compile()
+    return model, mujoco.MjData(model)
+
+
+def grasp(scene, trajectory, k, limb):
+    model, data = scene
+    set_configuration(
+        model,
+        data,
+        trajectory.base_positions[k],
+        trajectory.base_quaternions[k],
+        trajectory.joint_positions[k],
+    )
+    site = data.site(f"limb{limb}/grasp")
+    return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
+
+
+def test_quintic_starts_and_ends_at_rest_without_acceleration():
+    s = np.linspace(0.0, 1.0, 6)
+    polynomial = np.polynomial.Polynomial.fit(s, quintic(s), 5)
+    for order, ends in ((0, (0.0, 1.0)), (1, (0.0, 0.0)), (2, (0.0, 0.0))):
+        derivative = polynomial.deriv(order) if order else polynomial
+        np.testing.assert_allclose(derivative(np.array([0.0, 1.0])), ends, atol=1e-9)
+    assert (np.diff(quintic(np.linspace(0.0, 1.0, 100))) > 0).all()
+
+
+def test_a_walk_passes_through_the_stances_of_its_plan_at_rest(plan, walk):
+    for k in range(len(plan.stances)):
+        at = round(k * 50.0 / 0.01)
+        np.testing.assert_allclose(walk.joint_positions[at], plan.joint_positions[k], atol=1e-6)
+        np.testing.assert_allclose(walk.base_positions[at], plan.base_positions[k], atol=1e-9)
+        np.testing.assert_allclose(
+            abs(walk.base_quaternions[at] @ plan.base_quaternions[k]), 1.0, atol=1e-12
+        )
+    assert len(walk.times) == 5 * len(plan.steps) * 1000 + 1
+    assert walk.times[-1] == pytest.approx(50.0 * len(plan.steps))
+    for second in (0.0, 10.0, 40.0, 50.0, 60.0, 90.0):
+        assert np.abs(walk.joint_velocities[round(second / 0.01)]).max() < 1e-5
+
+
+def test_limbs_that_hold_stay_on_their_points(jem, scene, walk):
+    """By MuJoCo's kinematics, all along."""
+    for k in range(0, len(walk.times), 311):
+        for limb, point in enumerate(walk.grasps[k]):
+            if point != FREE:
+                position, rotation = grasp(scene, walk, k, limb)
+                np.testing.assert_allclose(position, jem.positions[point], atol=1e-6)
+                np.testing.assert_allclose(rotation[:, 2], -jem.normals[point], atol=1e-6)
+
+
+def test_velocities_keep_a_grasp_where_it_is(scene, walk):
+    """J qdot = 0 at the gripper of a limb that holds; base velocities by differences, the Jacobian from MuJoCo."""
+    model, data = scene
+    for k in range(1505, len(walk.times) - 1, 5003):
+        limb = int(np.flatnonzero(walk.grasps[k] != FREE)[0])
+        grasp(scene, walk, k, limb)
+        turns = Rotation.from_quat(walk.base_quaternions[[k - 1, k + 1]], scalar_first=True)
+        velocity = np.zeros(model.nv)
+        velocity[:3] = (walk.base_positions[k + 1] - walk.base_positions[k - 1]) / 0.02
+        velocity[3:6] = (turns[0].inv() * turns[1]).as_rotvec() / 0.02
+        for i in range(2):
+            for joint in range(6):
+                velocity[model.joint(f"limb{i}/joint{joint + 1}").dofadr[0]] = (
+                    walk.joint_velocities[k, i, joint]
+                )
+        jacobian = np.zeros((6, model.nv))
+        mujoco.mj_jacSite(
+            model, data, jacobian[:3], jacobian[3:], model.site(f"limb{limb}/grasp").id
+        )
+        assert np.abs(jacobian @ velocity).max() < 1e-5
+
+
+def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, scene):
+    step = step_trajectory(checked_graph, plan, 0, period=0.1)
+    limb = plan.steps[0].limb
+    for phase, point in ((0, plan.steps[0].departs), (2, plan.steps[0].lands)):
+        index = jem.index(point)
+        heights = []
+        for k in np.flatnonzero(step.phase == phase):
+            position, rotation = grasp(scene, step, k, limb)
+            offset = position - jem.positions[index]
+            heights.append(offset @ jem.normals[index])
+            np.testing.assert_allclose(offset, heights[-1] * jem.normals[index], atol=1e-6)
+            np.testing.assert_allclose(rotation[:, 2], -jem.normals[index], atol=1e-6)
+        assert max(heights) == pytest.approx(plan.robot.lift, abs=1e-3)
+        assert min(heights) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_swings_that_were_checked_are_kept_exactly(checked_graph, plan):
+    """Every configuration of the swing lies on the line between two knots."""
+    step = step_trajectory(checked_graph, plan, 0, period=0.05)
+    knots = np.array(plan.steps[0].knots)
+    swing = step.joint_positions[step.phase == 1, plan.steps[0].limb]
+    apart = []
+    for q in swing:
+        distance = []
+        for a, b in zip(knots[:-1, 1:], knots[1:, 1:], strict=True):
+            share = np.clip((q - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+            distance.append(np.abs(a + share * (b - a) - q).max())
+        apart.append(min(distance))
+    assert max(apart) < 1e-9
+
+
+def test_swings_that_were_not_checked_are_straight_where_they_can_be(graph, scene):
+    plan = Planner(graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "base").unwrap()
+    limits, straight = graph.robot.limb.limits, 0
+    for index, step in enumerate(plan.steps):
+        path = RegraspPath(graph, planned_regrasp(graph, plan, index))
+        trajectory = step_trajectory(graph, plan, index, period=0.1)
+        q = trajectory.joint_positions
+        assert (q >= limits[:, 0] - 1e-6).all()
+        assert (q <= limits[:, 1] + 1e-6).all()
+        assert np.abs(np.diff(q, axis=0)).max() < 0.2
+        if path.in_task_space:
+            straight += 1
+            way = np.array(
+                [
+                    grasp(scene, trajectory, k, step.limb)[0]
+                    for k in np.flatnonzero(trajectory.phase == 1)
+                ]
+            )
+            along = (way[-1] - way[0]) / np.linalg.norm(way[-1] - way[0])
+            off = (way - way[0]) - np.outer((way - way[0]) @ along, along)
+            assert np.abs(off).max() < 1e-6
+    assert straight > 0
+
+
+def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
+    beyond = plan.joint_positions.copy()
+    held = 1 - plan.steps[0].limb
+    beyond[:, held, 0] += 4.0 * np.pi
+    with pytest.raises(PlanError, match="outside its limits"):
+        step_trajectory(checked_graph, replace(plan, joint_positions=beyond), 0, period=0.1)
+    with pytest.raises(PlanError, match="no step 9"):
+        step_trajectory(checked_graph, plan, 9)
+    with pytest.raises(SettingError, match="swing is -1"):
+        Durations(swing=-1.0)
+    with pytest.raises(SettingError, match="period is 80"):
+        step_trajectory(checked_graph, plan, 0, period=80.0)
+    with pytest.raises(
+        SettingError, match="duration of a step is 1e.09 s; it must be at most 3600 s"
+    ):
+        Durations.of_step(1e9)
+    with pytest.raises(
+        SettingError, match="period is 1e-09: a step of 50 s has more than 1000000 samples"
+    ):
+        step_trajectory(checked_graph, plan, 0, period=1e-9)
+
+
+def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
+    coarse = walk.every(1.0)
+    coarse.save_npz(tmp_path / "walk.npz")
+    loaded = Trajectory.load_npz(tmp_path / "walk.npz")
+    assert np.array_equal(loaded.joint_positions, coarse.joint_positions)
+    assert loaded.points == coarse.points
+    coarse.save_csv(tmp_path / "walk.csv")
+    with (tmp_path / "walk.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == len(coarse.times) == 251
+    k = 77
+    assert float(rows[k]["time_s"]) == pytest.approx(coarse.times[k])
+    assert rows[k]["phase"] == PHASES[coarse.phase[k]]
+    assert float(rows[k]["limb1_joint3_rad"]) == pytest.approx(
+        coarse.joint_positions[k, 1, 2], abs=1e-7
+    )
+    assert float(rows[k]["limb0_joint6_rad_s"]) == pytest.approx(
+        coarse.joint_velocities[k, 0, 5], abs=1e-7
+    )
+    held = ["" if point == FREE else coarse.points[point] for point in coarse.grasps[k]]
+    assert [rows[k]["limb0_grasp"], rows[k]["limb1_grasp"]] == held
+    with pytest.raises(PlanError, match="cannot read"):
+        Trajectory.load_npz(tmp_path / "walk.csv")
+
+
+def test_the_windings_of_a_plan_leave_room_for_departure_and_approach(checked_graph):
+    """A hold inside the joint limits whose limb left them while it departed, by 0.03 rad."""
+    goal = (5.234714283826891, -0.29340000000000005, 0.3656556302831988)
+    plan = Planner(checked_graph).plan(("F1a:5", "O1a:0"), goal, "base").unwrap()
+    angles = plan_trajectory(checked_graph, plan, period=0.1).joint_positions
+    limits = checked_graph.robot.limb.limits
+    assert (angles >= limits[:, 0] - 1e-6).all()
+    assert (angles <= limits[:, 1] + 1e-6).all()

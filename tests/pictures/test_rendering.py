@@ -1,0 +1,86 @@
+"""What the environment draws: the obstacles that are there now."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym import Box
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.errors import RenderError
+
+LEFT = Box.between("left", "obstacle", (1.2, -0.9, -0.3), (1.8, -0.5, 0.3))
+RIGHT = Box.between("right", "obstacle", (5.6, -0.9, -0.3), (6.2, -0.5, 0.3))
+
+
+@pytest.fixture(scope="module")
+def painter():
+    env = MlivrEnv(render_mode="rgb_array", width=160, height=90)
+    env.reset(seed=0)
+    try:
+        env.render()
+    except RenderError as error:
+        assert "MUJOCO_GL" in str(error)
+        pytest.skip("no GL library")
+    yield env
+    env.close()
+
+
+def test_obstacles_are_drawn_where_they_are_and_only_while_they_are_there(painter):
+    empty = painter.render().astype(int)
+    middle = []
+    for box in (LEFT, RIGHT):
+        painter.graph.add_obstacles([box])
+        picture = painter.render().astype(int)
+        painter.graph.remove_obstacles()
+        rows, columns = np.nonzero(np.abs(picture - empty).sum(axis=2) > 60)
+        assert len(rows) > 50
+        red, _, blue = picture[rows, columns].T
+        assert np.mean(red > blue + 40) > 0.8  # their colour
+        middle.append(columns.mean())
+    assert abs(middle[0] - middle[1]) > 60
+    assert (middle[0] - 80) * (middle[1] - 80) < 0
+    np.testing.assert_array_equal(painter.render(), empty)
+
+
+def test_the_scene_is_built_anew_only_for_other_obstacles(painter):
+    painter.render()
+    before = painter._viewer
+    painter.graph.occupy(["D5a:0"])
+    painter.render()
+    painter.graph.vacate()
+    painter.render()
+    assert painter._viewer is before
+
+
+def test_the_window_shows_the_obstacles_of_now(monkeypatch):
+    """MuJoCo's viewer stands in for the screen: what it is given must hold the boxes."""
+    mujoco_viewer = pytest.importorskip("mujoco.viewer")
+    opened, closed = [], []
+
+    class Viewer:
+        def __init__(self, model, data):
+            opened.append([model.geom(k).name for k in range(model.ngeom)])
+
+        def sync(self):
+            pass
+
+        def close(self):
+            closed.append(len(opened))
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(mujoco_viewer, "launch_passive", Viewer)
+    env = MlivrEnv(render_mode="human")
+    env.graph.add_obstacles([LEFT])
+    _, info = env.reset(seed=0)
+    assert len(opened) == 1
+    assert "box/left" in opened[0]
+    assert not closed
+    env.step(int(np.flatnonzero(info["action_mask"])[0]))
+    assert len(opened) == 1
+    env.graph.add_obstacles([RIGHT])
+    env.render()
+    assert closed == [1]
+    assert {"box/left", "box/right"} <= set(opened[1])
+    env.graph.remove_obstacles()
+    env.render()
+    assert closed == [1, 2]
+    assert not {"box/left", "box/right"} & set(opened[2])

@@ -1,0 +1,238 @@
+"""The plain search against the compiled one, and against networkx on a graph of `successors`."""
+
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+from paper import NO_COLLISIONS
+from scipy.spatial.distance import pdist
+
+from mlivr_gym import Settings, State, stance_graph
+from mlivr_gym.cli.main import main
+from mlivr_gym.errors import SettingError
+from mlivr_gym.planners import Cost, Plan, Planner
+from mlivr_gym.planners.algorithm1 import algorithm1
+from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT, search
+
+COSTS = [("base", None), ("steps", None), ("weighted", 0.1)]
+
+
+def stance_after(state, limb, point):
+    return (*state.stance[:limb], int(point), *state.stance[limb + 1 :])
+
+
+def random_query(graph, rng):
+    """A stance, and a goal: the base of another, or now and then any place among them."""
+    start, other = (int(s) for s in rng.integers(0, len(graph), 2))
+    anywhere = rng.uniform(graph.position.min(axis=0), graph.position.max(axis=0))
+    goal = anywhere if rng.random() < 0.05 else graph.position[other]
+    return graph.points[start].tolist(), np.clip(goal, *graph.grasp_map.cabin)
+
+
+def reachable(graph, start, cost):
+    """All states that steps lead to from a start as a networkx graph, and their base positions."""
+    out, positions, rest = nx.DiGraph(), {start: graph.posture(start.stance).position[0]}, [start]
+    out.add_node(start)
+    while rest:
+        state = rest.pop()
+        for limb, point, position, masks in zip(*graph.successors(state), strict=True):
+            after = State(stance_after(state, limb, point), tuple(masks.tolist()))
+            if after not in positions:
+                positions[after] = position
+                rest.append(after)
+            away = float(np.linalg.norm(position - positions[state]))
+            out.add_edge(state, after, weight=cost.base_weight * away + cost.step_weight)
+    return out, positions
+
+
+def least_cost(truth, positions, start, goal, tolerance=0.2):
+    lengths = nx.single_source_dijkstra_path_length(truth, start)
+    near = [lengths[s] for s, p in positions.items() if np.linalg.norm(p - goal) <= tolerance]
+    return min(near, default=np.inf)
+
+
+def compiled_cost(graph, start, goal, cost):
+    """Cost that the compiled search finds, inf if it finds none."""
+    away = np.linalg.norm(graph.position - goal, axis=1)
+    h = cost.heuristic("consistent", away, 0.2, graph.max_step)
+    status, *_, costs = search(
+        np.array([[graph.find(start), 2, 0]]), np.zeros(1), away <= 0.2, h, cost.base_weight,
+        cost.step_weight, 1.0, 10**6, True,
+        graph.rows, graph.row_start, graph.row_position, graph.edges,
+        np.zeros((len(graph), 2), dtype=np.int64), np.full((len(graph), 2), np.inf),
+    )  # fmt: skip
+    return costs[-1] if status == FOUND else np.inf
+
+
+def way(explored):
+    """The states from the first to the last of a tree."""
+    chain = [len(explored.states) - 1]
+    while explored.parents[chain[-1]] >= 0:
+        chain.append(explored.parents[chain[-1]])
+    return [explored.states[k] for k in reversed(chain)]
+
+
+def cost_of(result):
+    return result.plan.cost if result.plan else np.inf
+
+
+@pytest.fixture(scope="module")
+def tiny_map(jem):
+    """Three tracks, every other point of each."""
+    keep = np.isin([point.split(":")[0] for point in jem.ids], ["D1a", "F1b", "F2b"])
+    keep &= np.array([int(point.split(":")[1]) % 2 == 0 for point in jem.ids])
+    return jem.subset(keep, "tiny")
+
+
+@pytest.mark.parametrize(("name", "price"), COSTS)
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_ways_cost_the_least_by_dijkstra_of_another_library(tiny_map, limbs, name, price):
+    if limbs == 3:
+        nine = np.isin(np.arange(15), np.linspace(0, 14, 9).round())
+        tiny_map = tiny_map.subset(nine, "nine points")
+    graph = stance_graph(tiny_map, f"mlivr{limbs}", Settings() if limbs == 2 else NO_COLLISIONS)
+    rng, cost = np.random.default_rng(0), Cost.named(name, price)
+    drawn = rng.permuted(np.tile(np.arange(len(tiny_map)), (400, 1)), axis=1)[:, :limbs].tolist()
+    starts = [stance for stance in drawn if graph.is_node(graph.posture(stance))[0]]
+    longer = missing = 0
+    for stance in starts[: 4 - limbs]:
+        start = State(tuple(stance), tuple(graph.posture(stance).mask[0].tolist()))
+        truth, positions = reachable(graph, start, cost)
+        goals = rng.permutation(np.array(list(positions.values())))[:5]
+        goals += rng.uniform(-0.15, 0.15, (5, 3))
+        for goal in (*goals, goals[0] + 1.0):
+            expected = least_cost(truth, positions, start, goal)
+            for heuristic in ("consistent", "zero"):
+                explored = algorithm1(graph, start, goal, 0.2, cost, heuristic)
+                assert explored.status == (FOUND if np.isfinite(expected) else EXHAUSTED)
+                if explored.status == FOUND:
+                    assert explored.costs[-1] == pytest.approx(expected, abs=1e-9)
+                longer += len(way(explored)) > 2
+                missing += explored.status == EXHAUSTED
+    assert longer >= 2
+    assert missing >= 2
+
+
+@pytest.mark.parametrize(("name", "price"), COSTS)
+def test_costs_and_existence_are_those_of_the_compiled_search(small_checked_graph, name, price):
+    graph, rng, cost = small_checked_graph, np.random.default_rng(1), Cost.named(name, price)
+    several = none = 0
+    for _ in range(120):
+        start, goal = random_query(graph, rng)
+        ours = algorithm1(graph, graph.state(start), goal, 0.2, cost)
+        compiled = compiled_cost(graph, start, goal, cost)
+        assert (ours.status == FOUND) == np.isfinite(compiled)
+        if ours.status == FOUND:
+            assert ours.costs[-1] == pytest.approx(compiled, abs=1e-9)
+            several += len(way(ours)) > 2
+        none += ours.status == EXHAUSTED
+    assert several > 40
+    assert none > 1
+
+
+@pytest.mark.parametrize(("name", "price"), COSTS)
+def test_the_planner_offers_it(small_checked_graph, name, price):
+    planner, rng = Planner(small_checked_graph), np.random.default_rng(5)
+    how = {"regrasp_price": price}
+    several = 0
+    for _ in range(6):
+        start, goal = random_query(small_checked_graph, rng)
+        ours = planner.plan(start, goal, name, method="algorithm1", **how)
+        other = planner.plan(start, goal, name, **how)
+        assert cost_of(ours) == pytest.approx(cost_of(other), abs=1e-9)
+        assert len(ours.tree) == max(ours.expanded - 1, 0)
+        if ours:
+            assert (ours.plan.method, ours.plan.heuristic) == ("algorithm1", "consistent")
+            several += len(ours.plan.steps) > 1
+    assert several > 1
+
+
+@pytest.mark.parametrize(("name", "price"), COSTS)
+@pytest.mark.parametrize("heuristic", ["paper", "consistent", "zero"])
+def test_in_the_papers_world_it_explores_what_the_compiled_does(small_map, name, price, heuristic):
+    graph = stance_graph(small_map, settings=Settings(transitions=False, collisions=False))
+    planner, rng = Planner(graph), np.random.default_rng(2)
+    how = {"regrasp_price": price, "heuristic": heuristic}
+    for _ in range(15):
+        start, goal = random_query(graph, rng)
+        ours = planner.plan(start, goal, name, method="algorithm1", **how)
+        compiled = planner.plan(start, goal, name, **how)
+        assert cost_of(ours) == pytest.approx(cost_of(compiled), abs=1e-9)
+        if ours:
+            assert (ours.expanded, ours.generated) == (compiled.expanded, compiled.generated)
+            assert ours.plan.stances == compiled.plan.stances
+
+
+@pytest.mark.parametrize(("name", "price"), COSTS)
+def test_three_limbs_cost_what_the_other_search_finds(small_map, name, price):
+    smaller = small_map.subset(np.arange(len(small_map)) % 2 == 0, "smaller")
+    graph = stance_graph(smaller, "mlivr3", NO_COLLISIONS)
+    planner, rng = Planner(graph), np.random.default_rng(3)
+    drawn = rng.permuted(np.tile(np.arange(len(graph.grasp_map)), (100, 1)), axis=1)[:, :3]
+    stances = drawn[graph.is_node(graph.postures(drawn))]
+    stances = [s.tolist() for s in stances if pdist(graph.grasp_map.positions[s]).min() > 0.1]
+    several = 0
+    for start, end in list(pairwise(stances))[:10]:
+        goal = np.clip(graph.posture(end).position[0], *small_map.cabin)
+        how = {"regrasp_price": price, "heuristic": "consistent"}
+        ours = planner.plan(start, goal, name, method="algorithm1", **how)
+        other = planner.plan(start, goal, name, inflation=1.0, **how)
+        assert cost_of(ours) == pytest.approx(cost_of(other), abs=1e-9)
+        several += bool(ours) and len(ours.plan.steps) > 1
+    assert several > 3
+
+
+def test_steps_that_are_blocked_are_not_taken(small_checked_graph):
+    graph, rng, cost = small_checked_graph, np.random.default_rng(4), Cost()
+    dearer = 0
+    for _ in range(6):
+        start, goal = random_query(graph, rng)
+        state, blocked = graph.state(start), []
+        free = before = algorithm1(graph, state, goal, 0.2, cost)
+        for _ in range(3):
+            if before.status != FOUND or len(way(before)) < 2:
+                break
+            taken = [s.stance for s in way(before)]
+            blocked.append((taken[-2], taken[-1]))
+            after = algorithm1(graph, state, goal, 0.2, cost, blocked=blocked)
+            with graph.without(blocked):
+                truth = algorithm1(graph, state, goal, 0.2, cost)
+            assert not set(pairwise(s.stance for s in way(after))) & set(blocked)
+            assert after.status == truth.status
+            assert after.costs[-1] == pytest.approx(truth.costs[-1], abs=1e-9)
+            before = after
+        dearer += before.costs[-1] > free.costs[-1] + 1e-6
+    assert dearer
+
+
+def test_inflation_limit_and_progress(small_graph):
+    planner, rng = Planner(small_graph), np.random.default_rng(6)
+    start, goal = max(
+        (random_query(small_graph, rng) for _ in range(20)),
+        key=lambda query: planner.plan(*query, method="dijkstra").expanded,
+    )
+    best = planner.plan(start, goal, method="algorithm1", heuristic="zero").unwrap()
+    inflated = planner.plan(start, goal, method="algorithm1", inflation=2.0).unwrap()
+    assert best.cost - 1e-9 <= inflated.cost <= 2.0 * best.cost + 1e-9
+    assert inflated.expanded < best.expanded
+    seen = []
+    how = {"method": "algorithm1", "heuristic": "zero"}
+    short = planner.plan(start, goal, limit=150, progress=seen.append, **how)
+    assert (short.reason, short.expanded, seen) == ("limit reached", 150, [0, 100])
+    state = small_graph.state(start)
+    assert algorithm1(small_graph, state, goal, 0.2, Cost(), limit=1).status == LIMIT
+
+
+def test_the_table_of_costs_to_go_is_not_for_it(small_graph):
+    how = {"method": "algorithm1", "heuristic": "cost_to_go"}
+    with pytest.raises(SettingError, match="algorithm1"):
+        Planner(small_graph).plan((0, 1), (1.0, 0.0, 0.0), **how)
+
+
+def test_the_command_line_offers_it(tmp_path, jem, capsys):
+    out = tmp_path / "plan.json"
+    world = ["--no-collisions", "--no-transitions", "--cost", "steps"]
+    assert main(["plan", *world, "--method", "algorithm1", "--out", str(out)]) == 0
+    assert "states explored" in capsys.readouterr().out
+    assert Plan.load(out, jem).method == "algorithm1"

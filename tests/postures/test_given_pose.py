@@ -1,0 +1,340 @@
+"""A robot that stands where it stands: base pose and joint angles given at the start."""
+
+import gymnasium
+import networkx as nx
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import State, stance_graph
+from mlivr_gym.agents import ExpertPolicy, planner_policy
+from mlivr_gym.cli.main import main
+from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.errors import SettingError, StanceError
+from mlivr_gym.motion.commitment import assemble
+from mlivr_gym.motion.plan_motion import step_motion
+from mlivr_gym.motion.trajectory import Durations
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners import planner as planner_module
+from mlivr_gym.simulation.execution import execute
+
+START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+
+
+def moved_pose(graph, stance, shift, turn=(0.0, 0.0, 0.0)):
+    """The stance's own posture, shifted [m] and turned [rad] in its own axes."""
+    posture = graph.posture(graph.indices(stance))
+    rotation = posture.rotation[0] @ Rotation.from_rotvec(turn).as_matrix()
+    position = posture.position[0] + posture.rotation[0] @ np.array(shift)
+    return (*position.tolist(), *Rotation.from_matrix(rotation).as_quat(scalar_first=True).tolist())
+
+
+@pytest.fixture(scope="module")
+def pose(checked_graph):
+    return moved_pose(checked_graph, START, (0.05, 0.03, 0.04), (0.03, -0.05, 0.1))
+
+
+def test_a_given_pose_that_is_the_stances_own_gives_the_same_state(checked_graph):
+    own = moved_pose(checked_graph, START, (0.0, 0.0, 0.0))
+    assert checked_graph.state(START, own).masks == checked_graph.state(START).masks
+    steps, given = (
+        checked_graph.successors(checked_graph.state(START)),
+        checked_graph.successors(checked_graph.state(START, own)),
+    )
+    # Worked out one by one, and from the start on: other branches may be gained, no step more or
+    # less.
+    np.testing.assert_array_equal(steps.limb, given.limb)
+    np.testing.assert_array_equal(steps.point, given.point)
+
+
+@pytest.mark.parametrize("cost", ["base", "steps"])
+def test_the_plan_starts_in_the_given_pose_and_costs_the_least(small_map, cost, monkeypatch):
+    """Against networkx over `successors`, with an edge for every step that leaves the pose.
+
+    Where a plan cannot be put together the planner does without one of its steps, of which
+    `successors` knows nothing.
+    """
+    left_out = []
+
+    def put_together(*given):
+        parts = assemble(*given)
+        left_out.append(parts.beyond is not None)
+        return parts
+
+    monkeypatch.setattr(planner_module, "assemble", put_together)
+    graph = stance_graph(small_map.subset(np.arange(len(small_map)) % 3 > 0, "smaller"))
+    rng, found = np.random.default_rng(4), 0
+    for s in rng.integers(0, len(graph), 12):
+        stance = graph.ids(graph.points[s].tolist())
+        pose = moved_pose(graph, stance, rng.uniform(-0.04, 0.04, 3), rng.uniform(-0.05, 0.05, 3))
+        goal = graph.position[rng.integers(len(graph))]
+        left_out.clear()
+        result = Planner(graph).plan(stance, goal, cost, start_pose=pose, goal_tolerance=0.1)
+        if result.reason == "start infeasible":
+            continue
+        first = graph.state(stance, pose)
+        truth = least_cost(graph, first, goal, cost)
+        assert (result.plan is None) == (truth is None), result.message
+        if result.plan is not None and len(result.plan.steps):
+            found += not any(left_out)
+            assert result.plan.cost >= truth - 1e-9
+            if not any(left_out):
+                assert result.plan.cost == pytest.approx(truth, abs=1e-9)
+            np.testing.assert_allclose(result.plan.base_positions[0], pose[:3], atol=1e-12)
+            assert abs(result.plan.base_quaternions[0] @ np.array(pose[3:])) == pytest.approx(
+                1.0, abs=1e-12
+            )
+    assert found > 6
+
+
+def least_cost(graph, first, goal, cost):
+    """Cost of the cheapest walk from a state to a base position near the goal, by Dijkstra."""
+    digraph, todo = nx.DiGraph(), [first]
+    digraph.add_node(first)
+    while todo:
+        state = todo.pop()
+        here = graph.posture_of(state).position[0]
+        if np.linalg.norm(here - goal) <= 0.1:
+            digraph.add_edge(state, "goal", weight=0.0)
+        steps = graph.successors(state)
+        for limb, point, position, masks in zip(
+            steps.limb.tolist(), steps.point.tolist(), steps.position, steps.masks, strict=True
+        ):
+            stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
+            after = State(stance, tuple(masks.tolist()))
+            if after not in digraph:
+                todo.append(after)
+            weight = 1.0 if cost == "steps" else float(np.linalg.norm(position - here))
+            digraph.add_edge(state, after, weight=weight)
+    try:
+        return nx.dijkstra_path_length(digraph, first, "goal")
+    except (nx.NetworkXNoPath, nx.NodeNotFound):
+        return None
+
+
+def test_a_plan_from_a_pose_of_its_own_keeps_clear_and_is_carried_out(checked_graph, pose):
+    graph = checked_graph
+    plan = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
+    motion = step_motion(graph, plan, 0, 12)
+    np.testing.assert_allclose(motion.base_positions[0], pose[:3], atol=1e-9)
+    held = {i: p for i, p in enumerate(graph.indices(START)) if i != plan.steps[0].limb}
+    swinging = motion.phase == 1
+    for k in np.flatnonzero(swinging)[::3]:
+        grasps = [(i, graph.solver.points[p], graph.solver.normals[p]) for i, p in held.items()]
+        here = (motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k])
+        assert not contacts(graph.robot, graph.grasp_map.boxes, here, 0.02 - 1e-9, grasps)
+    execution = execute(graph, plan, Durations.of_step(50.0))
+    assert execution.failure is None
+    assert len(execution.captures) == len(plan.steps)
+
+
+def test_given_joint_angles_are_kept_with_their_windings(checked_graph, pose):
+    graph = checked_graph
+    joints = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap().joint_positions[0]
+    # A full turn is inside the limits of some joints: the winding given is the one that the plan
+    # starts with.
+    turned = joints.copy()
+    turned[:, 5] += np.where(turned[:, 5] > 0.0, -2.0 * np.pi, 2.0 * np.pi)
+    for given in (joints, turned):
+        result = Planner(graph).plan(
+            START, GOAL, "steps", start_pose=pose, start_joints=given + 1e-4
+        )
+        plan = result.unwrap()
+        np.testing.assert_allclose(plan.joint_positions[0], given, atol=1e-6)
+        limits = graph.robot.limb.limits
+        assert (plan.joint_positions >= limits[:, 0] - 1e-6).all()
+        assert (plan.joint_positions <= limits[:, 1] + 1e-6).all()
+        for k, step in enumerate(plan.steps):  # while a limb holds its angles are continuous
+            motion = step_motion(graph, plan, k, 30)
+            holder = 1 - step.limb
+            assert np.abs(np.diff(motion.joint_positions[:, holder], axis=0)).max() < 0.6
+            np.testing.assert_allclose(
+                motion.joint_positions[0], plan.joint_positions[k], atol=1e-6
+            )
+
+
+def test_joint_angles_without_a_pose_belong_to_the_stances_own(checked_graph):
+    free = Planner(checked_graph).plan(START, GOAL, "steps").unwrap()
+    joints = free.joint_positions[0]
+    plan = Planner(checked_graph).plan(START, GOAL, "steps", start_joints=joints).unwrap()
+    np.testing.assert_allclose(plan.joint_positions[0], joints, atol=1e-6)
+    assert plan.cost == free.cost
+
+
+def test_joint_angles_from_which_no_limb_can_let_go_are_told(checked_graph, pose):
+    """The first branch of each limb: it can hold there, but a limb on it cannot be carried away."""
+    joints = checked_graph.configuration(checked_graph.state(START, pose))[2]
+    result = Planner(checked_graph).plan(START, GOAL, "steps", start_pose=pose, start_joints=joints)
+    assert result.plan is None
+    assert "no step leaves the start" in result.message
+
+
+def test_three_limbs_start_in_a_pose_of_their_own(jem):
+    from mlivr_gym.envs.tasks import random_state
+
+    graph = stance_graph(jem, "mlivr3")
+    rng = np.random.default_rng(0)
+    while True:
+        stance = graph.ids(random_state(graph, rng).stance)
+        pose = moved_pose(graph, stance, (0.0, 0.0, 0.01))
+        try:
+            steps = graph.successors(graph.state(stance, pose))
+        except StanceError:
+            continue
+        if len(steps.limb):
+            break
+    goal = steps.position[0]
+    plan = Planner(graph).plan(stance, goal, "base", start_pose=pose, goal_tolerance=0.005).unwrap()
+    np.testing.assert_allclose(plan.base_positions[0], pose[:3], atol=1e-12)
+    assert plan.cost == pytest.approx(
+        np.linalg.norm(np.diff(plan.base_positions, axis=0), axis=1).sum(), abs=1e-9
+    )
+
+
+def test_the_environment_starts_in_the_given_pose(pose):
+    env = gymnasium.make("MLIVR-JEM-v0").unwrapped
+    observation, info = env.reset(
+        seed=0, options={"start": START, "start_pose": pose, "goal": GOAL}
+    )
+    assert observation in env.observation_space
+    np.testing.assert_allclose(info["base_position"], pose[:3])
+    assert abs(observation["base_quaternion"] @ np.array(pose[3:])) == pytest.approx(1.0, abs=1e-6)
+    plan = Planner(env.graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
+    steps = env.graph.successors(env.state)
+    mask = np.zeros(env.action_space.n, dtype=bool)
+    mask[steps.limb * len(env.graph.grasp_map) + steps.point] = True
+    np.testing.assert_array_equal(env.action_masks(), mask)
+    for limb, point in plan.actions:
+        observation, reward, terminated, truncated, info = env.step(
+            limb * len(env.graph.grasp_map) + env.graph.grasp_map.index(point)
+        )
+        assert not info["invalid_action"]
+    assert info["is_success"]
+    assert info["base_translation"] == pytest.approx(plan.base_translation, abs=1e-9)
+
+
+def test_a_grasp_that_fails_leaves_the_robot_in_its_own_pose(pose):
+    env = gymnasium.make("MLIVR-JEM-v0", grasp_failure=np.full(331, 0.9)).unwrapped
+    env.reset(seed=0, options={"start": START, "start_pose": pose, "goal": GOAL})
+    action = int(np.flatnonzero(env.action_masks())[0])
+    _, _, _, _, info = env.step(action)
+    assert info["grasp_failed"]
+    np.testing.assert_allclose(info["base_position"], pose[:3])
+
+
+@pytest.mark.parametrize("make", [ExpertPolicy, lambda: planner_policy("steps")])
+def test_policies_walk_from_a_pose_of_its_own_in_the_fewest_steps(small_map, make):
+    env = gymnasium.make("MLIVR-JEM-v0", map=small_map, precompute=True).unwrapped
+    graph = env.graph
+    rng, done = np.random.default_rng(0), 0
+    for s in rng.integers(0, len(graph), 20):
+        stance, goal = graph.ids(graph.points[s].tolist()), graph.position[rng.integers(len(graph))]
+        pose = moved_pose(graph, stance, (0.0, 0.02, 0.02))
+        plan = Planner(graph).plan(stance, goal, "steps", start_pose=pose).plan
+        if plan is None or not plan.steps:
+            continue
+        policy, ended = make(), False
+        observation, info = env.reset(
+            seed=0, options={"start": stance, "start_pose": pose, "goal": goal}
+        )
+        while not ended and env.steps < 30:
+            action = policy.act(env, observation, env.action_masks())
+            observation, _, ended, _, info = env.step(action)
+        assert info["is_success"]
+        assert info["steps"] == len(plan.steps)
+        done += 1
+    assert done > 3
+
+
+def test_a_plan_from_a_pose_of_its_own_is_replayed_in_simulation(checked_graph, pose):
+    graph = checked_graph
+    plan = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
+    joints = plan.joint_positions[0]
+    env = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
+    for options in (
+        {"plan": plan},
+        {"start": START, "start_pose": pose, "start_joints": joints, "goal": GOAL},
+    ):
+        _, info = env.reset(seed=0, options=options)
+        np.testing.assert_allclose(info["base_position"], pose[:3], atol=1e-9)
+        limb, point = plan.actions[0]
+        _, _, _, _, info = env.step(limb * len(graph.grasp_map) + graph.grasp_map.index(point))
+        assert info["failure"] is None
+
+
+def test_the_command_line_takes_a_pose_and_joint_angles(tmp_path, checked_graph, pose, capsys):
+    joints = (
+        Planner(checked_graph)
+        .plan(START, GOAL, "steps", start_pose=pose)
+        .unwrap()
+        .joint_positions[0]
+    )
+    out = tmp_path / "plan.json"
+    words = [
+        "plan",
+        "--start",
+        *START,
+        "--goal",
+        *map(str, GOAL),
+        "--cost",
+        "steps",
+        "--out",
+        str(out),
+    ]
+    words += [
+        "--start-pose",
+        *(f"{v:.12f}" for v in pose),
+        "--start-joints",
+        *(f"{q:.9f}" for q in joints.ravel()),
+    ]
+    assert main(words) == 0
+    from mlivr_gym.planners import Plan
+
+    plan = Plan.load(out)
+    np.testing.assert_allclose(plan.base_positions[0], pose[:3], atol=1e-9)
+    np.testing.assert_allclose(plan.joint_positions[0], joints, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ((1.0, 2.0), r"start_pose .* has shape \(2,\)"),
+        ((0.0,) * 7, "quaternion .* of length 0"),
+        ((np.nan,) + (0.0,) * 5 + (1.0,), r"shape \(7,\), all finite"),
+        ("home", "start_pose .* is 'home'"),
+    ],
+)
+def test_poses_that_are_none_are_refused(checked_graph, given, words):
+    with pytest.raises(SettingError, match=words):
+        Planner(checked_graph).plan(START, GOAL, start_pose=given)
+
+
+def test_a_pose_that_cannot_be_held_is_told_why(checked_graph):
+    graph = checked_graph
+    for shift, turn, words in (
+        ((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), "limb 0 does not reach point 'D2a:4'"),
+        ((0.0, 0.0, -0.45), (0.0, 0.0, 0.0), r"is -?\d\.\d+ m from|every combination"),
+    ):
+        result = Planner(graph).plan(START, GOAL, start_pose=moved_pose(graph, START, shift, turn))
+        assert result.reason == "start infeasible"
+        import re
+
+        assert re.search(words, result.message), result.message
+
+
+def test_joint_angles_that_do_not_fit_are_told_why(checked_graph, pose):
+    graph = checked_graph
+    joints = graph.configuration(graph.state(START, pose))[2]
+    wrong = joints.copy()
+    wrong[1, 2] += 0.2
+    result = Planner(graph).plan(START, GOAL, start_pose=pose, start_joints=wrong)
+    assert "start_joints of limb 1 do not hold 'D2b:4'" in result.message
+    with pytest.raises(SettingError, match="a row of six angles a limb .* has shape"):
+        Planner(graph).plan(START, GOAL, start_joints=[0.0] * 5)
+    wrong = joints.copy()
+    wrong[0, 1] += 4.0 * np.pi
+    with pytest.raises(SettingError, match="joint 2 of limb 0 is at .* outside its limits"):
+        Planner(graph).plan(START, GOAL, start_pose=pose, start_joints=wrong)
+    env = gymnasium.make("MLIVR-JEM-v0").unwrapped
+    with pytest.raises(SettingError, match="need 'start'"):
+        env.reset(options={"start_pose": pose})

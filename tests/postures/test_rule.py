@@ -1,0 +1,274 @@
+"""The rule by which a stance gets its base pose, against its definition tried out one candidate after the other."""
+
+from dataclasses import replace
+from itertools import product
+
+import coal
+import numpy as np
+import pytest
+from oracle import flange, pinocchio_arm
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Settings, State, robot_spec, stance_graph
+from mlivr_gym.collisions.contacts import capsule_ends, contacts
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.errors import RobotError, StanceError
+from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
+from mlivr_gym.kinematics.ur import inverse_kinematics
+from mlivr_gym.planners import Planner
+from mlivr_gym.postures.solver import base_frames
+from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.specification import RobotSpec, geometric_order
+
+TIE = 1e-9
+
+
+def choices(graph, stance, position, rotation):
+    """Of each limb the branches at a base pose: label, joint angles, `w_m`, Jacobian at the grasp in the base's axes."""
+    robot, arm, out = graph.robot, pinocchio_arm(graph.robot.limb), []
+    for i, point in enumerate(stance):
+        mount = rotation @ robot.mount_rotations[i]
+        origin = position + rotation @ robot.mount_positions[i]
+        q = np.empty((8, 6))
+        p, r = mount.T @ (graph.solver.flanges[point] - origin), mount.T @ graph.solver.tools[point]
+        mask, found = inverse_kinematics(p, np.ascontiguousarray(r), robot.limb.lengths, q), []
+        for b in range(8):
+            if mask >> b & 1:
+                pose, jacobian = flange(arm, q[b])
+                w_m = limb_manipulability(jacobian, robot.characteristic_length)
+                jacobian = jacobian.copy()
+                jacobian[:3] += np.cross(jacobian[3:].T, robot.tool_length * pose[:3, 2]).T
+                found.append(
+                    (b, q[b], w_m, np.kron(np.eye(2), robot.mount_rotations[i]) @ jacobian)
+                )
+        out.append(found)
+    return out
+
+
+def candidates(graph, stance):
+    """Margin, order, base pose, branches and joint angles of every candidate of a stance."""
+    grasp_map, robot = graph.grasp_map, graph.robot
+    grasps, normals = grasp_map.positions[stance], grasp_map.normals[stance]
+    centre, rail = grasps.mean(axis=0), grasp_map.rotations[stance[0], :, 0]
+    frame, out, line, opposed = (
+        a[0] for a in base_frames((grasps - centre)[None], normals[None], rail[None])
+    )
+    assert not opposed
+    found = []
+    for roll, height in product(robot.rolls, robot.heights):
+        turn = Rotation.from_rotvec(roll * line).as_matrix()
+        position, rotation = centre + height * turn @ out, turn @ frame
+        held = (grasps - position) @ rotation
+        for limbs in product(*choices(graph, stance, position, rotation)):
+            w_m = min(limb[2] for limb in limbs) / 0.1
+            if w_m < 0.3:
+                continue
+            w_b = base_manipulability(
+                np.array([limb[3] for limb in limbs]), held, robot.characteristic_length
+            )
+            labels = tuple(limb[0] for limb in limbs)
+            order = (round(abs(roll), 9), roll < 0.0, height, labels[::-1])
+            quaternion = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+            pose = (position, quaternion, np.array([limb[1] for limb in limbs]))
+            found.append((min(w_m, w_b / 0.001), order, pose, labels))
+    return found
+
+
+def chosen_by_definition(graph, stance):
+    """What the rule takes, and how many candidates tied in the margin: the definition."""
+    clearance, boxes = (
+        (graph.settings.clearance, graph.grasp_map.boxes)
+        if graph.settings.collisions
+        else (0.0, ())
+    )
+    grasps = [
+        (i, graph.grasp_map.positions[p], graph.grasp_map.normals[p]) for i, p in enumerate(stance)
+    ]
+    left = sorted(candidates(graph, stance), key=lambda c: -c[0])
+    while left:
+        tied = [c for c in left if c[0] >= left[0][0] * (1.0 - TIE)]
+        left = left[len(tied) :]
+        free = [c for c in tied if not contacts(graph.robot, boxes, c[2], clearance, grasps)]
+        if free:
+            gaps = [contacts(graph.robot, (), c[2], np.inf)[0].distance for c in free]
+            best = [c for c, gap in zip(free, gaps, strict=True) if gap >= max(gaps) - 1e-9]
+            return min(best, key=lambda c: c[1]), len(tied)
+    return None, 0
+
+
+@pytest.mark.parametrize("collisions", [False, True])
+def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
+    here, rng, ties = checked_graph if collisions else graph, np.random.default_rng(7), []
+    for s in rng.integers(0, len(here), 5):
+        stance = here.points[s]
+        (margin, _, pose, labels), tied = chosen_by_definition(here, stance)
+        assert min(here.w_m[s].min() / 0.1, here.w_b[s] / 0.001) == pytest.approx(margin, rel=1e-7)
+        np.testing.assert_allclose(here.position[s], pose[0], atol=1e-6)
+        np.testing.assert_allclose(
+            here.rotation[s], Rotation.from_quat(pose[1], scalar_first=True).as_matrix(), atol=1e-5
+        )
+        assert tuple(here.branch[s]) == labels
+        ties.append(tied)
+    assert max(ties) > 4  # mirror postures and elbows
+
+
+def own_configuration(graph, s):
+    masks = tuple((1 << graph.branch[s]).tolist())
+    return graph.configuration(State(tuple(graph.points[s].tolist()), masks))
+
+
+def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_near(
+    graph, checked_graph
+):
+    at = {tuple(p): s for s, p in enumerate(graph.points.tolist())}
+    rng, moved = np.random.default_rng(3), 0
+    for c in rng.integers(0, len(checked_graph), 150):
+        points = checked_graph.points[c]
+        s = at[tuple(points.tolist())]
+        same = (checked_graph.branch[c] == graph.branch[s]).all() and np.allclose(
+            checked_graph.position[c], graph.position[s], atol=1e-6
+        )
+        grasps = [
+            (i, graph.solver.points[p], graph.solver.normals[p]) for i, p in enumerate(points)
+        ]
+        near = contacts(
+            graph.robot, graph.grasp_map.boxes, own_configuration(graph, s), 0.02, grasps
+        )
+        assert same == (not near)
+        moved += not same
+    assert 0 < moved < 75
+
+
+def test_no_posture_penetrates_the_robot_itself_in_the_papers_world(graph):
+    """Distances by coal of the limbs from the body and from each other."""
+    robot, shapes = graph.robot, LimbShapes(graph.robot)
+    link, radius = shapes.arrays[0], shapes.arrays[2]
+    body = coal.Box(*[robot.body_size] * 3)
+    rng, nearest = np.random.default_rng(5), np.inf
+    for s in rng.integers(0, len(graph), 150):
+        configuration = own_configuration(graph, s)
+        ends = capsule_ends(robot, shapes, configuration)
+        base = coal.Transform3s(graph.rotation[s], graph.position[s])
+        limbs = []
+        for i in range(2):
+            limbs.append([capsule(*ends[i, c], radius[c]) for c in range(len(shapes))])
+        pairs = [(limbs[0][a], limbs[1][b]) for a in range(len(shapes)) for b in range(len(shapes))]
+        pairs += [
+            ((body, base), limb[c]) for limb in limbs for c in range(len(shapes)) if link[c] >= 2
+        ]
+        for (first, at_first), (second, at_second) in pairs:
+            result = coal.DistanceResult()
+            nearest = min(
+                nearest,
+                coal.distance(first, at_first, second, at_second, coal.DistanceRequest(), result),
+            )
+    assert nearest >= -1e-6
+
+
+def capsule(start, end, radius):
+    """A capsule of coal and where it is."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    turn = (
+        np.eye(3)
+        if length < 1e-12
+        else Rotation.align_vectors(along[None], [[0.0, 0.0, 1.0]])[0].as_matrix()
+    )
+    return coal.Capsule(radius, length), coal.Transform3s(turn, 0.5 * (start + end))
+
+
+def test_no_side_is_favoured_when_two_limbs_change_places(graph):
+    """On one wall the posture of (b, a) is that of (a, b) turned by half a turn about the normal between the points."""
+    at = {tuple(p): s for s, p in enumerate(graph.points.tolist())}
+    same = np.flatnonzero(
+        (
+            graph.grasp_map.normals[graph.points[:, 0]]
+            * graph.grasp_map.normals[graph.points[:, 1]]
+        ).sum(axis=1)
+        > 1.0 - 1e-12
+    )
+    leaning = 0
+    for s in np.random.default_rng(1).choice(same, 300, replace=False):
+        a, b = graph.points[s].tolist()
+        grasps = graph.grasp_map.positions[[a, b]]
+        if abs((grasps[1] - grasps[0]) @ graph.grasp_map.normals[a]) > 1e-9:
+            continue
+        other, centre = at[b, a], grasps.mean(axis=0)
+        half = 2.0 * np.outer(graph.grasp_map.normals[a], graph.grasp_map.normals[a]) - np.eye(3)
+        np.testing.assert_allclose(
+            graph.position[other], centre + half @ (graph.position[s] - centre), atol=1e-6
+        )
+        away = graph.position[s] - centre
+        leaning += (
+            np.linalg.norm(away - away @ graph.grasp_map.normals[a] * graph.grasp_map.normals[a])
+            > 1e-3
+        )
+    assert leaning > 100
+
+
+def test_the_order_of_the_candidates_shows_in_nothing(small_map):
+    """100 shuffles of heights and rolls change no stance and no plan."""
+    map_ = small_map.subset(np.arange(len(small_map)) % 2 == 0, "smaller")
+    rng, spec = np.random.default_rng(0), robot_spec("mlivr2")
+    whole = None
+    for _ in range(100):
+        heights, rolls = (tuple(rng.permutation(v).tolist()) for v in (spec.heights, spec.rolls))
+        graph = stance_graph(map_, replace(spec, heights=heights, rolls=rolls))
+        arrays = [graph.points, graph.position, graph.rotation, graph.w_m, graph.branch, graph.mask]
+        result = Planner(graph).plan(graph.ids(graph.points[0]), (2.4, 0.0, -0.2), "base")
+        steps = result.plan and (
+            result.plan.stances,
+            result.plan.steps,
+            result.plan.joint_positions.tolist(),
+        )
+        if whole is None:
+            whole, walk = arrays, steps
+        for first, other in zip(whole, arrays, strict=True):
+            np.testing.assert_array_equal(first, other)
+        assert walk == steps
+    assert walk is not None
+    assert len(walk[1]) > 1
+
+
+def test_rolls_are_ordered_by_size_the_positive_first():
+    assert geometric_order((-0.2, 0.0, 0.3, 0.2, 2 * np.pi - 0.1)) == (
+        0.0,
+        2 * np.pi - 0.1,
+        0.2,
+        -0.2,
+        0.3,
+    )
+    assert RobotSpec(rolls=(-0.1, 0.1)).fingerprint == RobotSpec(rolls=(0.1, -0.1)).fingerprint
+
+
+def test_stances_whose_every_posture_penetrates_the_robot_are_left_out_and_named(small_map):
+    """A ball on the body in the way of the limbs, then a body round their mounts."""
+    settings, spec = Settings(collisions=False, manipulability=False), robot_spec("mlivr2")
+    graph = stance_graph(small_map, spec, settings)
+    ball = Capsule("base", (-0.3, 0.0, 0.4), (-0.3, 0.0, 0.4), 0.1)
+    hindered = stance_graph(small_map, replace(spec, capsules=(*spec.shapes, ball)), settings)
+    assert 0 < len(hindered) < len(graph)
+    assert hindered.removed["self"] > 0
+    missing = next(
+        s for s in graph.points.tolist() if hindered.find(s) < 0 and hindered.posture(s).cause[0]
+    )
+    with pytest.raises(StanceError, match="the robot itself"):
+        hindered.state(missing)
+    with pytest.raises(RobotError, match="touch the robot itself"):
+        stance_graph(small_map, replace(spec, body_size=1.1), settings)
+
+
+def test_what_is_left_out_without_thresholds_is_counted(small_map):
+    """By a second graph without the floor, and by distances."""
+    settings, spec = Settings(collisions=False, manipulability=False), robot_spec("mlivr2")
+    graph = stance_graph(small_map, spec, settings)
+    unchecked = stance_graph(small_map, spec, replace(settings, transitions=False))
+    assert graph.no_departure == len(unchecked) - len(graph) > 0
+    assert unchecked.no_departure == 0
+    apart = np.linalg.norm(small_map.positions[:, None] - small_map.positions[None], axis=2)
+    near = replace(spec, span=1.2)
+    reach = 2.0 * (0.1 + spec.limb.reach + 0.05)
+    assert (
+        stance_graph(small_map, near, settings).beyond_span
+        == ((apart > 1.2 + 1e-9) & (apart <= reach)).sum()
+    )

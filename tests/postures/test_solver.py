@@ -1,0 +1,225 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from oracle import flange, pinocchio_arm
+from paper import NO_COLLISIONS
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import GraspMap, Settings, robot_spec, stance_graph
+from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
+from mlivr_gym.postures.solver import PostureSolver, base_frames
+from mlivr_gym.stances.lazy_graph import LazyGraph
+
+
+def truth(graph, postures, k, stance, branch):
+    """`w_m` of each limb and `w_b` of a posture, by Pinocchio and the null-space definition."""
+    robot = graph.robot
+    arm = pinocchio_arm(robot.limb)
+    jacobians, grasps, w_m = [], [], []
+    for i, point in enumerate(stance):
+        mount = postures.rotation[k] @ robot.mount_rotations[i]
+        origin = postures.position[k] + postures.rotation[k] @ robot.mount_positions[i]
+        pose = np.eye(4)
+        pose[:3, :3] = mount.T @ graph.solver.tools[point]
+        pose[:3, 3] = mount.T @ (graph.solver.flanges[point] - origin)
+        from mlivr_gym.kinematics.ur import inverse_kinematics
+
+        out = np.empty((8, 6))
+        assert (
+            inverse_kinematics(pose[:3, 3].copy(), pose[:3, :3].copy(), robot.limb.lengths, out)
+            >> branch[i]
+            & 1
+        )
+        found, jacobian = flange(arm, out[branch[i]])
+        np.testing.assert_allclose(found, pose, atol=1e-6)
+        w_m.append(limb_manipulability(jacobian, robot.characteristic_length))
+        tip = robot.tool_length * found[:3, 2]
+        jacobian = jacobian.copy()
+        jacobian[:3] += np.cross(jacobian[3:].T, tip).T
+        jacobians.append(np.kron(np.eye(2), robot.mount_rotations[i]) @ jacobian)
+        grasps.append(
+            postures.rotation[k].T @ (graph.grasp_map.positions[point] - postures.position[k])
+        )
+    return w_m, base_manipulability(
+        np.array(jacobians), np.array(grasps), robot.characteristic_length
+    )
+
+
+@pytest.mark.parametrize("limbs", [2, 3, 4])
+def test_postures_have_the_manipulability_they_claim(jem, limbs):
+    graph = LazyGraph(
+        jem, robot_spec(f"mlivr{limbs}"), Settings(collisions=False, manipulability=False)
+    )
+    rng = np.random.default_rng(limbs)
+    stances = []
+    while len(stances) < 200:
+        first = int(rng.integers(len(jem)))
+        rest = rng.choice(graph.partners(first), limbs - 1, replace=False)
+        stances.append((first, *rest.tolist()))
+    postures = graph.postures(np.array(stances))
+    found = np.flatnonzero(postures.reachable & (postures.w_m.min(axis=1) > 0.01))
+    assert len(found) > 10
+    for k in found[:25]:
+        w_m, w_b = truth(graph, postures, k, stances[k], postures.branch[k])
+        np.testing.assert_allclose(postures.w_m[k], w_m, rtol=1e-4)
+        assert postures.w_b[k] == pytest.approx(w_b, rel=1e-3)
+
+
+def test_the_chosen_posture_is_the_best_of_all_candidates_and_branches(graph, kinematic_graph):
+    """Every base pose and branch pair of some stances, tried one after the other with Pinocchio."""
+    robot = graph.robot
+    rng = np.random.default_rng(4)
+    for s in rng.integers(0, len(kinematic_graph), 4):
+        stance = kinematic_graph.points[s]
+        grasps = kinematic_graph.grasp_map.positions[stance]
+        normals = kinematic_graph.grasp_map.normals[stance]
+        centre = grasps.mean(axis=0)
+        rail = kinematic_graph.grasp_map.rotations[stance[0], :, 0]
+        frame, out, line, opposed = (
+            a[0] for a in base_frames((grasps - centre)[None], normals[None], rail[None])
+        )
+        if opposed:
+            continue
+        best = 0.0
+        for height in robot.heights:
+            for roll in robot.rolls:
+                turn = Rotation.from_rotvec(roll * line).as_matrix()
+                best = max(
+                    best,
+                    best_margin(
+                        kinematic_graph, stance, centre + height * turn @ out, turn @ frame
+                    ),
+                )
+        ours = min(kinematic_graph.w_m[s].min() / 0.1, kinematic_graph.w_b[s] / 0.001)
+        assert ours == pytest.approx(best, rel=1e-5)
+
+
+def best_margin(graph, stance, position, rotation):
+    from mlivr_gym.kinematics.ur import inverse_kinematics
+
+    robot = graph.robot
+    arm = pinocchio_arm(robot.limb)
+    options = []
+    for i, point in enumerate(stance):
+        mount = rotation @ robot.mount_rotations[i]
+        origin = position + rotation @ robot.mount_positions[i]
+        out = np.empty((8, 6))
+        p, r = mount.T @ (graph.solver.flanges[point] - origin), mount.T @ graph.solver.tools[point]
+        mask = inverse_kinematics(p, np.ascontiguousarray(r), robot.limb.lengths, out)
+        choices = []
+        for b in range(8):
+            if mask >> b & 1:
+                found, jacobian = flange(arm, out[b])
+                w_m = limb_manipulability(jacobian, 0.87)
+                jacobian = jacobian.copy()
+                jacobian[:3] += np.cross(jacobian[3:].T, robot.tool_length * found[:3, 2]).T
+                choices.append((w_m, np.kron(np.eye(2), robot.mount_rotations[i]) @ jacobian))
+        options.append(choices)
+    grasps = (graph.grasp_map.positions[stance] - position) @ rotation
+    best = 0.0
+    for w0, j0 in options[0]:
+        for w1, j1 in options[1]:
+            if min(w0, w1) / 0.1 > best:
+                w_b = base_manipulability(np.array([j0, j1]), grasps, 0.87)
+                best = max(best, min(w0 / 0.1, w1 / 0.1, w_b / 0.001))
+    return best
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=15, deadline=None)
+def test_postures_move_with_the_grasps(seed):
+    """A map turned and shifted as a whole has the same postures, turned and shifted."""
+    rng = np.random.default_rng(seed)
+    turn, shift = Rotation.random(rng=rng).as_matrix(), rng.uniform(-3, 3, 3)
+    rows = []
+    for k in range(12):
+        normal = Rotation.random(rng=rng).as_matrix()
+        rows.append((f"P{k}", rng.uniform(-0.8, 0.8, 3), normal))
+
+    def build(moved):
+        points = []
+        for name, position, frame in rows:
+            p, f = (turn @ position + shift, turn @ frame) if moved else (position, frame)
+            points.append(
+                {
+                    "id": name,
+                    "face": "deck",
+                    "position": p.tolist(),
+                    "normal": f[:, 2].tolist(),
+                    "rail": f[:, 0].tolist(),
+                }
+            )
+        return GraspMap.from_dict({"points": points})
+
+    pairs = np.array([(i, j) for i in range(12) for j in range(12) if i != j])
+    here, there = (
+        PostureSolver(
+            build(moved), robot_spec("mlivr2"), Settings(collisions=False, manipulability=False)
+        ).solve(pairs)
+        for moved in (False, True)
+    )
+    np.testing.assert_allclose(here.w_m, there.w_m, atol=1e-4)
+    same = (here.w_m.min(axis=1) > 0.01) & (here.branch == there.branch).all(axis=1)
+    np.testing.assert_allclose(
+        here.position[same] @ turn.T + shift, there.position[same], atol=1e-4
+    )
+
+
+def test_equal_geometry_is_solved_once(jem):
+    solver = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS)
+    first = np.array(
+        [[jem.index("F1a:2"), jem.index("F1a:4")], [jem.index("F2b:3"), jem.index("F2b:5")]]
+    )
+    postures = solver.solve(first)
+    assert solver.geometries == 1
+    np.testing.assert_allclose(postures.w_m[0], postures.w_m[1], atol=0)
+    solver.solve(first[::-1])
+    assert solver.geometries == 1
+
+
+def test_results_do_not_depend_on_the_order_of_queries(jem):
+    rng = np.random.default_rng(0)
+    pairs = np.array([(int(a), int(b)) for a, b in rng.integers(0, len(jem), (400, 2)) if a != b])
+    together = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS).solve(pairs)
+    solver = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS)
+    single = [solver.solve(pairs[[k]]) for k in rng.permutation(len(pairs))[:60]]
+    order = np.random.default_rng(0)
+    order.integers(0, len(jem), (400, 2))
+    for k, posture in zip(order.permutation(len(pairs))[:60], single, strict=True):
+        np.testing.assert_array_equal(posture.w_m[0], together.w_m[k])
+        np.testing.assert_array_equal(posture.branch[0], together.branch[k])
+
+
+def test_body_faces_away_from_a_wall_and_lies_on_the_line_of_the_grasps(graph):
+    rng = np.random.default_rng(2)
+    for s in rng.integers(0, len(graph), 100):
+        a, b = graph.points[s]
+        normal = graph.grasp_map.normals[[a, b]].mean(axis=0)
+        assert graph.rotation[s][:, 2] @ normal > 0.5
+        line = graph.grasp_map.positions[a] - graph.grasp_map.positions[b]
+        np.testing.assert_allclose(graph.rotation[s][:, 0], line / np.linalg.norm(line), atol=1e-6)
+
+
+def test_stances_between_opposite_walls_have_a_posture(kinematic_graph):
+    faces = np.array(kinematic_graph.grasp_map.faces)[kinematic_graph.points]
+    opposed = (faces[:, 0] == "deck") & (faces[:, 1] == "overhead")
+    assert opposed.sum() > 100
+    assert (kinematic_graph.w_m[opposed] > 0.0).all()
+
+
+def test_counts_agree_with_the_independent_calculation(jem):
+    """43,540 ordered pairs within 2.4 m; 27,010 in reach with heights alone and no opposite walls."""
+    from dataclasses import replace
+
+    graph = stance_graph(
+        jem,
+        replace(robot_spec("mlivr2"), rolls=(0.0,)),
+        Settings(collisions=False, manipulability=False, transitions=False),
+    )
+    assert graph.considered == 43540
+    normals = jem.normals[graph.points]
+    opposed = (normals[:, 0] * normals[:, 1]).sum(axis=1) < -0.5
+    assert (~opposed).sum() == 27010
+    kept = (graph.w_m.min(axis=1) >= 0.1) & (graph.w_b >= 0.001) & ~opposed
+    assert abs(kept.sum() - 20842) < 0.01 * 20842

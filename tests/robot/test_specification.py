@@ -1,0 +1,111 @@
+import json
+
+import numpy as np
+import pytest
+
+from mlivr_gym import Capsule, Limb, RobotSpec, Settings, robot_spec, stance_graph
+from mlivr_gym.errors import MlivrError, RobotError
+from mlivr_gym.robot.capsules import LINKS
+
+CAPSULE = {"link": "forearm", "start": [0, 0, 0], "end": [0, 0, 0.3], "radius": 0.05}
+
+
+@pytest.mark.parametrize("limbs", [2, 3, 4])
+def test_mounts_are_radial_at_equal_angles(limbs):
+    robot = robot_spec(f"mlivr{limbs}")
+    for i, (rotation, position) in enumerate(
+        zip(robot.mount_rotations, robot.mount_positions, strict=True)
+    ):
+        np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-12)
+        assert np.linalg.det(rotation) == pytest.approx(1.0)
+        azimuth = 2 * np.pi * i / limbs
+        np.testing.assert_allclose(
+            rotation[:, 2], [np.cos(azimuth), np.sin(azimuth), 0], atol=1e-12
+        )
+        np.testing.assert_allclose(position, 0.1 * rotation[:, 2], atol=1e-12)
+
+
+def test_default_figures_are_the_published_ones():
+    limb = robot_spec("mlivr2").limb
+    assert limb.lengths.tolist() == [0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996]
+    # Shoulder centres of the published two-limb model lie 0.263 m from the middle.
+    assert robot_spec("mlivr2").mount_radius + limb.d1 == pytest.approx(0.2625)
+
+
+def test_a_robot_survives_json(tmp_path):
+    robot = RobotSpec(name="own", limbs=3, limb=Limb(a2=-0.6127, a3=-0.5716), heights=(0.8,))
+    path = tmp_path / "robot.json"
+    path.write_text(json.dumps(robot.to_dict()))
+    assert robot_spec(str(path)) == robot
+    assert robot.fingerprint != robot_spec("mlivr3").fingerprint
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({"limbs": 1}, "limbs is 1"),
+        ({"limbs": 2.5}, "limbs is 2.5"),
+        ({"wheels": 4}, "unknown robot field 'wheels'"),
+        ({"limb": {"a7": 1}}, "'a7'"),
+        ({"limb": {"a2": 0.0}}, "a2"),
+        ({"limb": {"joint_limits": [[1, 0]] * 6}}, "joint_limits"),
+        ({"mount_radius": -0.1}, "mount_radius"),
+        ({"span": 0.05}, "span"),
+        ({"heights": []}, "heights"),
+        ({"body_mass": "heavy"}, "body_mass is 'heavy'"),
+        ({"body_mass": 1e-300}, "body_mass .* is 1e-300; it must lie between 0.001 and"),
+        ({"body_size": 10**400}, "body_size is"),
+        ({"limb": {"d1": 162.5, "a2": -425.0}}, "d1 is 162.5, beyond 100 m; .*millimetres"),
+        ({"tool_length": 150.0}, "tool_length .* is 150; .*metres"),
+        ({"heights": [0.6] * 1000}, "heights has 1000 entries"),
+        ({"heights": [600.0]}, "heights is .*millimetres"),
+        ({"folds": [[0, 0]]}, "folds"),
+        ({"limb": {"joint_limits": [[-1e18, 1e18]] * 6}}, "joint_limits"),
+        ({"limb": 3}, "limb must be an object, not 3"),
+        ({"name": "\ud800"}, "name of the robot is"),
+        ({"capsules": []}, "capsules has none on a link that moves"),
+        ({"capsules": [CAPSULE | {"link": "base"}]}, "capsules has none on a link that moves"),
+        ({"capsules": [CAPSULE] * 65}, "capsules has 65 entries; at most 64"),
+        ({"capsules": [3]}, "capsule must be an object, not 3"),
+        ({"capsules": [{"link": "forearm"}]}, "capsule lacks field 'start'"),
+        ({"capsules": [CAPSULE | {"end": [0, 0, 1e19]}]}, "forearm: end is .*beyond 100 m"),
+        ({"capsules": [CAPSULE | {"radius": 1e-300}]}, "radius is 1e-300"),
+        ([], "JSON object"),
+    ],
+)
+def test_faults_are_named(data, words):
+    with pytest.raises(MlivrError, match=words):
+        RobotSpec.from_dict(data)
+
+
+@pytest.mark.parametrize("link", [link for link in LINKS if link != "base"])
+def test_one_capsule_on_any_moving_link_is_enough(ladder, link):
+    capsule = Capsule(link, (0.0, 0.0, -0.05), (0.0, 0.0, -0.03), 0.02)
+    robot = RobotSpec(name="bare", capsules=(capsule,))
+    assert len(stance_graph(ladder, robot, Settings(limb_threshold=0.05)))
+
+
+def test_a_faulty_robot_file_is_named(tmp_path):
+    path = tmp_path / "arm.json"
+    path.write_text(json.dumps({"capsules": []}))
+    with pytest.raises(RobotError, match=r"robot '.*arm\.json': capsules"):
+        robot_spec(str(path))
+    path.write_text("<robot/>")
+    with pytest.raises(RobotError, match=r"cannot read robot '.*arm\.json': it is not JSON"):
+        robot_spec(str(path))
+    with pytest.raises(RobotError, match="unknown robot"):
+        robot_spec("x" * 5000)
+
+
+def test_unknown_names_and_files_are_named(tmp_path):
+    with pytest.raises(RobotError, match="'mlivr9'.*mlivr2"):
+        robot_spec("mlivr9")
+    broken = tmp_path / "robot.json"
+    broken.write_text("[")
+    with pytest.raises(RobotError, match="cannot read robot"):
+        robot_spec(str(broken))
+
+
+def test_mounts_that_cannot_reach_are_named(ladder):
+    with pytest.raises(RobotError, match="cannot hold any stance on map 'ladder'.*2.5 m"):
+        stance_graph(ladder, RobotSpec(name="wide", mount_radius=2.5))

@@ -1,0 +1,225 @@
+import itertools
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from paper import NO_COLLISIONS
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Box, GraspMap, Limb, Settings, robot_spec, stance_graph
+from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.envs.tasks import random_state
+from mlivr_gym.errors import RenderError, SceneError, ShapeError
+from mlivr_gym.kinematics.ur import forward_kinematics
+from mlivr_gym.pictures.rendering import SceneRenderer, SceneWindow
+from mlivr_gym.simulation.dynamics import dynamics_spec
+from mlivr_gym.simulation.scene import compiled, scene_spec, set_configuration
+
+
+@pytest.fixture(scope="module")
+def model(jem):
+    return scene_spec(jem, robot_spec("mlivr2")).compile()
+
+
+def test_scene_holds_tracks_handrails_points_and_robot(jem, model):
+    assert all(model.site(f"point/{point}") is not None for point in jem.ids)
+    boxes = model.geom_type == mujoco.mjtGeom.mjGEOM_BOX
+    tracks = (
+        boxes
+        & np.isclose(model.geom_size[:, 0], 0.8763, atol=1e-4)
+        & np.isclose(model.geom_size[:, 1], 0.0128)
+    )
+    assert tracks.sum() == 46
+    rails = boxes & (np.abs(model.geom_rgba - (0.10, 0.35, 0.75, 1)).max(axis=1) < 1e-6)
+    assert rails.sum() == 18
+    assert model.nv == 6 + 12
+    assert (model.opt.gravity == 0.0).all()
+
+
+def test_masses_are_the_published_ones(model):
+    # Body 20 kg, six links of 17.70 kg in all and a gripper of 0.5 kg on each of two limbs.
+    assert model.body_mass.sum() == pytest.approx(20.0 + 2 * (17.70 + 0.5))
+
+
+@pytest.mark.parametrize("limbs", [2, 3, 4])
+def test_mujoco_agrees_with_the_closed_form(jem, limbs):
+    robot = robot_spec(f"mlivr{limbs}")
+    model = scene_spec(jem, robot).compile()
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    for _ in range(5):
+        position, turn = rng.uniform(-1, 1, 3), Rotation.random(rng=rng)
+        joints = rng.uniform(-np.pi, np.pi, (limbs, 6))
+        set_configuration(model, data, position, turn.as_quat(scalar_first=True), joints)
+        for i in range(limbs):
+            frame = forward_kinematics(joints[i], robot.limb.lengths)[6]
+            mount = turn.as_matrix() @ robot.mount_rotations[i]
+            origin = position + turn.as_matrix() @ robot.mount_positions[i]
+            np.testing.assert_allclose(
+                data.site(f"limb{i}/flange").xpos, origin + mount @ frame[:3, 3], atol=1e-9
+            )
+            found = data.site(f"limb{i}/flange").xmat.reshape(3, 3)
+            np.testing.assert_allclose(found, mount @ frame[:3, :3], atol=1e-9)
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_a_stance_puts_every_gripper_on_its_point(jem, limbs):
+    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
+    model = scene_spec(jem, graph.robot).compile()
+    data = mujoco.MjData(model)
+    state = random_state(graph, np.random.default_rng(1))
+    set_configuration(model, data, *graph.configuration(state))
+    for i, point in enumerate(graph.ids(state.stance)):
+        np.testing.assert_allclose(
+            data.site(f"limb{i}/grasp").xpos, data.site(f"point/{point}").xpos, atol=1e-6
+        )
+
+
+def test_exported_scene_loads_again(jem, model):
+    spec = scene_spec(jem, robot_spec("mlivr2"))
+    spec.compile()
+    again = mujoco.MjModel.from_xml_string(spec.to_xml())
+    assert (again.nbody, again.ngeom, again.nsite) == (model.nbody, model.ngeom, model.nsite)
+
+
+LIMITS = (
+    ((-2 * np.pi, 2 * np.pi),) * 6,
+    ((-6.2, 6.2), (-3.1, 0.5), (-2.8, 2.8), (-1, 3), (0.1, 3.1), (-9, 9)),
+)
+"""Those of the UR5e, and a robot's own [rad]."""
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("make_spec", [scene_spec, dynamics_spec])
+def test_joint_limits_are_the_robots_in_radians_also_after_export(jem, make_spec, limits):
+    robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=limits))
+    spec = make_spec(jem, robot)
+    model = spec.compile()
+    for found in (model, mujoco.MjModel.from_xml_string(spec.to_xml())):
+        for limb, k in itertools.product(range(2), range(6)):
+            joint = found.joint(f"limb{limb}/joint{k + 1}")
+            np.testing.assert_allclose(joint.range, limits[k], atol=1e-4)
+            assert found.jnt_limited[joint.id] == (make_spec is scene_spec)
+
+
+def test_a_joint_meets_a_stop_only_beyond_the_robots_limits(jem):
+    robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=((-2.0, 2.0),) * 6))
+    model = scene_spec(jem, robot).compile()
+    data = mujoco.MjData(model)
+    straight = np.array([4.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
+    for angle, stops in ((1.99, 0), (-1.99, 0), (2.01, 12), (-2.01, 12)):
+        set_configuration(model, data, *straight, np.full((2, 6), angle))
+        limit = mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
+        assert np.count_nonzero(data.efc_type == limit) == stops
+
+
+def test_a_users_own_map_has_a_scene(ladder):
+    model = scene_spec(ladder, robot_spec("mlivr2")).compile()
+    assert model.site("point/R0:0") is not None
+
+
+NAMES = (
+    "body",
+    "base",
+    "limb0",
+    "limb0/flange",
+    "limb0/gripper/0",
+    "limb0/anchor",
+    "world",
+    "sky",
+    "R0",
+    "P",
+    'a<b>&"c',
+)
+
+
+def named_map():
+    """A map whose points and boxes are called like parts of the scene, and like each other."""
+    return GraspMap.from_dict(
+        {
+            "name": 'a "map" <with> marks & more',
+            "points": [
+                {
+                    "id": name,
+                    "face": "deck",
+                    "position": [0.3 * k, 0, 0],
+                    "normal": [0, 0, 1],
+                    "rail": [0, 1, 0],
+                }
+                for k, name in enumerate(NAMES)
+            ],
+            "boxes": [
+                {"id": name, "min": [k, 5, 0], "max": [k + 1, 6, 1]} for k, name in enumerate(NAMES)
+            ],
+        }
+    )
+
+
+def test_no_name_of_a_map_collides_with_one_of_the_scene():
+    spec = dynamics_spec(named_map(), robot_spec("mlivr2"))
+    model = spec.compile()
+    for k, name in enumerate(NAMES):
+        np.testing.assert_allclose(model.site(f"point/{name}").pos, [0.3 * k, 0, 0])
+        np.testing.assert_allclose(model.geom(f"box/{name}").pos, [k + 0.5, 5.5, 0.5])
+    # The robot's own shapes keep theirs.
+    assert model.geom("body").bodyid[0] == model.body("base").id
+    assert model.site("limb0/flange").bodyid[0] == model.body("limb0/wrist_3").id
+    again = mujoco.MjModel.from_xml_string(spec.to_xml())
+    assert again.ngeom == model.ngeom
+    assert again.site('point/a<b>&"c').id == model.site('point/a<b>&"c').id
+
+
+def test_a_box_that_is_there_twice_is_named(ladder):
+    box = Box.between("R0", "obstacle", (5, 5, 5), (6, 6, 6))
+    with pytest.raises(ShapeError, match="box 'R0' appears more than once"):
+        scene_spec(ladder, robot_spec("mlivr2"), [box])
+    graph = stance_graph(ladder, settings=Settings(limb_threshold=0.05))
+    with pytest.raises(ShapeError, match="a box 'R0' is there already"):
+        graph.add_obstacles([box])
+
+
+def test_contacts_name_boxes_as_the_scene_does(ladder):
+    """A box called `body` is not taken for the robot's."""
+    robot = robot_spec("mlivr2")
+    here = (np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((2, 6)))
+    box = Box.between("body", "obstacle", (-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
+    named = [
+        contact for contact in contacts(robot, [box], here, 0.0) if contact.second == "box/body"
+    ]
+    assert {"body", "limb0/base/0"} <= {contact.first for contact in named}
+    model = scene_spec(ladder, robot, [box]).compile()
+    assert all(model.geom(contact.second) is not None for contact in named)
+
+
+def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monkeypatch):
+    spec = scene_spec(ladder, robot_spec("mlivr2"))
+    spec.worldbody.add_geom(name="nothing", size=[0, 0, 0])
+    with pytest.raises(SceneError, match="MuJoCo cannot build scene 'ladder-mlivr2': .*size"):
+        compiled(spec)
+    monkeypatch.setattr("mlivr_gym.simulation.scene.scene_spec", lambda *_: spec)
+    with pytest.raises(SceneError, match="cannot build scene"):
+        SceneRenderer(ladder, robot_spec("mlivr2"))
+    monkeypatch.setenv("DISPLAY", ":0")
+    with pytest.raises(SceneError, match="cannot build scene"):
+        SceneWindow(ladder, robot_spec("mlivr2"))
+
+
+def test_pictures_show_the_robot_or_say_what_is_missing(jem, graph):
+    try:
+        renderer = SceneRenderer(jem, graph.robot, 160, 90)
+    except RenderError as error:
+        assert "MUJOCO_GL" in str(error)
+        return
+    states = [graph.state(stance) for stance in (("D1a:4", "D1b:4"), ("D2a:4", "D2a:3"))]
+    first, second = (renderer.render(*graph.configuration(state)) for state in states)
+    renderer.close()
+    assert first.shape == (90, 160, 3)
+    assert (first != second).any()
+    assert first.std() > 10
+
+
+def test_a_window_without_a_screen_is_one_clear_error(jem, graph, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(RenderError, match="needs a screen"):
+        SceneWindow(jem, graph.robot)

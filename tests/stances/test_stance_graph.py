@@ -1,0 +1,246 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from paper import NO_COLLISIONS
+
+from mlivr_gym import GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
+from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
+from mlivr_gym.kinematics.holding import base_path
+from mlivr_gym.kinematics.ur import inverse_kinematics, jacobian
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.stance_graph import join
+
+
+def steps_of(graph, state):
+    found = graph.successors(state)
+    return {
+        (int(limb), int(point)): tuple(masks.tolist())
+        for limb, point, masks in zip(found.limb, found.point, found.masks, strict=True)
+    }
+
+
+def state_of(graph, s):
+    return State(tuple(graph.points[s].tolist()), tuple(graph.mask[s].tolist()))
+
+
+def test_whole_set_and_lazy_neighbours_agree(graph):
+    lazy = LazyGraph(graph.grasp_map, graph.robot, graph.settings)
+    for s in np.random.default_rng(0).integers(0, len(graph), 12):
+        state = state_of(graph, s)
+        assert steps_of(graph, state) == steps_of(lazy, state)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        Settings(collisions=False, transitions=False),
+        Settings(collisions=False, manipulability=False),
+    ],
+)
+def test_whole_set_and_lazy_neighbours_agree_under_other_settings(small_map, settings):
+    graph = stance_graph(small_map, settings=settings)
+    lazy = LazyGraph(small_map, graph.robot, settings)
+    for s in np.random.default_rng(1).integers(0, len(graph), 10):
+        assert steps_of(graph, state_of(graph, s)) == steps_of(lazy, state_of(graph, s))
+
+
+def test_without_checks_every_pair_of_stances_that_share_a_point_is_a_step(small_map):
+    graph = stance_graph(small_map, settings=Settings(collisions=False, transitions=False))
+    stances = {tuple(p) for p in graph.points.tolist()}
+    for s in range(0, len(graph), 37):
+        a, b = graph.points[s].tolist()
+        expected = {(1, d) for c, d in stances if c == a and d != b} | {
+            (0, c) for c, d in stances if d == b and c != a
+        }
+        assert steps_of(graph, state_of(graph, s)).keys() == expected
+
+
+def test_thresholds_hold_for_every_stance(graph, kinematic_graph):
+    assert (graph.w_m >= 0.1).all()
+    assert (graph.w_b >= 0.001).all()
+    kept = (kinematic_graph.w_m >= 0.1).all(axis=1) & (kinematic_graph.w_b >= 0.001)
+    assert {tuple(p) for p in graph.points.tolist()} <= {
+        tuple(p) for p in kinematic_graph.points[kept].tolist()
+    }
+
+
+@pytest.mark.parametrize("limbs", [2, 3, 4])
+def test_a_step_can_always_be_taken_back(jem, limbs):
+    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
+    from mlivr_gym.envs.tasks import random_state
+
+    rng = np.random.default_rng(limbs)
+    state = random_state(graph, rng)
+    for _ in range(40 if limbs == 2 else 6):
+        steps = graph.successors(state)
+        assert len(steps.limb) > 0
+        k = int(rng.integers(len(steps.limb)))
+        after = list(state.stance)
+        after[steps.limb[k]] = int(steps.point[k])
+        before, state = state, State(tuple(after), tuple(steps.masks[k].tolist()))
+        assert (int(steps.limb[k]), before.stance[steps.limb[k]]) in steps_of(graph, state)
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
+    """Along the base path of a step the held grasp stays in reach on the branch, away from singularities."""
+    from mlivr_gym.envs.tasks import random_state
+
+    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
+    rng = np.random.default_rng(7)
+    for _ in range(8):
+        state = random_state(graph, rng)
+        steps = graph.successors(state)
+        k = int(rng.integers(len(steps.limb)))
+        after = list(state.stance)
+        after[steps.limb[k]] = int(steps.point[k])
+        postures = join(graph.posture(state.stance), graph.posture(after))
+        ends = (
+            postures.position[0],
+            postures.rotation[0],
+            postures.position[1],
+            postures.rotation[1],
+        )
+        pivot = graph.transition(state, after, postures).pivot
+        paths = [base_path(*ends, kind, pivot, np.linspace(0, 1, 60)) for kind in (STRAIGHT, ARC)]
+        for i in range(limbs):
+            if i == steps.limb[k]:
+                continue
+            for bit in (b for b in range(16) if steps.masks[k, i] >> b & 1):
+                assert any(keeps_branch(graph, i, after[i], bit & 7, *path) for path in paths)
+
+
+def keeps_branch(graph, limb, point, branch, positions, rotations):
+    robot, q = graph.robot, np.empty((8, 6))
+    for position, rotation in zip(positions, rotations, strict=True):
+        mount = rotation @ robot.mount_rotations[limb]
+        p = mount.T @ (
+            graph.solver.flanges[point] - position - rotation @ robot.mount_positions[limb]
+        )
+        tool = np.ascontiguousarray(mount.T @ graph.solver.tools[point])
+        if not inverse_kinematics(p, tool, robot.limb.lengths, q) >> branch & 1:
+            return False
+        if abs(np.linalg.det(jacobian(q[branch], robot.limb.lengths))) / 0.87**3 < 0.03 - 1e-9:
+            return False
+    return True
+
+
+def test_stance_faults_are_named(graph):
+    for stance, words in (
+        (("D1a:4",), "must name 2 points"),
+        ("D1a:4", "must name 2 points"),
+        (("D1a:4", "D1a:4"), "0.000 m apart"),
+        (("D1b:4", "D2a:4"), "apart; two grippers need 0.1 m"),
+        (("D1a:4", "D6b:2"), "spans 2.4 m"),
+        (("D1a:4", "Q"), "'Q'"),
+        (("D1a:4", "D2b:4"), "limb manipulability 0.0331 of limb 0 is below"),
+    ):
+        with pytest.raises(StanceError, match=words):
+            graph.state(stance)
+
+
+@pytest.mark.parametrize("name", ["limb_threshold", "base_threshold", "path_floor"])
+@pytest.mark.parametrize("value", [-0.1, float("nan"), float("inf"), "much"])
+def test_thresholds_below_zero_are_named(name, value):
+    with pytest.raises(SettingError, match=name):
+        Settings(**{name: value})
+
+
+def test_max_step_bounds_every_step(graph, jem):
+    longest = 0.0
+    for s in np.random.default_rng(3).integers(0, len(graph), 200):
+        steps = graph.successors(state_of(graph, s))
+        longest = max(longest, np.linalg.norm(steps.position - graph.position[s], axis=1).max())
+    assert longest <= graph.max_step + 1e-12
+    pairs = graph.points[:, 0][:, None] == graph.points[:, 0][None, :500]
+    far = np.linalg.norm(graph.position[:, None] - graph.position[None, :500], axis=2)[pairs]
+    assert far.max() <= graph.max_step + 1e-12
+    lazy = stance_graph(jem, "mlivr3", NO_COLLISIONS)
+    from mlivr_gym.envs.tasks import random_state
+
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        state = random_state(lazy, rng)
+        here = lazy.posture(state.stance).position[0]
+        assert np.linalg.norm(lazy.successors(state).position - here, axis=1).max() <= lazy.max_step
+
+
+def test_configuration_reaches_every_held_point(graph):
+    from mlivr_gym.kinematics.ur import forward_kinematics
+
+    state = graph.state(("D1a:4", "D1b:4"))
+    position, quaternion, joints = graph.configuration(state)
+    from scipy.spatial.transform import Rotation
+
+    base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    for i, point in enumerate(state.stance):
+        frame = forward_kinematics(joints[i], graph.robot.limb.lengths)[6]
+        tip = frame[:3, 3] + graph.robot.tool_length * frame[:3, 2]
+        world = position + base @ (
+            graph.robot.mount_positions[i] + graph.robot.mount_rotations[i] @ tip
+        )
+        np.testing.assert_allclose(world, graph.grasp_map.positions[point], atol=1e-9)
+
+
+def test_narrow_joint_limits_take_steps_away_and_agree_with_lazy_neighbours(small_map):
+    limits = ((-np.pi, np.pi),) * 6
+    robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=limits))
+    wide, narrow = (
+        stance_graph(small_map, settings=NO_COLLISIONS),
+        stance_graph(small_map, robot, NO_COLLISIONS),
+    )
+    lazy = LazyGraph(small_map, robot, NO_COLLISIONS)
+    fewer = 0
+    for s in np.random.default_rng(5).integers(0, len(narrow), 12):
+        state = state_of(narrow, s)
+        ours = steps_of(narrow, state)
+        assert ours == steps_of(lazy, state)
+        full = steps_of(wide, state_of(wide, wide.find(state.stance)))
+        for step, masks in ours.items():
+            assert all(m & ~f == 0 for m, f in zip(masks, full[step], strict=True))
+        fewer += sum(bin(m).count("1") for f in full.values() for m in f) - sum(
+            bin(m).count("1") for f in ours.values() for m in f
+        )
+    assert fewer > 0
+
+
+def test_a_smaller_arm_works_with_its_own_heights(ladder):
+    """UR3e lengths, published by the manufacturer."""
+    arm = Limb(d1=0.15185, a2=-0.24355, a3=-0.2132, d4=0.13105, d5=0.08535, d6=0.0921)
+    robot = replace(
+        robot_spec("mlivr2"), name="small", limb=arm, heights=(0.3, 0.35, 0.4), span=1.4
+    )
+    graph = stance_graph(
+        ladder,
+        robot,
+        Settings(collisions=False, limb_threshold=0.01, base_threshold=0.0, path_floor=0.002),
+    )
+    assert len(graph) > 10
+
+
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
+@pytest.mark.parametrize("apart", [None, 0.05, 2.5])
+def test_a_map_without_two_points_to_hold_at_once_is_refused(robot, apart):
+    point = {
+        "id": "P",
+        "face": "deck",
+        "position": [0, 0, 0],
+        "normal": [0, 0, 1],
+        "rail": [1, 0, 0],
+    }
+    other = [] if apart is None else [point | {"id": "Q", "position": [0, apart, 0]}]
+    with pytest.raises(RobotError, match="no two of its points are between 0.1 m and 2.4 m apart"):
+        stance_graph(GraspMap.from_dict({"points": [point, *other]}), robot)
+
+
+def test_a_map_with_too_many_pairs_of_points_is_refused_before_they_are_made(jem):
+    words = r"map 'jem' has 42\d{5} pairs of points within the span of 2.4 m; at most 2000000"
+    with pytest.raises(MapError, match=words):
+        stance_graph(jem_map(spacing=0.02))
+
+
+def test_thresholds_that_no_stance_meets_are_named(ladder):
+    with pytest.raises(RobotError, match="none meets w_m >= 0.5"):
+        stance_graph(ladder, settings=Settings(collisions=False, limb_threshold=0.5))

@@ -1,0 +1,135 @@
+"""Independent truth about distances: MuJoCo puts the shapes in place, coal measures."""
+
+import itertools
+from contextlib import contextmanager
+
+import coal
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Box, GraspMap
+from mlivr_gym.simulation.scene import scene_spec, set_configuration
+
+REQUEST = coal.DistanceRequest()
+PLATE, ROD = (1.5, 1.5, 0.0005), (0.0005, 0.3, 0.0005)
+"""Half edges of thin obstacles [m]."""
+
+
+def solid(box):
+    """A box for coal, and where it is."""
+    where = coal.Transform3s(np.array(box.rotation), np.array(box.centre))
+    return coal.Box(*(2.0 * np.array(box.half))), where
+
+
+def capsule(radius, start, end):
+    """A capsule for coal, and where it is."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    turn = np.eye(3)
+    if length > 1e-6:
+        turn = Rotation.align_vectors([along / length], [[0.0, 0.0, 1.0]])[0].as_matrix()
+    return coal.Capsule(float(radius), length), coal.Transform3s(turn, 0.5 * (start + end))
+
+
+def in_front(point, direction, gap, half):
+    """A thin box whose face is `gap` in front of a point, across a direction."""
+    turn = Rotation.align_vectors([direction], [[0.0, 0.0, 1.0]])[0].as_matrix()
+    return Box("thin", "obstacle", tuple(point + (gap + half[2]) * direction), half, Box.rows(turn))
+
+
+def apart(first, second):
+    """Distance of two placed shapes [m], negative where they overlap."""
+    return coal.distance(*first, *second, REQUEST, coal.DistanceResult())
+
+
+def mujoco_pairs(model):
+    """Names of the geoms that MuJoCo compares, as sorted pairs.
+
+    With a margin beyond every distance all of them are in contact.
+    """
+    kept = model.geom_margin.copy(), model.opt.disableflags
+    model.geom_margin[:] = 100.0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
+    data = mujoco.MjData(model)
+    data.qpos[:] = model.qpos0 + 0.3
+    mujoco.mj_forward(model, data)
+    model.geom_margin[:], model.opt.disableflags = kept
+    names = [model.geom(g).name for g in range(model.ngeom)]
+    return {tuple(sorted((names[a], names[b]))) for a, b in data.contact.geom[: data.ncon]}
+
+
+class Ruler:
+    """Least distances of a robot's shapes, which MuJoCo places, from each other and from boxes."""
+
+    def __init__(self, robot, boxes=()):
+        self.model = scene_spec(GraspMap.from_dict({"segments": [FLOOR]}), robot).compile()
+        self.data = mujoco.MjData(self.model)
+        names = [self.model.geom(g).name for g in range(self.model.ngeom)]
+        own = ("body", "limb")
+        self.shapes = {g: name for g, name in enumerate(names) if name.startswith(own)}
+        self.geoms, self.radii = {}, {}
+        for g, name in self.shapes.items():
+            size = self.model.geom_size[g]
+            cube = name == "body"
+            edges = 2.0 * size
+            self.geoms[g] = coal.Box(*edges) if cube else coal.Capsule(size[0], edges[1])
+            self.radii[g] = np.linalg.norm(size) if cube else size[0] + size[1]
+        compared = mujoco_pairs(self.model)
+        pairs = itertools.combinations(self.shapes, 2)
+        self.pairs = [(a, b) for a, b in pairs if tuple(sorted((names[a], names[b]))) in compared]
+        self.among(boxes)
+
+    def among(self, boxes):
+        """This ruler with other boxes."""
+        self.boxes, self.solids = tuple(boxes), [solid(box) for box in boxes]
+        self.bounds = np.array([box.bounds for box in boxes]).reshape(-1, 2, 3)
+        return self
+
+    def measured(self, configuration, grasps=(), beyond=0.1):
+        """Distances below `beyond` [m] with the names of both shapes, the least first.
+
+        Left out are pairs that MuJoCo leaves out, and grippers with what lies behind the surface
+        they are at; `grasps` are limb, point and normal.
+        """
+        set_configuration(self.model, self.data, *configuration)
+        where, turned = self.data.geom_xpos.copy(), self.data.geom_xmat.reshape(-1, 3, 3).copy()
+        placed = {g: (self.geoms[g], coal.Transform3s(turned[g], where[g])) for g in self.shapes}
+        found = []
+        for a, b in self.pairs:
+            if np.linalg.norm(where[a] - where[b]) < self.radii[a] + self.radii[b] + beyond:
+                found.append((apart(placed[a], placed[b]), self.shapes[a], self.shapes[b]))
+        at_grasp = {f"limb{limb}/gripper": (point, normal) for limb, point, normal in grasps}
+        for g, name in self.shapes.items():
+            away = where[g] - np.clip(where[g], self.bounds[:, 0], self.bounds[:, 1])
+            for k in np.flatnonzero((away**2).sum(axis=1) < (self.radii[g] + beyond) ** 2):
+                grasp = at_grasp.get(name.rsplit("/", 1)[0])
+                if grasp is None or not behind(self.boxes[k], *grasp):
+                    found.append((apart(placed[g], self.solids[k]), name, self.boxes[k].id))
+        return sorted(entry for entry in found if entry[0] < beyond)
+
+
+FLOOR = {"id": "R", "face": "deck", "start": [-0.4, 0, 0], "end": [0.4, 0, 0], "normal": [0, 0, 1]}
+
+
+def behind(box, point, normal):
+    """Whether no corner of a box stands out of a surface by more than 2 mm."""
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    corners = np.array(box.centre) + signs * box.half @ np.array(box.rotation).T
+    return ((corners - point) @ normal).max() <= 2e-3
+
+
+def grasps_of(graph, points):
+    """Limb, point and normal of limbs at grasps; `points` are pairs of limb and point index."""
+    solver = graph.solver
+    return [(limb, solver.points[point], solver.normals[point]) for limb, point in points]
+
+
+@contextmanager
+def obstacles(graph, *boxes):
+    """A graph with boxes in the way for a while."""
+    graph.add_obstacles(boxes)
+    try:
+        yield
+    finally:
+        graph.remove_obstacles()

@@ -1,0 +1,41 @@
+"""Independent truth: a Pinocchio model built from the manufacturer's DH table."""
+
+import numpy as np
+import pinocchio as pin
+
+ALPHAS = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
+
+
+def pinocchio_arm(limb):
+    """Model of one arm; frame "flange" is DH frame 6."""
+    model = pin.Model()
+    offsets = (
+        (limb.d1, 0.0),
+        (0.0, limb.a2),
+        (0.0, limb.a3),
+        (limb.d4, 0.0),
+        (limb.d5, 0.0),
+        (limb.d6, 0.0),
+    )
+    placement, parent = pin.SE3.Identity(), 0
+    for k, ((d, a), alpha) in enumerate(zip(offsets, ALPHAS, strict=True)):
+        parent = model.addJoint(parent, pin.JointModelRZ(), placement, f"joint{k + 1}")
+        placement = pin.SE3(pin.utils.rotate("x", alpha), np.array([a, 0.0, d]))
+    model.addFrame(pin.Frame("flange", parent, placement, pin.FrameType.OP_FRAME))
+    return model
+
+
+def flange(model, q):
+    """Flange pose and its Jacobian in base axes, linear rows first."""
+    data = model.createData()
+    frame = model.getFrameId("flange")
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    jacobian = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+    return data.oMf[frame].homogeneous, jacobian
+
+
+def volume(jacobian):
+    """|det J|; factors below 1e-300 are zero and no matter for a warning."""
+    with np.errstate(all="ignore"):
+        return abs(np.nan_to_num(np.linalg.det(jacobian)))

@@ -1,0 +1,140 @@
+"""The rule of imports, and the sizes that keep a file readable; all told from parsed sources."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import networkx
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "mlivr_gym"
+
+LAYERS = (
+    {"experiments"},
+    {"cli"},
+    {"agents"},
+    {"envs"},
+    {"pictures"},
+    {"planners", "simulation"},
+    {"motion", "paper"},
+    {"stances"},
+    {"transitions"},
+    {"postures"},
+    {"collisions"},
+    {"robot"},
+    {"world"},
+    {"kinematics", "arrays", "settings", "files"},
+    {"values"},
+    {"compiled", "errors"},
+    {"envs_assets", "_version", "_headless"},
+)
+"""From the top down; what stands in one line does not import its neighbours either."""
+
+LEVEL = {name: len(LAYERS) - k for k, line in enumerate(LAYERS) for name in line}
+MOST_LINES, MOST_STATEMENT_LINES, MOST_PARAMETERS, WIDTH = 400, 60, 6, 100
+
+
+def sources():
+    folders = [
+        PACKAGE,
+        ROOT / "planners",
+        ROOT / "agents",
+        ROOT / "envs_assets",
+        ROOT / "experiments",
+    ]
+    paths = {path.resolve() for folder in folders for path in folder.rglob("*.py")}
+    return sorted(paths)
+
+
+@cache
+def tree_of(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def module_of(path):
+    """Name of a module below `mlivr_gym`; planners, agents and assets lie at the top of the repository."""
+    base = PACKAGE if path.is_relative_to(PACKAGE) else ROOT
+    parts = path.relative_to(base).with_suffix("").parts
+    return ".".join(part for part in parts if part != "__init__")
+
+
+def imports_of(path):
+    """Modules of the project that a file imports anywhere, for types alone too."""
+    known = {module_of(other) for other in sources()}
+    found = set()
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            found.add(node.module)
+            found.update(f"{node.module}.{alias.name}" for alias in node.names)
+    inside = {name.removeprefix("mlivr_gym.") for name in found if name.startswith("mlivr_gym.")}
+    return inside & known
+
+
+def functions(path):
+    """Functions of a file, the outermost of nested ones, with their class."""
+    for node in tree_of(path).body:
+        if isinstance(node, ast.FunctionDef):
+            yield node.name, node, False
+        elif isinstance(node, ast.ClassDef):
+            for inner in node.body:
+                if isinstance(inner, ast.FunctionDef):
+                    yield f"{node.name}.{inner.name}", inner, True
+
+
+def is_kernel(node):
+    names = {part.id for part in node.decorator_list if isinstance(part, ast.Name)}
+    return bool(names & {"kernel", "allocating_kernel"})
+
+
+@pytest.mark.parametrize("path", sources(), ids=module_of)
+def test_imports_run_downwards_only(path):
+    module = module_of(path)
+    if not module:
+        return  # the top of the package collects what users import from it
+    here = module.split(".")[0]
+    upward = [
+        other
+        for other in imports_of(path)
+        if other.split(".")[0] != here and LEVEL[other.split(".")[0]] >= LEVEL[here]
+    ]
+    assert not upward, f"{module} imports {', '.join(sorted(upward))}"
+
+
+def test_no_circle():
+    graph = networkx.DiGraph()
+    for path in sources():
+        graph.add_edges_from((module_of(path), other) for other in imports_of(path))
+    circles = [
+        sorted(part) for part in networkx.strongly_connected_components(graph) if len(part) > 1
+    ]
+    assert not circles
+
+
+@pytest.mark.parametrize("path", sources(), ids=module_of)
+def test_files_and_functions_are_short(path):
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= MOST_LINES
+    wide = [k for k, line in enumerate(lines, 1) if len(line) > WIDTH]
+    assert not wide, f"lines above {WIDTH} characters: {wide}"
+    long = {
+        name: node.end_lineno - node.lineno + 1
+        for name, node, _ in functions(path)
+        if node.end_lineno - node.lineno + 1 > MOST_STATEMENT_LINES and not is_kernel(node)
+    }
+    assert not long
+
+
+@pytest.mark.parametrize("path", sources(), ids=module_of)
+def test_functions_take_few_parameters(path):
+    many = {}
+    for name, node, method in functions(path):
+        if is_kernel(node) or name.endswith("__init__"):
+            continue
+        count = len(node.args.posonlyargs) + len(node.args.args) - method
+        if count > MOST_PARAMETERS:
+            many[name] = count
+    assert not many

@@ -1,0 +1,272 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlivr_gym import GraspMap, MlivrError, jem_map
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.errors import GoalError, MapError, SettingError, UnknownPointError
+
+
+def test_the_measured_map_has_331_of_414_points(jem):
+    assert len(jem) == 331
+    assert len(jem.segments) == 46
+    assert len(jem.handrails) == 18
+    on_tracks = {f"{segment.id}:{k}" for segment in jem.segments for k in range(9)}
+    assert len(on_tracks) == 414
+    assert set(jem.ids) < on_tracks
+
+
+@pytest.mark.parametrize(("clearance", "left_out"), [(0.0, 39), (0.03, 83), (0.06, 89), (0.10, 99)])
+def test_points_left_out_at_handrails_match_the_measured_counts(clearance, left_out):
+    assert 414 - len(jem_map(clearance=clearance)) == left_out
+
+
+def test_points_lie_on_their_tracks_with_outward_normals(jem):
+    centre = jem.positions.mean(axis=0)
+    for point, position, rotation in zip(jem.ids, jem.positions, jem.rotations, strict=True):
+        segment = next(s for s in jem.segments if s.id == point.split(":")[0])
+        start, end = np.array(segment.start), np.array(segment.end)
+        along = (end - start) / np.linalg.norm(end - start)
+        assert np.linalg.norm(np.cross(position - start, along)) < 1e-9
+        assert 0 < (position - start) @ along < np.linalg.norm(end - start)
+        np.testing.assert_allclose(rotation[:, 0], along, atol=1e-9)
+        assert (centre - position) @ rotation[:, 2] > 0.5
+
+
+def test_spacing_is_a_parameter(jem):
+    dense = jem_map(spacing=0.1)
+    assert max(int(point.split(":")[1]) for point in dense.ids) == 16
+    assert {tuple(p) for p in jem.positions.round(9)} <= {
+        tuple(p) for p in dense.positions.round(9)
+    }
+
+
+def test_sparse_map_halves_the_points_and_clears_the_deck(jem):
+    sparse = jem.sparse(3, keep=("D1a:4",), clear_deck=(1.5, 6.0))
+    assert sparse.ids == jem.sparse(3, keep=("D1a:4",), clear_deck=(1.5, 6.0)).ids
+    assert len(jem.sparse(3)) == len(jem) // 2
+    deck = [sparse.positions[i, 0] for i, face in enumerate(sparse.faces) if face == "deck"]
+    assert all(not 1.5 < x < 6.0 for x in deck)
+    assert "D1a:4" in sparse.ids
+
+
+POINT = {"id": "P", "face": "deck", "position": [0, 0, 0], "normal": [0, 0, 1], "rail": [1, 0, 0]}
+
+
+SEGMENT = {"id": "S", "face": "aft", "start": [0, 1, 0], "end": [0, 1, 1], "normal": [0, -1, 0]}
+
+RAIL = {"id": "H", "face": "deck", "min": [4, 0, 0], "max": [5, 1, 1]}
+
+BOX = {"id": "B", "min": [6, 0, 0], "max": [7, 1, 1]}
+
+
+def test_points_and_segments_load_from_a_file(tmp_path):
+    path = tmp_path / "map.json"
+    path.write_text(json.dumps({"points": [POINT], "segments": [SEGMENT], "spacing": 0.25}))
+    loaded = GraspMap.load(path)
+    assert loaded.ids == ("P", "S:0", "S:1", "S:2", "S:3", "S:4")
+    assert loaded.name == "map"
+    assert loaded.fingerprint != jem_map().fingerprint
+
+
+def test_rounding_does_not_make_another_map(jem):
+    """The last digits of turned boxes differ between machines; a plan made on one must serve on the other."""
+    nudged = [
+        replace(box, centre=tuple(value + 1e-13 for value in box.centre)) for box in jem.boxes
+    ]
+    moved = [
+        replace(jem.boxes[0], half=tuple(1.01 * value for value in jem.boxes[0].half)),
+        *jem.boxes[1:],
+    ]
+    same, other = (replace(jem, boxes=tuple(boxes)) for boxes in (nudged, moved))
+    assert same.fingerprint == jem.fingerprint != other.fingerprint
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"normal": [0, 0, 2]}, "'P': normal"),
+        ({"position": [0, float("nan"), 0]}, "'P': position"),
+        ({"rail": [0, 0, 1]}, "'P': the rail"),
+        ({"rail": [0, 0, 0]}, "'P': the rail"),
+        ({"face": "cellar"}, "'cellar'"),
+        ({"id": ""}, "number 0"),
+        ({"position": [0, 0]}, "'P': position"),
+        ({"position": "here"}, "'P': position"),
+    ],
+)
+def test_a_fault_of_a_point_names_the_entry(change, words):
+    with pytest.raises(MapError, match=words):
+        GraspMap.from_dict({"points": [POINT | change]})
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({}, "no graspable point"),
+        ([], "JSON object"),
+        ({"points": {}}, "points must be a list"),
+        ({"points": [POINT, POINT]}, "'P' appears more than once"),
+        ({"points": [POINT], "cabin": {"min": [0, 0, 0], "max": [0, 1, 1]}}, "min below max"),
+        ({"points": [POINT], "cabin": 3}, "cabin"),
+        ({"segments": [{"id": "S", "face": "deck", "start": [0, 0, 0]}]}, "'end' is missing"),
+        ({"points": [POINT], "spacing": "wide"}, "spacing is 'wide'"),
+        ({"points": [POINT], "spacing": 10**400}, "spacing is"),
+        ({"points": [POINT | {"position": [10**400, 0, 0]}]}, "'P': position"),
+        ({"points": [POINT | {"position": [True, True, True]}]}, "'P': position"),
+        ({"points": [POINT | {"id": "\ud800"}]}, r"point number 0: 'id' is '.ud800'; .*printable"),
+        ({"points": [POINT], "name": "\ud800"}, "name of the map"),
+        ({"points": [POINT], "name": 7}, "name of the map is 7"),
+        ({"points": [POINT], "scene": True}, "scene must be an object, not True"),
+        (
+            {"points": [POINT], "scene": {"panel_planes": 1}},
+            "scene.panel_planes must be an object, not 1",
+        ),
+        (
+            {"points": [POINT], "scene": {"panel_planes": {"deck_z": "low"}}},
+            "scene.panel_planes.deck_z is 'low'",
+        ),
+        ({"points": [POINT], "racks": 3}, "racks must be a list"),
+        (
+            {"points": [POINT], "handrails": [RAIL | {"axis": "w"}]},
+            "'H': unknown axis 'w'; valid axes are x, y, z",
+        ),
+        ({"segments": [SEGMENT | {"width": "wide"}]}, "'S': width is 'wide'"),
+        (
+            {"points": [POINT], "boxes": [BOX], "handrails": [RAIL | {"id": "B"}]},
+            "box 'B' appears more than once",
+        ),
+        ({"segments": [SEGMENT], "boxes": [BOX | {"id": "S"}]}, "box 'S' appears more than once"),
+    ],
+)
+def test_a_fault_of_a_map_is_named(data, words):
+    with pytest.raises(MapError, match=words):
+        GraspMap.from_dict(data)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({"points": [POINT | {"position": [0, 0, 5230.0]}]}, "'P': position"),
+        ({"points": [POINT | {"position": [0, 0, 1e308]}]}, "'P': position"),
+        ({"segments": [SEGMENT | {"end": [0, 1, 1752.6]}]}, "'S': end"),
+        ({"points": [POINT], "boxes": [BOX | {"max": [1900.0, 1, 1]}]}, "'B': max"),
+        (
+            {"points": [POINT], "boxes": [{"id": "B", "centre": [0, 0, 0], "half": [1, 1, 1e200]}]},
+            "'B': half",
+        ),
+        ({"points": [POINT], "handrails": [RAIL | {"min": [-1e19, 0, 0]}]}, "'H': min"),
+        ({"points": [POINT], "cabin": {"min": [0, 0, 0], "max": [9593, 1, 1]}}, "cabin: max"),
+    ],
+)
+def test_a_map_in_millimetres_is_told_so(data, words):
+    with pytest.raises(MlivrError, match=f"{words} is .*beyond 1000 m; .*millimetres"):
+        GraspMap.from_dict(data)
+
+
+def test_every_figure_of_the_scene_is_needed_and_named():
+    """A hole or a fault anywhere in the figures of the JEM is one error that says where."""
+    jem = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
+
+    def places(found, path):
+        for key, value in found.items():
+            yield (*path, key)
+            if isinstance(value, dict):
+                yield from places(value, (*path, key))
+
+    unused = {"rack_post_section", "jlp_hatch_ring", "end_bulkhead_x", "inner_hatch_diameter"}
+    seen = 0
+    for path in places(jem["scene"], ()):
+        if unused & set(path) or path == ("panel_planes",):
+            continue
+        for fault in (None, "far", [], {"a": 1}, 1e7):
+            data = json.loads(json.dumps(jem))
+            place = data["scene"]
+            for key in path[:-1]:
+                place = place[key]
+            if fault is None:
+                del place[path[-1]]
+            else:
+                place[path[-1]] = fault
+            with pytest.raises(MapError, match=r"scene\." + r"\.".join(path)):
+                GraspMap.from_dict(data)
+            seen += 1
+    assert seen > 80
+
+
+@pytest.mark.parametrize(
+    "change", [{"face": "port"}, {"id": "\ud800"}, {"x_centre": "far"}, {"run_centre": None}, 3]
+)
+def test_a_faulty_rack_is_named(change):
+    jem = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
+    jem["racks"][4] = change if change == 3 else jem["racks"][4] | change
+    with pytest.raises(MlivrError, match=r"racks\[4\]|id of a box"):
+        GraspMap.from_dict(jem)
+
+
+@pytest.mark.parametrize("spacing", [1e-300, 1e-9, 1e-7, 1e-6])
+def test_too_small_a_spacing_is_refused_before_the_points_are_made(spacing):
+    for make in (
+        lambda: GraspMap.from_dict({"segments": [SEGMENT], "spacing": spacing}),
+        lambda: jem_map(spacing=spacing),
+    ):
+        with pytest.raises(MapError, match="at most 100000; take a larger spacing"):
+            make()
+
+
+def test_points_at_handrails_are_left_out_as_one_by_one(jem):
+    """The definition, point by point and rail by rail, on every point of the tracks."""
+    every = jem_map(clearance=0.0)
+    data = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
+    bare = GraspMap.from_dict(data | {"handrails": []})
+    for clearance, kept in ((0.0, every), (0.03, jem)):
+        left = []
+        for point, face, position, turn in zip(
+            bare.ids, bare.faces, bare.positions, bare.rotations, strict=True
+        ):
+            width = next(s.width for s in bare.segments if s.id == point.split(":")[0])
+            reach = clearance + 0.5 * width * np.abs(turn[:, 1])
+            plane = np.abs(turn[:, 2]) < 0.5
+            blocked = any(
+                rail.face == face
+                and ((rail.min - reach <= position) & (position <= rail.max + reach))[plane].all()
+                for rail in jem.handrails
+            )
+            left += [] if blocked else [point]
+        assert tuple(left) == kept.ids
+
+
+def test_missing_and_broken_files_are_named(tmp_path):
+    with pytest.raises(MapError, match="nowhere"):
+        GraspMap.load(tmp_path / "nowhere.json")
+    broken = tmp_path / "broken.json"
+    broken.write_text("{")
+    with pytest.raises(MapError, match=r"broken\.json"):
+        GraspMap.load(broken)
+    faulty = tmp_path / "faulty.json"
+    faulty.write_text(json.dumps({"points": [POINT | {"face": "cellar"}]}))
+    with pytest.raises(MapError, match=r"faulty\.json.*'cellar'"):
+        GraspMap.load(faulty)
+
+
+@pytest.mark.parametrize("spacing", [0.0, -1.0, float("nan"), float("inf")])
+def test_spacing_must_be_above_zero(spacing):
+    with pytest.raises(SettingError, match="spacing"):
+        jem_map(spacing=spacing)
+
+
+def test_goals_are_checked(jem):
+    np.testing.assert_array_equal(jem.check_goal((6.0, 0.0, 0.42)), [6.0, 0.0, 0.42])
+    for goal in ((60, 0, 0), (1, 2), ("a", 0, 0), (float("nan"), 0, 0)):
+        with pytest.raises(GoalError, match="goal"):
+            jem.check_goal(goal)
+
+
+def test_unknown_points_are_named(jem):
+    with pytest.raises(UnknownPointError, match="'X9:9'.*331 points.*D1a:0"):
+        jem.index("X9:9")
+    with pytest.raises(UnknownPointError, match="331"):
+        jem.index(331)
+    assert issubclass(UnknownPointError, MlivrError)
