@@ -52,7 +52,7 @@ class Evaluation:
     first_decision: Array
     decision: Array
     failed_grasps: NDArray[np.int64]
-    carried_out: Array
+    executed: Array
 
     @property
     def success_rate(self) -> float:

@@ -33,7 +33,7 @@ def point_features(
     positions: Array, normals: Array, free: NDArray[np.bool_], risk: Array, base: Array,
     rotation: Array, stance: NDArray[np.int64],
     goal: Array, tolerance: float, legal: NDArray[np.bool_], after: Array, reach: Array,
-    onward: NDArray[np.bool_],
+    releasable_after: NDArray[np.bool_],
 ) -> Features:  # fmt: skip
     """Features of k states with N limbs on m points, all in the robot's frame.
 
@@ -71,7 +71,7 @@ def point_features(
     seen[..., 1] = legal
     state, limb, point = np.nonzero(legal)
     moved = after[state, limb, point] - base[state]
-    seen[..., 5], seen[..., 6:] = legal & onward, reach
+    seen[..., 5], seen[..., 6:] = legal & releasable_after, reach
     seen[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
     toward = np.einsum("ij,ijk->ik", goal - base, rotation)
     distance = np.linalg.norm(toward, axis=1, keepdims=True)
@@ -124,13 +124,13 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     k, limbs, m = len(states), graph.limbs, len(graph.grasp_map)
     base, rotation = np.empty((k, 3)), np.empty((k, 3, 3))
     legal, after = np.zeros((k, limbs, m), dtype=np.bool_), np.zeros((k, limbs, m, 3))
-    onward = np.ones((k, limbs, m), dtype=np.bool_)
+    releasable_after = np.ones((k, limbs, m), dtype=np.bool_)
     for row, state in enumerate(states):
         steps, posture = env.moves.successors(state), graph.posture_of(state)
         base[row], rotation[row] = posture.position[0], posture.rotation[0]
         legal[row, steps.limb, steps.point] = True
         after[row, steps.limb, steps.point] = steps.position
-        onward[row, steps.limb, steps.point] = env.moves.onward(state, steps)
+        releasable_after[row, steps.limb, steps.point] = env.moves.releasable_after(state, steps)
     free = np.ones(m, dtype=np.bool_)
     free[list(graph.occupied)] = False
     return point_features(
@@ -138,7 +138,7 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
         rotation,
         np.array([state.stance for state in states]), np.tile(env.goal, (k, 1)), env.goal_tolerance,
         legal, after,
-        reach_of_points(graph, env.goal)[None], onward,
+        reach_of_points(graph, env.goal)[None], releasable_after,
     )  # fmt: skip
 
 
@@ -171,8 +171,8 @@ class TableFeatures:
         """
         k, m = len(stances), len(self.grasp_map)
         legal, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
-        onward = np.zeros((k, 2, m), dtype=np.int8)
-        legal_places(stances, masks, tables, legal, after, onward)
+        releasable_after = np.zeros((k, 2, m), dtype=np.int8)
+        legal_places(stances, masks, tables, legal, after, releasable_after)
         free = np.ones(m, dtype=np.bool_) if free is None else free
         legal &= free[..., None, :]
         return point_features(
@@ -180,7 +180,7 @@ class TableFeatures:
             tables.position[stances],
             self.rotation[stances], tables.points[stances].astype(np.int64), goals, self.tolerance,
             legal.view(np.bool_),
-            after, reach, onward.view(np.bool_),
+            after, reach, releasable_after.view(np.bool_),
         )  # fmt: skip
 
 

@@ -41,11 +41,11 @@ def check_all(
     lengths: Array,
     mounts: Array,
     places: Array,
-    bodies: Any,
+    collision_model: Any,
     out: Any,
 ) -> None:
     """Whether each of many configurations of a two-limb robot touches something; grippers are compared with all boxes."""
-    shapes, _, _, fixed, world, clearance, body = bodies
+    shapes, _, _, fixed, world, clearance, body = collision_model
     count = len(shapes[0])
     ends, moved, still = np.empty((2, count, 2, 3)), np.empty((count, 2, 3)), np.zeros((count, 2))
     frames, shift, spin = np.empty((7, 4, 3)), np.zeros((5, 4)), np.zeros((5, 7))
@@ -110,9 +110,9 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
         solver.mount_rotations,
         solver.mount_positions,
     )
-    check_all(*given, solver.bodies.arrays, out)
+    check_all(*given, solver.collision_model.arrays, out)
     began = time.perf_counter()
-    check_all(*given, solver.bodies.arrays, out)
+    check_all(*given, solver.collision_model.arrays, out)
     ours = time.perf_counter() - began
     model = scene_spec(graph.grasp_map, robot).compile()
     data = mujoco.MjData(model)

@@ -203,7 +203,7 @@ def one_step(graph: PairGraph, s0: int, s1: int, held: int) -> Plan | None:
     rotations = [Rotation.from_matrix(r).as_quat(scalar_first=True) for r in postures.rotation]
     return Plan(
         stances=tuple(graph.ids(stance) for stance in stances),
-        actions=((1 - held, parts.steps[0].lands),),
+        actions=((1 - held, parts.steps[0].to_point),),
         steps=parts.steps, base_positions=postures.position, base_quaternions=np.array(rotations),
         joint_positions=parts.joints, branches=parts.branches, w_m=parts.w_m, w_b=parts.w_b,
         goal=(0.0, 0.0, 0.0),
@@ -375,7 +375,7 @@ def _departures(
     """Angles above its point on each branch on which a limb can depart, while the other holds on `branch`."""
     solver, robot, other = graph.solver, graph.robot, 1 - limb
     point, grasp = stance[limb], stance[other]
-    shapes, gripper, _, fixed, world, clearance, _ = solver.bodies.arrays
+    shapes, gripper, _, fixed, world, clearance, _ = solver.collision_model.arrays
     mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
     placed = np.empty((1, len(shapes[0]), 2, 3))
     place_branches(

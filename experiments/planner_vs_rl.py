@@ -111,7 +111,7 @@ def record(result: Evaluation, ids: Sequence[int]) -> dict[str, Any]:
         for name in ("base_translation", "first_decision", "decision")
     }
     data |= {name: getattr(result, name).tolist() for name in ("success", "steps", "failed_grasps")}
-    data["carried_out"] = [None if np.isnan(value) else bool(value) for value in result.carried_out]
+    data["carried_out"] = [None if np.isnan(value) else bool(value) for value in result.executed]
     return data | {"tasks": list(ids)}
 
 

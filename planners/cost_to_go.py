@@ -122,8 +122,8 @@ def backward(
                     continue
             # Where the limb that holds landed here, the other came holding and must be able to let
             # go.
-            land = released[s, held] & 0xFFFF if check else mask[s, held]
-            first = new & land != 0 and done[s, held, 0] & land == 0
+            releasable = released[s, held] & 0xFFFF if check else mask[s, held]
+            first = new & releasable != 0 and done[s, held, 0] & releasable == 0
             done[s, held, 0] |= new
             for b in range(16):
                 if new >> b & 1:

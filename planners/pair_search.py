@@ -160,31 +160,31 @@ def search(
         s, moved = node[item] // 3, node[item] % 3
         above = parent[item]
         if moved == 2:
-            left = np.int64(0)
+            kept = np.int64(0)
             full = True
         else:
             held = 1 - moved
-            left = mask[s, held]
+            kept = mask[s, held]
             if check:
-                if closed[s, moved] & left == left:
+                if closed[s, moved] & kept == kept:
                     continue
                 if above < 0:
-                    left = seeds[-1 - above, 2]
+                    kept = seeds[-1 - above, 2]
                 else:
                     before, last = out_node[above] // 3, out_node[above] % 3
-                    left = edge_entry(held, before, s, edges) & 0xFFFF
+                    kept = edge_entry(held, before, s, edges) & 0xFFFF
                     if last == moved:
-                        left &= out_mask[above]
+                        kept &= out_mask[above]
                     elif last == held:
-                        left &= released[before, held]
+                        kept &= released[before, held]
                         if not out_mask[above] & released[before, moved] & 0xFFFF:
                             continue
-            if left & ~closed[s, moved] == 0:
+            if kept & ~closed[s, moved] == 0:
                 continue
-            full = left == mask[s, held]
+            full = kept == mask[s, held]
             if check and ready[s, held]:
-                full = released[s, held] & 0xFFFF & ~left == 0
-            closed[s, moved] |= left
+                full = released[s, held] & 0xFFFF & ~kept == 0
+            closed[s, moved] |= kept
         if full and moved < 2:
             # A limb that landed here instead would be on branches that the one that holds has now.
             closed[s, 1 - moved] |= released[s, moved] & 0xFFFF if check else mask[s, moved]
@@ -198,7 +198,7 @@ def search(
         cost = g[item]
         out_node[here], out_mask[here], out_parent[here], out_g[here] = (
             3 * s + moved,
-            left,
+            kept,
             max(above, -1),
             cost,
         )
@@ -218,11 +218,11 @@ def search(
             point = points[s, holds]
             mine, sure = mask[s, holds], True
             if moved == limb:
-                mine = left
+                mine = kept
             elif moved == holds and check:
                 mine &= released[s, holds]
                 sure = ready[s, limb]
-                if sure and not left & released[s, limb] & 0xFFFF:
+                if sure and not kept & released[s, limb] & 0xFFFF:
                     continue
             first = offset[holds, point] + local[holds, s] * degree[holds, point]
             for k in range(row_start[holds, point], row_start[holds, point + 1]):

@@ -286,7 +286,7 @@ class Planner:
         ids = self.graph.ids
         plan = Plan(
             stances=tuple(ids(state.stance) for state in path.states),
-            actions=tuple((step.limb, step.lands) for step in parts.steps),
+            actions=tuple((step.limb, step.to_point) for step in parts.steps),
             steps=parts.steps,
             base_positions=path.postures.position,
             base_quaternions=np.array([quaternion(r) for r in path.postures.rotation]),

@@ -60,15 +60,17 @@ def relax(goal, step_cost, base_cost, tables, value, landed, queue, queued):
                 for axis in range(3):
                     square += (tables.position[s, axis] - tables.position[s2, axis]) ** 2
                 cost = step_cost[point] + base_cost[point] * np.sqrt(square)
-                branches, changed = tables.left[e], False
+                branches, changed = tables.kept[e], False
                 for b in range(16):
                     if branches >> b & 1:
                         # The limb that holds may move next if it can let go on its branch.
-                        rest = landed[s2, moving] if tables.land[s2, held] >> b & 1 else np.inf
+                        rest = (
+                            landed[s2, moving] if tables.releasable[s2, held] >> b & 1 else np.inf
+                        )
                         through = cost + min(value[s2, held, b], rest)
                         if through < value[s, held, b] - 1e-9:
                             value[s, held, b] = through
-                            if tables.land[s, held] >> b & 1:
+                            if tables.releasable[s, held] >> b & 1:
                                 landed[s, held] = min(landed[s, held], through)
                             changed = True
                 if changed and not queued[s]:
@@ -98,16 +100,16 @@ def step_values(stances, masks, which, goals, step_cost, base_cost, tables, valu
         s, g = stances[k], which[k]
         for moving in range(2):
             held = 1 - moving
-            if not masks[k, moving] & tables.land[s, moving]:
+            if not masks[k, moving] & tables.releasable[s, moving]:
                 continue
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                branches = tables.left[e] & masks[k, held]
+                branches = tables.kept[e] & masks[k, held]
                 if not branches:
                     continue
                 s2 = tables.after[e]
                 point = tables.points[s2, moving]
                 square, rest = 0.0, np.inf
-                if branches & tables.land[s2, held]:
+                if branches & tables.releasable[s2, held]:
                     rest = landed[g, s2, moving]
                 for axis in range(3):
                     square += (tables.position[s, axis] - tables.position[s2, axis]) ** 2

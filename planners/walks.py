@@ -71,7 +71,7 @@ def plan_of(
         return None
     return Plan(
         stances=tuple(graph.ids(state.stance) for state in states),
-        actions=tuple((step.limb, step.lands) for step in parts.steps),
+        actions=tuple((step.limb, step.to_point) for step in parts.steps),
         steps=parts.steps,
         base_positions=postures.position,
         base_quaternions=np.array([quaternion(r) for r in postures.rotation]),

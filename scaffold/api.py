@@ -18,4 +18,4 @@ def step_way(graph, tables, s, s2, moving, left):
     before, after = tuple(graph.points[s].tolist()), tuple(graph.points[s2].tolist())
     both = join(graph.posture(before), graph.posture(after))
     way = graph.way(before, after, moving, both, masks)
-    return s, s2, moving, way.kind, way.fold, way.pair, way.left.get(1 - moving, 0)
+    return s, s2, moving, way.kind, way.fold, way.pair, getattr(way, "kept", None).get(1 - moving, 0)

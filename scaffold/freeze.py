@@ -55,7 +55,7 @@ def edges():
             for moving in range(2):
                 begin, end = t.start[2 * s + moving], t.start[2 * s + moving + 1]
                 for e in range(begin, end, 7):
-                    ways.append(step_way(graph, t, int(s), int(t.after[e]), moving, int(t.left[e])))
+                    ways.append(step_way(graph, t, int(s), int(t.after[e]), moving, int((t.kept if hasattr(t, 'kept') else t.left)[e])))
         yield "checked/ways", np.array(ways, dtype=np.int64)
         graph.occupy(range(100, 130))
         yield from tables("occupied", graph)
@@ -66,8 +66,10 @@ def edges():
 
 def tables(name, graph):
     t = step_tables(graph)
+    names = {"land": "releasable", "left": "kept"}
     for field in ("points", "masks", "land", "start", "after", "left"):
-        yield f"{name}/{field}", np.asarray(getattr(t, field), dtype=np.int64)
+        now = field if hasattr(t, field) else names[field]
+        yield f"{name}/{field}", np.asarray(getattr(t, now), dtype=np.int64)
     yield f"{name}/position", t.position[::50]
     yield f"{name}/w_b", graph.w_b[::50]
     yield f"{name}/w_m", graph.w_m[::50]

@@ -285,7 +285,7 @@ def _query(graph: Any, args: argparse.Namespace) -> tuple[Any, Any]:
     )
     for k, step in enumerate(plan.steps, 1):
         print(
-            f"  {k:2d}. limb {step.limb}: {step.departs:>6} -> {step.lands:<6} base {step.displacement:.3f} m, {step.path}, "
+            f"  {k:2d}. limb {step.limb}: {step.from_point:>6} -> {step.to_point:<6} base {step.displacement:.3f} m, {step.path}, "
             f"swing {step.swing}"
         )
     print(

@@ -11,7 +11,7 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.world.boxes import Box
 
 
-class Bodies:
+class CollisionModel:
     """A robot's shapes among boxes.
 
     Attributes:

@@ -18,7 +18,7 @@ from mlivr_gym.kinematics.base_path import flange_in_limb
 
 
 @kernel
-def hands_clear(points, normals, tool_length, lengths, bodies, answers):
+def hands_clear(points, normals, tool_length, lengths, collision_model, answers):
     """What the capsules on the flange axis touch when they hold each point, whatever the posture, into `answers`.
 
     Args:
@@ -29,7 +29,7 @@ def hands_clear(points, normals, tool_length, lengths, bodies, answers):
         bodies: `Bodies.arrays`.
         answers: Filled, shape (m,).
     """
-    shapes, gripper, hand, _, world, clearance, _ = bodies
+    shapes, gripper, hand, _, world, clearance, _ = collision_model
     link, local = shapes[0], shapes[1]
     ends, still = floats(len(link), 2, 3), zeros(len(link), 2)
     for m in range(len(points)):
@@ -56,7 +56,7 @@ def hands_clear(points, normals, tool_length, lengths, bodies, answers):
 def clear_of_world(
     start, stop, chosen, points, positions, normals, tool_length, position, rotation, branch, mask,
     check, mount_rotations,
-    mount_positions, lengths, bodies, cause,
+    mount_positions, lengths, collision_model, cause,
 ):  # fmt: skip
     """Take the branches that touch a box out of the masks of postures that keep clear of themselves.
 
@@ -79,7 +79,7 @@ def clear_of_world(
         bodies: `Bodies.arrays`.
         cause: Shape (k,), filled with the cause where an own branch touches a box.
     """
-    shapes, gripper, hand, _, world, clearance, body = bodies
+    shapes, gripper, hand, _, world, clearance, body = collision_model
     capsules = len(shapes[0])
     ends, world_ends, still = floats(capsules, 2, 3), floats(capsules, 2, 3), zeros(capsules, 2)
     frames, p, z = floats(7, 4, 3), floats(3), floats(3)

@@ -32,16 +32,16 @@ def legal_actions(stances, masks, tables, out):
         tables: `StepTables`.
         out: Zeros, shape (k, 2 m); ones are written.
     """
-    points, start, after, left = tables.points, tables.start, tables.after, tables.left
+    points, start, after, kept = tables.points, tables.start, tables.after, tables.kept
     m = out.shape[1] // 2
     for k in range(len(stances)):
         s = stances[k]
         for moving in range(2):
-            if not masks[k, moving] & tables.land[s, moving]:
+            if not masks[k, moving] & tables.releasable[s, moving]:
                 continue
             mine = masks[k, 1 - moving]
             for e in range(start[2 * s + moving], start[2 * s + moving + 1]):
-                if left[e] & mine:
+                if kept[e] & mine:
                     out[k, moving * m + points[after[e], moving]] = 1
 
 
@@ -92,8 +92,8 @@ def advance(
         e = np.int64(-1)
         if s2 >= 0 and s2 != s:
             e = find_step(s, moving, s2, tables)
-        mine = masks[k, held] & tables.left[e] if e >= 0 else 0
-        if not mine or not masks[k, moving] & tables.land[s, moving]:
+        mine = masks[k, held] & tables.kept[e] if e >= 0 else 0
+        if not mine or not masks[k, moving] & tables.releasable[s, moving]:
             moved[k], outcome[k] = max_step, 1
             continue
         square = 0.0
@@ -102,10 +102,10 @@ def advance(
         moved[k], outcome[k] = np.sqrt(square), 0
         masks[k, held] = mine
         if failure[point] > 0.0 and random_below(streams, k, 1 << 53) < failure[point] * (1 << 53):
-            masks[k, moving] = tables.land[s, moving]
+            masks[k, moving] = tables.releasable[s, moving]
             moved[k], outcome[k] = 2.0 * moved[k], 2
             continue
-        masks[k, moving] = tables.land[s2, moving]
+        masks[k, moving] = tables.releasable[s2, moving]
         stances[k] = s2
 
 
@@ -114,9 +114,9 @@ def any_step(s, mask0, mask1, tables):
     """Whether a step leaves stance `s` with its limbs on these branches."""
     for moving in range(2):
         mine, own = (mask0, mask1) if moving == 1 else (mask1, mask0)
-        if own & tables.land[s, moving]:
+        if own & tables.releasable[s, moving]:
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                if tables.left[e] & mine:
+                if tables.kept[e] & mine:
                     return True
     return False
 
@@ -139,7 +139,7 @@ def draw_tasks(which, given, targets, cabin, tolerance, tables, streams, stances
         masks: Shape (k, 2), written where not given.
         goals: Shape (k, 3) [m], written.
     """
-    start, after, left, position = tables.start, tables.after, tables.left, tables.position
+    start, after, kept, position = tables.start, tables.after, tables.kept, tables.position
     n = len(position)
     for k in range(len(which)):
         if not which[k]:
@@ -162,10 +162,10 @@ def draw_tasks(which, given, targets, cabin, tolerance, tables, streams, stances
                 best = -1
                 for moving in range(2):
                     mine, own = (mask0, mask1) if moving == 1 else (mask1, mask0)
-                    if not own & tables.land[here, moving]:
+                    if not own & tables.releasable[here, moving]:
                         continue
                     for e in range(start[2 * here + moving], start[2 * here + moving + 1]):
-                        if left[e] & mine:
+                        if kept[e] & mine:
                             square = 0.0
                             for axis in range(3):
                                 square += (position[after[e], axis] - target[axis]) ** 2
@@ -176,9 +176,9 @@ def draw_tasks(which, given, targets, cabin, tolerance, tables, streams, stances
                 second = best >= start[2 * here + 1]
                 here = after[best]
                 if second:
-                    mask0, mask1 = mask0 & left[best], np.int64(tables.land[here, 1])
+                    mask0, mask1 = mask0 & kept[best], np.int64(tables.releasable[here, 1])
                 else:
-                    mask0, mask1 = np.int64(tables.land[here, 0]), mask1 & left[best]
+                    mask0, mask1 = np.int64(tables.releasable[here, 0]), mask1 & kept[best]
             away, inside = 0.0, True
             for axis in range(3):
                 away += (position[here, axis] - position[s, axis]) ** 2
@@ -193,7 +193,7 @@ def draw_tasks(which, given, targets, cabin, tolerance, tables, streams, stances
 
 
 @kernel
-def legal_places(stances, masks, tables, out, position, onward):
+def legal_places(stances, masks, tables, out, position, releasable_after):
     """Mark the possible actions of each state and write where the base is after each.
 
     Args:
@@ -208,15 +208,15 @@ def legal_places(stances, masks, tables, out, position, onward):
     for k in range(len(stances)):
         s = stances[k]
         for moving in range(2):
-            if not masks[k, moving] & tables.land[s, moving]:
+            if not masks[k, moving] & tables.releasable[s, moving]:
                 continue
             mine = masks[k, 1 - moving]
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                if tables.left[e] & mine:
+                if tables.kept[e] & mine:
                     s2 = tables.after[e]
                     point = tables.points[s2, moving]
                     out[k, moving, point] = 1
-                    if tables.left[e] & mine & tables.land[s2, 1 - moving]:
-                        onward[k, moving, point] = 1
+                    if tables.kept[e] & mine & tables.releasable[s2, 1 - moving]:
+                        releasable_after[k, moving, point] = 1
                     for axis in range(3):
                         position[k, moving, point, axis] = tables.position[s2, axis]

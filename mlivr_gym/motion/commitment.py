@@ -134,8 +134,8 @@ def assemble(
         steps.append(
             Step(
                 limb=limb,
-                departs=graph.grasp_map.ids[points[k, limb]],
-                lands=graph.grasp_map.ids[points[k + 1, limb]],
+                from_point=graph.grasp_map.ids[points[k, limb]],
+                to_point=graph.grasp_map.ids[points[k + 1, limb]],
                 path=PATH_KINDS[kind] if checked else "unchecked",
                 pivot=(x, y, height),
                 displacement=float(np.linalg.norm(postures.position[k + 1] - postures.position[k])),

@@ -41,8 +41,8 @@ class Step:
 
     Attributes:
         limb: Limb that moves.
-        departs: Point it leaves.
-        lands: Point it takes hold of.
+        from_point: Point it leaves.
+        to_point: Point it takes hold of.
         path: `"straight"`, `"arc"`, or `"unchecked"` where steps were not checked.
         pivot: Centre of the arc: centroid of the held points [m].
         displacement: Base displacement [m].
@@ -53,8 +53,8 @@ class Step:
     """
 
     limb: int
-    departs: str
-    lands: str
+    from_point: str
+    to_point: str
     path: str
     pivot: tuple[float, float, float]
     displacement: float
@@ -301,8 +301,8 @@ def _step(data: Any, where: str, limbs: int) -> Step:
     x, y, z = numbers(data["pivot"], (3,), f"{where}.pivot", PlanError, LONGEST).tolist()
     return Step(
         limb=whole(data["limb"], f"{where}.limb", PlanError, 0, limbs - 1),
-        departs=text(data["departs"], f"{where}.departs", PlanError),
-        lands=text(data["lands"], f"{where}.lands", PlanError),
+        from_point=text(data["from_point"], f"{where}.from_point", PlanError),
+        to_point=text(data["to_point"], f"{where}.to_point", PlanError),
         path=choice(f"{where}.path", data["path"], (*PATH_KINDS, "unchecked")),
         pivot=(x, y, z),
         displacement=nonnegative(f"{where}.displacement", data["displacement"]),
@@ -328,12 +328,12 @@ def _check_order(
         zip(stances[:-1], steps, stances[1:], actions, strict=True)
     ):
         landed = tuple(
-            step.lands if limb == step.limb else point for limb, point in enumerate(before)
+            step.to_point if limb == step.limb else point for limb, point in enumerate(before)
         )
         if (
-            before[step.limb] != step.departs
+            before[step.limb] != step.from_point
             or landed != after
-            or action != (step.limb, step.lands)
+            or action != (step.limb, step.to_point)
         ):
             raise PlanError(
                 f"steps[{i}] and actions[{i}] do not lead from stances[{i}] to the next"

@@ -39,7 +39,7 @@ class Regrasp:
     Attributes:
         limb: Limb that moves.
         before: Point index of each limb before the step, N of them.
-        lands: Point index it takes hold of.
+        to_point: Point index it takes hold of.
         positions: Base positions before and after, shape (2, 3) [m].
         rotations: Base rotations before and after, shape (2, 3, 3).
         kind: Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`.
@@ -54,7 +54,7 @@ class Regrasp:
 
     limb: int
     before: tuple[int, ...]
-    lands: int
+    to_point: int
     positions: Array
     rotations: Array
     kind: int
@@ -100,7 +100,7 @@ class RegraspPath:
 
     def _lifted(self, end: int, height: Array) -> Array:
         step, graph = self.regrasp, self.graph
-        point = step.lands if end else step.before[step.limb]
+        point = step.to_point if end else step.before[step.limb]
         branch = step.branches[graph.limbs if end else step.limb]
         normal = graph.solver.normals[point]
         flange = graph.solver.flanges[point] + graph.robot.lift * height[:, None] * normal
@@ -137,7 +137,7 @@ class RegraspPath:
     def _in_a_straight_line(self, share: Array) -> Array:
         """Joint angles of the moving limb on a straight line of its gripper, shape (k, 6) [rad]."""
         step, graph = self.regrasp, self.graph
-        points = [step.before[step.limb], step.lands]
+        points = [step.before[step.limb], step.to_point]
         above = graph.grasp_map.positions[points] + graph.robot.lift * graph.solver.normals[points]
         tools = Rotation.from_matrix(graph.solver.tools[points])
         turn = (tools[0].inv() * tools[1]).as_rotvec()
@@ -199,7 +199,7 @@ class RegraspPath:
             ids = self.graph.grasp_map.ids
             raise PlanError(
                 f"limb {limb} cannot stay on its branch while limb {self.regrasp.limb} moves to "
-                f"{ids[self.regrasp.lands]!r}: the plan does not fit this map and robot, or its steps were not checked"
+                f"{ids[self.regrasp.to_point]!r}: the plan does not fit this map and robot, or its steps were not checked"
             )
         return out
 
@@ -223,7 +223,7 @@ def planned_regrasp(graph: StanceGraph, plan: Any, index: int) -> Regrasp:
     return Regrasp(
         limb=limb,
         before=graph.indices(plan.stances[index]),
-        lands=graph.grasp_map.index(step.lands),
+        to_point=graph.grasp_map.index(step.to_point),
         positions=plan.base_positions[ends],
         rotations=Rotation.from_quat(plan.base_quaternions[ends], scalar_first=True).as_matrix(),
         kind=PATH_KINDS.index(step.path) if step.path in PATH_KINDS else STRAIGHT,

@@ -212,8 +212,8 @@ class SwingFinder:
     def clear(self, knots: Array) -> bool:
         """Whether the robot touches nothing along a chain of knots."""
         solver, limb = self.graph.solver, self.limb
-        for bodies, inside in self.graph.checks:
-            shapes, _, hand, fixed, world, clearance, body = bodies
+        for collision_model, inside in self.graph.checks:
+            shapes, _, hand, fixed, world, clearance, body = collision_model
             none = np.empty((0, len(shapes[0]), 2, 3))
             for a, b in zip(knots, knots[1:], strict=False):
                 ends = (self.path, a[0], b[0])

@@ -249,7 +249,7 @@ def trajectory(
     _check_limits(graph.robot.limb.limits, joints, times)
     grasps = np.tile(np.array(step.before), (count, 1))
     grasps[:, step.limb] = FREE
-    grasps[0, step.limb], grasps[-1, step.limb] = step.before[step.limb], step.lands
+    grasps[0, step.limb], grasps[-1, step.limb] = step.before[step.limb], step.to_point
     return Trajectory(
         times, np.zeros(count, dtype=np.int64), np.clip(part, 0, 1) + (part == last), joints,
         np.gradient(joints, times, axis=0), positions, _quaternions(rotations), grasps,

@@ -135,7 +135,7 @@ def solve_geometries(
     mount_positions, lengths, limits,
     full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b,
     w_m_min, w_b_min, floor,
-    nodes_margin, first_avoid, check, collide, centres, bodies, position, rotation, w_m, w_b,
+    nodes_margin, first_avoid, check, collide, centres, collision_model, position, rotation, w_m, w_b,
     branch, mask, cause,
 ):  # fmt: skip
     """Best posture of each geometry from `start` to `stop`.
@@ -171,7 +171,7 @@ def solve_geometries(
         first_avoid: Whether the best posture of all is known to touch something.
         check: Whether branches are looked at; if not, every node has all of them.
         collide: Whether postures must touch nothing.
-        centres: Centroids of the grasps in the world of `bodies` [m], shape (k, 3).
+        centres: Centroids of the grasps in the world of `collision_model` [m], shape (k, 3).
         bodies: `Bodies.arrays`.
         position: Filled, from the centroid, shape (k, 3).
         rotation: Filled, shape (k, 3, 3).
@@ -182,7 +182,7 @@ def solve_geometries(
         cause: Zeros, shape (k,), filled with what the best posture touches where that alone keeps a
             node away.
     """
-    count, capsules = grasps.shape[1], len(bodies[0][0])
+    count, capsules = grasps.shape[1], len(collision_model[0][0])
     most = max(len(heights) * len(rolls), len(wide_heights) * len(wide_rolls))
     scratch = (
         np.empty((8**count, count), dtype=np.int64), np.empty((count, 8), dtype=np.bool_),
@@ -199,7 +199,7 @@ def solve_geometries(
         mount_positions, lengths, limits,
         full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m,
         scale_b, w_m_min, w_b_min, floor,
-        nodes_margin, first_avoid, check, collide, centres, bodies, position, rotation, w_m, w_b,
+        nodes_margin, first_avoid, check, collide, centres, collision_model, position, rotation, w_m, w_b,
         branch, mask, cause, scratch,
     )  # fmt: skip
 
@@ -210,7 +210,7 @@ def _solve(
     mount_positions, lengths, limits,
     full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b,
     w_m_min, w_b_min, floor,
-    nodes_margin, first_avoid, check, collide, centres, bodies, position, rotation, w_m, w_b,
+    nodes_margin, first_avoid, check, collide, centres, collision_model, position, rotation, w_m, w_b,
     branch, mask, cause, scratch,
 ):  # fmt: skip
     """What `solve_geometries` does, with room to work in, whose size depends on the number of limbs."""
@@ -220,7 +220,7 @@ def _solve(
         work, trial, status, pairs,
         ends,
     ) = scratch  # fmt: skip
-    shapes, gripper, hand, fixed, world, clearance, body = bodies
+    shapes, gripper, hand, fixed, world, clearance, body = collision_model
     capsules = len(shapes[0])
     still, shift, spin = zeros(capsules, 2), zeros(5, 4), zeros(5, 7)
     link_frames, world_ends = floats(7, 4, 3), floats(capsules, 2, 3)

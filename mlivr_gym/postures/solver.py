@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.collisions.collision_model import Bodies
+from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.queries import clear_of_world, hands_clear
 from mlivr_gym.compiled.kernels import in_parallel
@@ -171,15 +171,15 @@ class PostureSolver:
             np.array(robot.folds),
         )
         self.shapes = LimbShapes(robot)
-        self.bodies = Bodies(self.shapes, grasp_map.boxes, settings.clearance)
+        self.collision_model = CollisionModel(self.shapes, grasp_map.boxes, settings.clearance)
         self.point_cause = np.zeros(len(grasp_map), dtype=np.int64)
         """What a hand touches that holds each point, see `collision_kernels`; 0 if nothing, shape (m,)."""
         if settings.collisions:
             hands_clear(
-                self.points, self.normals, robot.tool_length, self.lengths, self.bodies.arrays,
+                self.points, self.normals, robot.tool_length, self.lengths, self.collision_model.arrays,
                 self.point_cause
             )  # fmt: skip
-        self._alone = Bodies(self.shapes, (), settings.clearance)
+        self._alone = CollisionModel(self.shapes, (), settings.clearance)
         self._rows: dict[bytes, int] = {}
         self._solved = _Table(robot.limbs)
 
@@ -230,7 +230,7 @@ class PostureSolver:
             self.robot.tool_length,
             postures.position, postures.rotation, postures.branch, postures.mask,
             self.settings.transitions,
-            self.mount_rotations, self.mount_positions, self.lengths, self.bodies.arrays,
+            self.mount_rotations, self.mount_positions, self.lengths, self.collision_model.arrays,
             postures.cause,
         )  # fmt: skip
         again = nodes[postures.cause[nodes] > 0]
@@ -241,7 +241,7 @@ class PostureSolver:
         rotations = self.grasp_map.rotations[held]
         new = self._solve_in_place(
             self.points[held] - centres[:, None], np.ascontiguousarray(rotations[..., 2]),
-            np.ascontiguousarray(rotations[..., 0]), centres, self.bodies, True,
+            np.ascontiguousarray(rotations[..., 0]), centres, self.collision_model, True,
         )  # fmt: skip
         better = np.all(new.mask > 0, axis=1)
         postures.mask[again] = 0
@@ -332,9 +332,9 @@ class PostureSolver:
             np.zeros(1, dtype=np.bool_),
         )
         candidates = (np.array([height]), np.zeros(1), np.array([height]), np.zeros(1))
-        bodies = self.bodies if collisions else self._alone
+        collision_model = self.collision_model if collisions else self._alone
         out = self._run(
-            self.points[held] - centre[:, None], normals, rails, centre, bodies, collisions,
+            self.points[held] - centre[:, None], normals, rails, centre, collision_model, collisions,
             collisions, frames, candidates,
             (0.0, 0.0),
         )  # fmt: skip
@@ -349,10 +349,10 @@ class PostureSolver:
         normals: Array,
         rails: Array,
         centres: Array,
-        bodies: Bodies,
+        collision_model: CollisionModel,
         avoid: bool,
     ) -> Postures:
-        """Postures from the grasps' centroids; `centres` are these in the world of `bodies`.
+        """Postures from the grasps' centroids; `centres` are these in the world of `collision_model`.
 
         With `avoid` the best posture of all is known to touch something.
         """
@@ -368,12 +368,12 @@ class PostureSolver:
             wide_rolls,
         )
         return self._run(
-            grasps, normals, rails, centres, bodies, avoid, settings.collisions, frames, candidates,
+            grasps, normals, rails, centres, collision_model, avoid, settings.collisions, frames, candidates,
             settings.thresholds(robot.limbs),
         )  # fmt: skip
 
     def _run(
-        self, grasps: Array, normals: Array, rails: Array, centres: Array, bodies: Bodies,
+        self, grasps: Array, normals: Array, rails: Array, centres: Array, collision_model: CollisionModel,
         avoid: bool, collisions: bool,
         frames: tuple[Any, ...], candidates: tuple[Array, ...], thresholds: tuple[float, float],
     ) -> Postures:  # fmt: skip
@@ -396,7 +396,7 @@ class PostureSolver:
             robot.characteristic_length,
             *candidates, *self._scales(), *thresholds, settings.path_floor,
             least * (1.0 - 3.0 * TIE), avoid,
-            settings.transitions, collisions, centres, bodies.arrays,
+            settings.transitions, collisions, centres, collision_model.arrays,
             out.position, out.rotation, out.w_m, out.w_b, out.branch, out.mask, out.cause,
         )  # fmt: skip
         return out

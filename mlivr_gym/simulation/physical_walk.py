@@ -166,7 +166,7 @@ class PhysicalWalk:
         if plan is None or self._done >= len(plan.steps):
             return None
         step = planned_regrasp(self.graph, plan, self._done)
-        if (step.limb, step.lands) != (limb, point):
+        if (step.limb, step.to_point) != (limb, point):
             self._plan = None
             return None
         self._done += 1

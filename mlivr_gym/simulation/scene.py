@@ -187,12 +187,14 @@ def _add_robot(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
     ):
         colour = rgba(LIMB_COLOURS[i])
         pale = tuple(0.55 * c + 0.45 for c in colour[:3]) + (1.0,)
-        bodies = {"base": base.add_body(name=f"limb{i}", pos=position, quat=_quaternion(rotation))}
-        parent = bodies["base"]
+        collision_model = {
+            "base": base.add_body(name=f"limb{i}", pos=position, quat=_quaternion(rotation))
+        }
+        parent = collision_model["base"]
         for k, ((offset, quaternion), link) in enumerate(zip(origins, data["links"], strict=True)):
             extra = {} if quaternion is None else {"quat": quaternion}
             parent = parent.add_body(name=f"limb{i}/{link['name']}", pos=offset, **extra)
-            bodies[link["name"]] = parent
+            collision_model[link["name"]] = parent
             parent.add_joint(
                 name=f"limb{i}/joint{k + 1}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1],
                 range=list(limb.joint_limits[k]),
@@ -215,7 +217,7 @@ def _add_robot(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
             size=[0.005, 0, 0],
             rgba=(0, 0, 0, 0),
         )
-        gripper = bodies["gripper"] = parent.add_body(name=f"limb{i}/gripper")
+        gripper = collision_model["gripper"] = parent.add_body(name=f"limb{i}/gripper")
         length = max(robot.tool_length, 0.01)
         gripper.mass, gripper.ipos = robot.gripper_mass, [0, 0, 0.5 * robot.tool_length]
         radius = data["gripper"]["radius"]
@@ -236,7 +238,7 @@ def _add_robot(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
                 if number % 2 == 0
                 else pale
             )
-            bodies[capsule.link].add_geom(
+            collision_model[capsule.link].add_geom(
                 name=f"limb{i}/{capsule.link}/{count[capsule.link]}",
                 type=mujoco.mjtGeom.mjGEOM_CAPSULE,
                 fromto=[*capsule.start, *_apart(capsule)], size=[capsule.radius, 0, 0], rgba=tint,

@@ -160,10 +160,10 @@ class Simulation:
         Raises:
             SimulationError: If the trajectory's time grid or first stance is another.
         """
-        limb, lands = self._moving(trajectory)
+        limb, to_point = self._moving(trajectory)
         leaves = self.points[limb]
         self._release(limb)
-        near = ((leaves,), (), (lands,))
+        near = ((leaves,), (), (to_point,))
         recording, peaks, failure = self._run(
             trajectory,
             self._control(trajectory),
@@ -172,11 +172,13 @@ class Simulation:
         )
         if failure is not None:
             return Carried(recording, peaks, None, failure)
-        distance, angle = self.grasp_error(limb, lands)
+        distance, angle = self.grasp_error(limb, to_point)
         if not self._within_reach(distance, angle):
-            return Carried(recording, peaks, None, self._missed(limb, lands, distance, angle, step))
-        capture = Capture(self.time, step, limb, self.grasp_map.ids[lands], distance, angle)
-        self._grasp(limb, lands)
+            return Carried(
+                recording, peaks, None, self._missed(limb, to_point, distance, angle, step)
+            )
+        capture = Capture(self.time, step, limb, self.grasp_map.ids[to_point], distance, angle)
+        self._grasp(limb, to_point)
         return Carried(recording, peaks, capture, None)
 
     def rest(self, trajectory: Trajectory, duration: float, step: int = 0) -> Carried:

@@ -79,7 +79,7 @@ class GraphMoves:
             (*state.stance[:limb], point, *state.stance[limb + 1 :]), tuple(steps.masks[k].tolist())
         )
 
-    def onward(self, state: State, steps: Successors) -> NDArray[np.bool_]:
+    def releasable_after(self, state: State, steps: Successors) -> NDArray[np.bool_]:
         """Whether a limb that holds could let go after each step, shape (k,); taken for granted with more than two limbs."""
         out = np.ones(len(steps.limb), dtype=np.bool_)
         if isinstance(self.graph, PairGraph):
@@ -139,13 +139,13 @@ class TableMoves:
             return self._from_given_pose.mask(state)
         s = 2 * int(self.stance_at[state.stance])
         begin, middle, end = self._start[s], self._start[s + 1], self._start[s + 2]
-        left, actions = self.tables.left, self._action
+        kept, actions = self.tables.kept, self._action
         out = np.zeros(2 * len(self.stance_at), dtype=np.bool_)
-        leave = self.tables.land[s >> 1]
+        leave = self.tables.releasable[s >> 1]
         if leave[0] & state.masks[0]:
-            out[actions[begin:middle]] = left[begin:middle] & state.masks[1]
+            out[actions[begin:middle]] = kept[begin:middle] & state.masks[1]
         if leave[1] & state.masks[1]:
-            out[actions[middle:end]] = left[middle:end] & state.masks[0]
+            out[actions[middle:end]] = kept[middle:end] & state.masks[0]
         return out
 
     def take(self, state: State, action: int) -> State:
@@ -156,19 +156,19 @@ class TableMoves:
         begin, end = self._start[2 * s], self._start[2 * s + 2]
         step = begin + int(self._action[begin:end].searchsorted(action))
         after = int(self.tables.after[step])
-        left, landed = int(self.tables.left[step]), self.tables.land[after].tolist()
+        kept, landed = int(self.tables.kept[step]), self.tables.releasable[after].tolist()
         a, b = self.tables.points[after].tolist()
         if action < len(self.stance_at):
-            return State((a, b), (landed[0], state.masks[1] & left))
-        return State((a, b), (state.masks[0] & left, landed[1]))
+            return State((a, b), (landed[0], state.masks[1] & kept))
+        return State((a, b), (state.masks[0] & kept, landed[1]))
 
-    def onward(self, state: State, steps: Successors) -> NDArray[np.bool_]:
+    def releasable_after(self, state: State, steps: Successors) -> NDArray[np.bool_]:
         """Whether the limb that holds could let go after each step, shape (k,)."""
         a, b = np.array(state.stance, dtype=np.int64)[:, None].repeat(len(steps.limb), axis=1)
         first = steps.limb == 0
         after = self.stance_at[np.where(first, steps.point, a), np.where(first, b, steps.point)]
         held, k = 1 - steps.limb, np.arange(len(after))
-        free: NDArray[np.bool_] = (self.tables.land[after, held] & steps.masks[k, held]) != 0
+        free: NDArray[np.bool_] = (self.tables.releasable[after, held] & steps.masks[k, held]) != 0
         return free
 
     def place_of(self, state: State) -> Place:

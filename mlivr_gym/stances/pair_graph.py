@@ -175,9 +175,9 @@ class PairGraph(StanceGraph):
             (
                 settings.collisions, ready, released, solver.normals, solver.rails,
                 robot.tool_length, robot.lift,
-                solver.folds, solver.bodies.arrays,
+                solver.folds, solver.collision_model.arrays,
             ),
-            (overlay, boxes, near, mask0, ready0, released0, table0, self.hindrance.arrays),
+            (overlay, boxes, near, mask0, ready0, released0, table0, self.obstacle_model.arrays),
         )  # fmt: skip
 
     def _near_obstacles(self) -> NDArray[np.bool_]:
@@ -291,10 +291,10 @@ class PairGraph(StanceGraph):
         held = 1 - limb
         entry = int(edge_entry(held, s0, s1, self.edges))
         kind = ARC if entry >> ARC_BITS & masks[held] else STRAIGHT
-        left = {held: entry & masks[held] & 0xFFFF}
+        kept = {held: entry & masks[held] & 0xFFFF}
         if entry & DIRECT:
-            return Way(kind, -1, entry >> PAIR_BITS & 63, left)
-        return Way(kind, entry >> (FOLD_BITS + 2 * kind) & 3, -1, left)
+            return Way(kind, -1, entry >> PAIR_BITS & 63, kept)
+        return Way(kind, entry >> (FOLD_BITS + 2 * kind) & 3, -1, kept)
 
     def row(self, held: int, s: int) -> IntArray:
         """The other stances that limb `held` of stance `s` shares its point with."""

@@ -34,12 +34,12 @@ def settle(s, limb, edges):
         edges[13],
         edges[15],
     )
-    _, ready, released, normals, rails, tool_length, lift, folds, bodies = edges[17]
+    _, ready, released, normals, rails, tool_length, lift, folds, collision_model = edges[17]
     overlay, _, near, mask0, ready0, released0, _, obstacles = edges[18]
     if ready[s, limb]:
         return
     point, other, grasp = points[s, limb], 1 - limb, points[s, 1 - limb]
-    placed = floats(8, len(bodies[0][0]), 2, 3)
+    placed = floats(8, len(collision_model[0][0]), 2, 3)
     own = (
         len(mask) > 0
     )  # a variable: with literals the kernels would be compiled once for each value
@@ -51,7 +51,7 @@ def settle(s, limb, edges):
             count = place_branches(
                 other, mask0[s, other], pivots[grasp], normals[grasp], tool_length, position[s],
                 rotation[s], mount_rotations,
-                mount_positions, lengths, bodies[0], 0, placed,
+                mount_positions, lengths, collision_model[0], 0, placed,
             )  # fmt: skip
         else:
             if not overlay:
@@ -66,7 +66,7 @@ def settle(s, limb, edges):
                 limb, wanted, pivots[point], normals[point], rails[point], tool_length, lift,
                 position[s], rotation[s],
                 placed[:count], folds, limits, mount_rotations, mount_positions, lengths,
-                bodies if layer == 0 else obstacles, own if layer == 0 else not own, before,
+                collision_model if layer == 0 else obstacles, own if layer == 0 else not own, before,
             )  # fmt: skip
         if layer == 0:
             released0[s, limb], ready0[s, limb] = answer, True
@@ -92,7 +92,7 @@ def edge_entry(held, s0, s1, edges):
         The entry; see `KNOWN`, `ARC_BITS`, `FOLD_BITS`, `DIRECT` and `PAIR_BITS`.
     """
     points, local, degree, offset, table, _, _, mask = edges[:8]
-    collide, released, bodies = edges[17][0], edges[17][2], edges[17][8]
+    collide, released, collision_model = edges[17][0], edges[17][2], edges[17][8]
     _, boxes, near, mask0, _, released0, table0, obstacles = edges[18]
     point, mover = points[s0, held], 1 - held
     here = offset[held, point] + local[held, s0] * degree[held, point] + local[held, s1]
@@ -119,26 +119,26 @@ def edge_entry(held, s0, s1, edges):
                 now = both if turn == 0 else some if turn == 1 else wanted & ~(both | some)
                 if now and not entry & 0xFFFF:
                     entry = _carry(
-                        held, s0, s1, now, now & 0, together, together, edges, bodies, own
+                        held, s0, s1, now, now & 0, together, together, edges, collision_model, own
                     )
             if collide and wanted and not entry & 0xFFFF:
-                entry = _direct(held, s0, s1, wanted, np.int64(0), edges, bodies)
+                entry = _direct(held, s0, s1, wanted, np.int64(0), edges, collision_model)
         table0[here], table0[there] = entry, turned(entry)
     if boxes:
         entry = table0[here]
-        left = entry & mask[s0, held] & mask[s1, held]
+        kept = entry & mask[s0, held] & mask[s1, held]
         if not released[s0, mover] & 0xFFFF or not released[s1, mover] & 0xFFFF:
-            left &= 0
-        arc = entry >> ARC_BITS & left
-        left &= ~arc
+            kept &= 0
+        arc = entry >> ARC_BITS & kept
+        kept &= ~arc
         together = (released[s0, mover] & released[s1, mover]) >> TOGETHER & 15
         if not (near[s0] or near[s1]):
-            entry = entry & ~np.int64(0xFFFF) | left | arc
+            entry = entry & ~np.int64(0xFFFF) | kept | arc
         elif entry & DIRECT:
-            entry = _direct(held, s0, s1, left | arc, entry, edges, obstacles)
+            entry = _direct(held, s0, s1, kept | arc, entry, edges, obstacles)
         else:
             entry = _carry(
-                held, s0, s1, left, arc, together & 1 << (entry >> FOLD_BITS & 3),
+                held, s0, s1, kept, arc, together & 1 << (entry >> FOLD_BITS & 3),
                 together & 1 << (entry >> (FOLD_BITS + 2) & 3), edges, obstacles, not own,
             )  # fmt: skip
         table[here], table[there] = entry, turned(entry)
@@ -155,7 +155,7 @@ def turned(entry):
 
 
 @kernel
-def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, inside):
+def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, collision_model, inside):
     """An edge entry from the branches to look at on the line and on the arc and the folds to look at.
 
     With `inside` the limb that holds must also be shown to keep its branch, and what the line
@@ -184,14 +184,14 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, insi
             path = (position[s0], rotation[s0], position[s1], rotation[s1], kind, pivots[point])
             fold = carried(
                 mover, line_folds if kind == 0 else arc_folds, path, folds, mount_rotations,
-                mount_positions, lengths, bodies,
+                mount_positions, lengths, collision_model,
                 inside, carry,
             )  # fmt: skip
             if fold < 0:
                 continue
             rest = holding(
                 held, rest, grips[point], tools[point], path, mover, carry, carry,
-                mount_rotations, mount_positions, lengths, bodies, inside, BOTH,
+                mount_rotations, mount_positions, lengths, collision_model, inside, BOTH,
             )  # fmt: skip
             entry |= np.int64(fold) << (FOLD_BITS + 2 * kind)
         entry |= rest | (rest << ARC_BITS if kind == 1 else 0)
@@ -199,12 +199,12 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, bodies, insi
 
 
 @kernel
-def _direct(held, s0, s1, wanted, before, edges, bodies):
+def _direct(held, s0, s1, wanted, before, edges, collision_model):
     """An entry for a direct swing, on the branches to look at.
 
     `before` is the entry in the world without obstacles, whose swing alone is looked at, or 0.
     """
-    points, position, rotation, land = (
+    points, position, rotation, releasable = (
         edges[0],
         edges[5],
         edges[6],
@@ -220,7 +220,7 @@ def _direct(held, s0, s1, wanted, before, edges, bodies):
         s = s1 if side else s0
         grasp = points[s, mover]
         masks[side] = lifted_at(
-            mover, land[s, mover] & 0xFFFF, pivots[grasp], normals[grasp], rails[grasp],
+            mover, releasable[s, mover] & 0xFFFF, pivots[grasp], normals[grasp], rails[grasp],
             tool_length, lift, position[s], rotation[s],
             mount_rotations, mount_positions, lengths, limits, q[side],
         )  # fmt: skip
@@ -246,19 +246,19 @@ def _direct(held, s0, s1, wanted, before, edges, bodies):
             start = q[0, pair >> 3]
             if line_free(
                 mover, start, q[1, pair & 7], path, limits, mount_rotations, mount_positions,
-                lengths, bodies, before == 0, end
+                lengths, collision_model, before == 0, end
             ):  # fmt: skip
-                left = holding(
+                kept = holding(
                     held, rest, grips[point], tools[point], path, mover, start, end,
-                    mount_rotations, mount_positions, lengths, bodies, before == 0, BOTH,
+                    mount_rotations, mount_positions, lengths, collision_model, before == 0, BOTH,
                 )  # fmt: skip
-                if left:
+                if kept:
                     return (
                         KNOWN
                         | DIRECT
                         | np.int64(pair) << PAIR_BITS
-                        | left
-                        | (left << ARC_BITS if kind == 1 else 0)
+                        | kept
+                        | (kept << ARC_BITS if kind == 1 else 0)
                     )
     return np.int64(KNOWN)
 

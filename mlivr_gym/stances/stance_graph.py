@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mlivr_gym.collisions.collision_model import Bodies
+from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
 from mlivr_gym.collisions.queries import clear_of_world, hands_clear
 from mlivr_gym.compiled.kernels import in_parallel
@@ -102,7 +102,7 @@ class StanceGraph(StepChecks):
         """Points that may not be grasped at present, by index."""
         self.version = 0
         """Number of changes of obstacles and occupied points."""
-        self.hindrance = Bodies(self.solver.shapes, (), settings.clearance)
+        self.obstacle_model = CollisionModel(self.solver.shapes, (), settings.clearance)
         """The obstacles in the form the compiled checks read."""
 
     def add_obstacles(self, boxes: Sequence[Box]) -> None:
@@ -139,8 +139,8 @@ class StanceGraph(StepChecks):
                 raise ShapeError(
                     f"no obstacle {name!r}; there are {', '.join(map(repr, there)) or 'none'}"
                 )
-        left = tuple(box for box in self.obstacles if ids is not None and box.id not in ids)
-        self._set_obstacles(left, self.occupied)
+        kept = tuple(box for box in self.obstacles if ids is not None and box.id not in ids)
+        self._set_obstacles(kept, self.occupied)
 
     def occupy(self, points: Sequence[str | int]) -> None:
         """Make points unavailable: no limb may take hold of them until they are vacated."""
@@ -157,7 +157,7 @@ class StanceGraph(StepChecks):
 
     def _set_obstacles(self, boxes: tuple[Box, ...], occupied: frozenset[int]) -> None:
         if boxes != self.obstacles:
-            self.hindrance = Bodies(self.solver.shapes, boxes, self.settings.clearance)
+            self.obstacle_model = CollisionModel(self.solver.shapes, boxes, self.settings.clearance)
         self.obstacles, self.occupied = boxes, frozenset(occupied)
         self.version += 1
         self._obstacles_changed()
@@ -369,17 +369,22 @@ class StanceGraph(StepChecks):
             branch: The postures' own branches, shape (k, N).
             mask: Branches and flips of each limb, shape (k, N), changed.
         """
-        solver, bodies = self.solver, self.hindrance.arrays
+        solver, collision_model = self.solver, self.obstacle_model.arrays
         in_parallel(
             len(chosen), clear_of_world, chosen, points, solver.points, solver.normals,
             self.robot.tool_length, position,
             rotation, branch, mask, True, solver.mount_rotations, solver.mount_positions,
-            solver.lengths, bodies,
+            solver.lengths, collision_model,
             np.zeros(len(points), dtype=np.int64),
         )  # fmt: skip
         hands = np.zeros(len(self.grasp_map), dtype=np.int64)
         hands_clear(
-            solver.points, solver.normals, self.robot.tool_length, solver.lengths, bodies, hands
+            solver.points,
+            solver.normals,
+            self.robot.tool_length,
+            solver.lengths,
+            collision_model,
+            hands,
         )
         mask[(hands[points] > 0).any(axis=1)] = 0
 

@@ -48,13 +48,13 @@ class StepTables(NamedTuple):
     """Base positions [m], shape (n, 3)."""
     masks: NDArray[np.int32]
     """Branches and flips each limb of a stance may hold on, shape (n, 2)."""
-    land: NDArray[np.int32]
+    releasable: NDArray[np.int32]
     """Those on which it can let go, and may be once it has landed, shape (n, 2)."""
     start: NDArray[np.int64]
     """Where the steps begin, shape (2 n + 1,)."""
     after: NDArray[np.int32]
     """Stance that a step leads to, shape (e,)."""
-    left: NDArray[np.int32]
+    kept: NDArray[np.int32]
     """Branches and flips that the limb that holds can keep on a step, never 0, shape (e,)."""
 
     def successors(self, s: int, masks: tuple[int, ...]) -> Successors:
@@ -63,14 +63,14 @@ class StepTables(NamedTuple):
         after = self.after[begin:end].astype(np.int64)
         moving = np.zeros(end - begin, dtype=np.int64)
         moving[middle - begin :] = 1
-        left = self.left[begin:end].astype(np.int64)
-        leave = self.land[s] & masks
-        left[: middle - begin] &= masks[1] if leave[0] else 0
-        left[middle - begin :] &= masks[0] if leave[1] else 0
-        kept = np.flatnonzero(left)
-        after, moving, left = after[kept], moving[kept], left[kept]
-        both = self.land[after].astype(np.int64)
-        both[np.arange(len(kept)), 1 - moving] = left
+        kept = self.kept[begin:end].astype(np.int64)
+        leave = self.releasable[s] & masks
+        kept[: middle - begin] &= masks[1] if leave[0] else 0
+        kept[middle - begin :] &= masks[0] if leave[1] else 0
+        kept = np.flatnonzero(kept)
+        after, moving, kept = after[kept], moving[kept], kept[kept]
+        both = self.releasable[after].astype(np.int64)
+        both[np.arange(len(kept)), 1 - moving] = kept
         return Successors(
             moving, self.points[after, moving].astype(np.int64), self.position[after], both
         )
@@ -78,7 +78,7 @@ class StepTables(NamedTuple):
 
 @kernel
 def gather_steps(
-    check, points, mask, rows, row_start, local, degree, offset, table, fill, start, after, left
+    check, points, mask, rows, row_start, local, degree, offset, table, fill, start, after, kept
 ):
     """Count the steps that leave each stance, or with `fill` write them where `start` says.
 
@@ -95,7 +95,7 @@ def gather_steps(
         fill: Whether to write the steps.
         start: Shape (2 n + 1,); counts are written one place further on.
         after: Shape (e,), written with `fill`.
-        left: Shape (e,), written with `fill`.
+        kept: Shape (e,), written with `fill`.
     """
     for s in range(len(points)):
         for moving in range(2):
@@ -113,7 +113,7 @@ def gather_steps(
                 if branches:
                     if fill:
                         after[start[2 * s + moving] + count] = s2
-                        left[start[2 * s + moving] + count] = branches
+                        kept[start[2 * s + moving] + count] = branches
                     count += 1
             if not fill:
                 start[2 * s + moving + 1] = count
@@ -152,12 +152,12 @@ def step_tables(
     nothing = np.zeros(0, dtype=np.int32)
     gather_steps(*shape, False, start, nothing, nothing)
     np.cumsum(start, out=start)
-    after, left = np.empty(start[-1], dtype=np.int32), np.empty(start[-1], dtype=np.int32)
-    gather_steps(*shape, True, start, after, left)
-    land = graph.edges[17][2] if check else graph.mask
-    masks, land = ((mask & 0xFFFF).astype(np.int32) for mask in (graph.mask, land))
+    after, kept = np.empty(start[-1], dtype=np.int32), np.empty(start[-1], dtype=np.int32)
+    gather_steps(*shape, True, start, after, kept)
+    releasable = graph.edges[17][2] if check else graph.mask
+    masks, releasable = ((mask & 0xFFFF).astype(np.int32) for mask in (graph.mask, releasable))
     return StepTables(
-        graph.points.astype(np.int32), graph.position, masks, land, start, after, left
+        graph.points.astype(np.int32), graph.position, masks, releasable, start, after, kept
     )
 
 
@@ -167,11 +167,16 @@ def without_points(tables: StepTables, occupied: NDArray[np.bool_]) -> StepTable
     steps = np.diff(tables.start)
     keep = ~np.repeat(np.repeat(gone, 2), steps) & ~gone[tables.after]
     start = np.concatenate([[0], np.cumsum(keep)])[tables.start]
-    masks, land = (
-        np.where(gone[:, None], 0, mask).astype(np.int32) for mask in (tables.masks, tables.land)
+    masks, releasable = (
+        np.where(gone[:, None], 0, mask).astype(np.int32)
+        for mask in (tables.masks, tables.releasable)
     )
     return tables._replace(
-        masks=masks, land=land, start=start, after=tables.after[keep], left=tables.left[keep]
+        masks=masks,
+        releasable=releasable,
+        start=start,
+        after=tables.after[keep],
+        kept=tables.kept[keep],
     )
 
 

@@ -58,12 +58,12 @@ def pairs_by_travel(mask0, q0, mask1, q1, limits, order):
 
 @kernel
 def line_free(
-    limb, start, goal, path, limits, mount_rotations, mount_positions, lengths, bodies, inside, end
+    limb, start, goal, path, limits, mount_rotations, mount_positions, lengths, collision_model, inside, end
 ):  # fmt: skip
     """Whether a limb can go from `start` to `goal` (6,) on a line while the base follows a path; where it ends, into `end`."""
     if line_end(start, goal, limits, end) == np.inf:
         return False
-    shapes, _, _, fixed, world, clearance, body = bodies
+    shapes, _, _, fixed, world, clearance, body = collision_model
     none = floats(0, len(shapes[0]), 2, 3)
     found = swing_free(
         limb, path, 0.0, 1.0, start, end, lengths, mount_rotations[limb], mount_positions[limb],

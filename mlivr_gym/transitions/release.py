@@ -38,7 +38,7 @@ TOGETHER, ROOT, VIA = 16, 20, 24
 def release(
     limb, mask, point, normal, rail, tool_length, lift, position, rotation, others, folds, limits,
     mount_rotations,
-    mount_positions, lengths, bodies, inside, before,
+    mount_positions, lengths, collision_model, inside, before,
 ):  # fmt: skip
     """On which branches a limb can let go at a stance, all else at rest, and change from one to the other.
 
@@ -72,7 +72,7 @@ def release(
     Returns:
         The answer, 0 if no branch is left.
     """
-    shapes, gripper, _, fixed, world, clearance, _ = bodies
+    shapes, gripper, _, fixed, world, clearance, _ = collision_model
     p, x, z, away = floats(3), floats(3), floats(3), floats(3)
     q = floats(8, 6)
     mount_rotation, mount_position = mount_rotations[limb], mount_positions[limb]
@@ -105,7 +105,7 @@ def release(
         if rest and before >> TOGETHER & 15:
             answer = folding(
                 limb, rest, q, position, rotation, others, folds, limits, mount_rotation,
-                mount_position, lengths, bodies,
+                mount_position, lengths, collision_model,
                 inside, before,
             )  # fmt: skip
             if answer:
@@ -114,17 +114,17 @@ def release(
         return free
     return linked(
         limb, free, q, position, rotation, others, limits, mount_rotation, mount_position, lengths,
-        bodies, inside, before >= 0
+        collision_model, inside, before >= 0
     )  # fmt: skip
 
 
 @kernel
 def folding(
     limb, free, q, position, rotation, others, folds, limits, mount_rotation, mount_position,
-    lengths, bodies, inside, before
+    lengths, collision_model, inside, before
 ):  # fmt: skip
     """The answer of `release` from those of the branches in `free`, with angles `q` (8, 6), that can fold; 0 if none can."""
-    shapes, _, _, fixed, world, clearance, body = bodies
+    shapes, _, _, fixed, world, clearance, body = collision_model
     start, target = floats(6), floats(6)
     path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
     for root in range(len(folds)):
@@ -173,13 +173,13 @@ def folding(
 @kernel
 def linked(
     limb, free, q, position, rotation, others, limits, mount_rotation, mount_position, lengths,
-    bodies, inside, single
+    collision_model, inside, single
 ):  # fmt: skip
     """The most branches of `free`, with angles `q` (8, 6), among which a limb can change along lines at rest.
 
     If `single`, the first branch alone.
     """
-    shapes, _, _, fixed, world, clearance, body = bodies
+    shapes, _, _, fixed, world, clearance, body = collision_model
     target, group = floats(6), integers(8)
     for a in range(8):
         group[a] = a
@@ -219,10 +219,10 @@ def linked(
 
 @kernel
 def carried(
-    limb, together, path, folds, mount_rotations, mount_positions, lengths, bodies, inside, q
+    limb, together, path, folds, mount_rotations, mount_positions, lengths, collision_model, inside, q
 ):  # fmt: skip
     """The first fold of a set in which a limb can be carried along a base path, into `q`, -1 if there is none."""
-    shapes, _, _, fixed, world, clearance, body = bodies
+    shapes, _, _, fixed, world, clearance, body = collision_model
     none = floats(0, len(shapes[0]), 2, 3)
     q[5] = 0.0
     for fold in range(len(folds)):
@@ -242,10 +242,10 @@ def carried(
 @kernel
 def holding(
     limb, mask, grip, tool, path, mover, start, end, mount_rotations, mount_positions, lengths,
-    bodies, inside, parts
+    collision_model, inside, parts
 ):  # fmt: skip
     """Those of the branches in `mask` on which a limb can hold along a base path while `mover` goes from `start` to `end`."""
-    shapes, _, hand, fixed, world, clearance, _ = bodies
+    shapes, _, hand, fixed, world, clearance, _ = collision_model
     for b in range(8):
         if mask & (0x0101 << b):
             found = hold_free(
@@ -262,14 +262,14 @@ def holding(
 @kernel
 def together_apart(
     i, j, first, second, grip_i, tool_i, grip_j, tool_j, path, mount_rotations, mount_positions,
-    lengths, bodies
+    lengths, collision_model
 ):  # fmt: skip
     """Branches of two limbs that hold, none of which come near each other along a base path.
 
     A branch of the second that comes near any of the first is dropped, unless that leaves none;
     then those of the first that come near the second's first branch are.
     """
-    shapes, clearance = bodies[0], bodies[5]
+    shapes, clearance = collision_model[0], collision_model[5]
     for turn in range(2):
         kept = second
         for c in range(8):

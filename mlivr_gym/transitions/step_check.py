@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.collisions.collision_model import Bodies
+from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.swept_hold import BOTH, MOVER, STANDING
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.kinematics.holding import hold_mask
@@ -70,7 +70,7 @@ class Way(NamedTuple):
     """Fold in which the limb can be carried, -1 without collisions or if it swings directly."""
     pair: int
     """Branches between which the limb can swing directly, `8 * before + after`, or -1."""
-    left: dict[int, int]
+    kept: dict[int, int]
     """Branches on which the limbs that hold can do so."""
 
 
@@ -84,7 +84,7 @@ class StepChecks(ABC):
     """What works postures out."""
     obstacles: tuple[Box, ...]
     """What stands in the way at present, besides the map's own boxes."""
-    hindrance: Bodies
+    obstacle_model: CollisionModel
     """The obstacles in the form the compiled checks read."""
 
     @property
@@ -105,8 +105,8 @@ class StepChecks(ABC):
         """What motions are checked against: bodies, and whether with the robot's own shapes."""
         if not self.settings.collisions:
             return []
-        found = [(self.solver.bodies.arrays, True)]
-        return [*found, (self.hindrance.arrays, False)] if self.obstacles else found
+        found = [(self.solver.collision_model.arrays, True)]
+        return [*found, (self.obstacle_model.arrays, False)] if self.obstacles else found
 
     def transition(
         self, state: State, after: Sequence[int], posture: Postures
@@ -152,13 +152,13 @@ class StepChecks(ABC):
                     break
             wanted = before if self.limbs == 2 else stages[0]
             for kind in (STRAIGHT, ARC):
-                left = (
+                kept = (
                     {} if gained else self._holds(kind, pivot, held, after, posture, wanted, masks)
                 )
-                if left:
+                if kept:
                     between = (state.stance[limb], after[limb]), (first & 0xFFFF, masks[limb])
-                    left = self._direct(kind, pivot, limb, after, posture, left, *between).left
-                    gained = left if all(left.values()) else {}
+                    kept = self._direct(kind, pivot, limb, after, posture, kept, *between).kept
+                    gained = kept if all(kept.values()) else {}
         if not gained:
             return None
         return Transition(pivot, tuple(gained.get(i, masks[i]) for i in range(self.limbs)))
@@ -189,14 +189,14 @@ class StepChecks(ABC):
         gained = dict.fromkeys(held, 0)
         for kind in (STRAIGHT, ARC):
             wanted = [b & ~gained.get(i, 0) for i, b in enumerate(before)]
-            left = self._holds(kind, pivot, held, after, posture, wanted, masks)
-            if self.settings.collisions and left:
-                left = self._carry(kind, pivot, limb, after, posture, left, together).left
+            kept = self._holds(kind, pivot, held, after, posture, wanted, masks)
+            if self.settings.collisions and kept:
+                kept = self._carry(kind, pivot, limb, after, posture, kept, together).kept
             if len(held) == 1:
                 # One limb may take some branches along the line and others along the arc.
-                gained[held[0]] |= left.get(held[0], 0)
-            elif left and all(left.values()):
-                return left
+                gained[held[0]] |= kept.get(held[0], 0)
+            elif kept and all(kept.values()):
+                return kept
         return gained if all(gained.values()) else {}
 
     def _holds(
@@ -205,12 +205,12 @@ class StepChecks(ABC):
         masks: Sequence[int],
     ) -> dict[int, int]:  # fmt: skip
         """Branches on which each limb that holds can follow a base path, none at all if one limb cannot."""
-        left: dict[int, int] = {}
+        kept: dict[int, int] = {}
         for i in held:
-            left[i] = self.hold(kind, pivot, after[i], i, posture, before[i] & masks[i])
-            if not left[i]:
+            kept[i] = self.hold(kind, pivot, after[i], i, posture, before[i] & masks[i])
+            if not kept[i]:
                 return {}
-        return left
+        return kept
 
     def way(
         self,
@@ -233,22 +233,22 @@ class StepChecks(ABC):
         pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
         chances = []
         for kind in (STRAIGHT, ARC):
-            left = {i: self.hold(kind, pivot, after[i], i, posture, int(masks[i])) for i in held}
-            if all(left.values()):
+            kept = {i: self.hold(kind, pivot, after[i], i, posture, int(masks[i])) for i in held}
+            if all(kept.values()):
                 if not self.settings.collisions:
-                    return Way(kind, -1, -1, left)
-                chances.append((kind, left))
+                    return Way(kind, -1, -1, kept)
+                chances.append((kind, kept))
         first = self.released(tuple(before), posture.take(slice(0, 1)), limb)
         second = self.released(tuple(after), posture.take(slice(1, 2)), limb)
         together = (first & second) >> TOGETHER & 15
-        for kind, left in chances:
-            found = self._carry(kind, pivot, limb, after, posture, dict(left), together)
-            if all(found.left.values()):
+        for kind, kept in chances:
+            found = self._carry(kind, pivot, limb, after, posture, dict(kept), together)
+            if all(found.kept.values()):
                 return found
         between = (before[limb], after[limb]), (first & 0xFFFF, second & 0xFFFF)
-        for kind, left in chances:
-            found = self._direct(kind, pivot, limb, after, posture, dict(left), *between)
-            if all(found.left.values()):
+        for kind, kept in chances:
+            found = self._direct(kind, pivot, limb, after, posture, dict(kept), *between)
+            if all(found.kept.values()):
                 return found
         return Way(ARC, -1, -1, {})
 
@@ -263,7 +263,7 @@ class StepChecks(ABC):
         answer, wanted, point = -1, int(posture.mask[0, limb]), stance[limb]
         if not self.settings.collisions:
             return wanted
-        for bodies, inside in self.checks:
+        for collision_model, inside in self.checks:
             placed, count = np.empty((8 * (limbs - 1), len(solver.shapes), 2, 3)), 0
             for other in range(limbs):
                 if inside and other != limb:
@@ -271,13 +271,13 @@ class StepChecks(ABC):
                     count = place_branches(
                         other, int(posture.mask[0, other]), solver.points[grasp],
                         solver.normals[grasp], robot.tool_length,
-                        *here, *mounts, bodies[0], count, placed,
+                        *here, *mounts, collision_model[0], count, placed,
                     )  # fmt: skip
             answer = int(
                 release(
                     limb, wanted, solver.points[point], solver.normals[point], solver.rails[point],
                     robot.tool_length,
-                    robot.lift, *here, placed[:count], solver.folds, solver.limits, *mounts, bodies,
+                    robot.lift, *here, placed[:count], solver.folds, solver.limits, *mounts, collision_model,
                     inside, answer,
                 )
             )  # fmt: skip
@@ -300,24 +300,28 @@ class StepChecks(ABC):
         limb: int,
         after: Sequence[int],
         posture: Postures,
-        left: dict[int, int],
+        kept: dict[int, int],
         together: int,
     ) -> Way:
         """The first fold in which `limb` can be carried along a base path, and the branches left to the limbs that hold."""
         solver, path, swing = self.solver, _path(kind, pivot, posture), np.empty(6)
         mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
         fold = -1
-        for bodies, inside in self.checks:
+        for collision_model, inside in self.checks:
             fold = (
-                int(carried(limb, together, path, solver.folds, *mounts, bodies, inside, swing))
+                int(
+                    carried(
+                        limb, together, path, solver.folds, *mounts, collision_model, inside, swing
+                    )
+                )
                 if together
                 else -1
             )
             if fold < 0:
-                return Way(kind, -1, -1, dict.fromkeys(left, 0))
+                return Way(kind, -1, -1, dict.fromkeys(kept, 0))
             # Another fold might serve the next world; the first must serve all.
             together = 1 << fold
-        return Way(kind, fold, -1, self._hold_apart(limb, after, path, (swing, swing), left, BOTH))
+        return Way(kind, fold, -1, self._hold_apart(limb, after, path, (swing, swing), kept, BOTH))
 
     def _direct(
         self,
@@ -326,7 +330,7 @@ class StepChecks(ABC):
         limb: int,
         after: Sequence[int],
         posture: Postures,
-        left: dict[int, int],
+        kept: dict[int, int],
         points: tuple[int, int],
         masks: tuple[int, int],
     ) -> Way:
@@ -347,53 +351,55 @@ class StepChecks(ABC):
         for pair in order[: min(count, TRIES)].tolist():
             start, goal = q[0, pair >> 3], q[1, pair & 7]
             if not all(
-                line_free(limb, start, goal, path, solver.limits, *mounts, bodies, inside, end)
-                for bodies, inside in self.checks
+                line_free(
+                    limb, start, goal, path, solver.limits, *mounts, collision_model, inside, end
+                )
+                for collision_model, inside in self.checks
             ):
                 continue
             if standing is None:
                 # Whether the limbs that hold can stay does not depend on the swing, but for the
                 # limb that makes it.
-                standing = self._hold_apart(limb, after, path, (start, end), left, STANDING)
+                standing = self._hold_apart(limb, after, path, (start, end), kept, STANDING)
                 if not all(standing.values()):
                     break
             found = self._hold_apart(limb, after, path, (start, end), standing, MOVER)
             if all(found.values()):
                 return Way(kind, -1, pair, found)
-        return Way(kind, -1, -1, dict.fromkeys(left, 0))
+        return Way(kind, -1, -1, dict.fromkeys(kept, 0))
 
     def _hold_apart(
         self, limb: int, after: Sequence[int], path: tuple[Any, ...], swing: tuple[Array, Array],
-        left: dict[int, int], parts: int
+        kept: dict[int, int], parts: int
     ) -> dict[int, int]:  # fmt: skip
-        """Those of the branches in `left` on which limbs can hold while `limb` swings, no two of them near each other.
+        """Those of the branches in `kept` on which limbs can hold while `limb` swings, no two of them near each other.
 
         If one limb has none the rest is not looked at. `parts` as in `hold_kernels.hold_free`.
         """
-        solver, left = self.solver, dict(left)
+        solver, kept = self.solver, dict(kept)
         mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
-        for bodies, inside in self.checks:
-            for i, mask in left.items():
+        for collision_model, inside in self.checks:
+            for i, mask in kept.items():
                 point = after[i]
-                left[i] = int(
+                kept[i] = int(
                     holding(
                         i, mask, solver.flanges[point], solver.tools[point], path, limb, *swing,
-                        *mounts, bodies, inside, parts
+                        *mounts, collision_model, inside, parts
                     )
                 )  # fmt: skip
-                if not left[i]:
-                    return left
-            for i, j in combinations(left, 2) if inside and parts & STANDING else ():
+                if not kept[i]:
+                    return kept
+            for i, j in combinations(kept, 2) if inside and parts & STANDING else ():
                 a, b = after[i], after[j]
                 first, second = together_apart(
-                    i, j, left[i], left[j], solver.flanges[a], solver.tools[a], solver.flanges[b],
+                    i, j, kept[i], kept[j], solver.flanges[a], solver.tools[a], solver.flanges[b],
                     solver.tools[b],
-                    path, *mounts, bodies,
+                    path, *mounts, collision_model,
                 )  # fmt: skip
-                left[i], left[j] = int(first), int(second)
+                kept[i], kept[j] = int(first), int(second)
                 if not (first and second):
-                    return left
-        return left
+                    return kept
+        return kept
 
     def hold(
         self, kind: int, pivot: Array, point: int, limb: int, posture: Postures, mask: int

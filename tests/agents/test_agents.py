@@ -289,8 +289,8 @@ def test_tables_and_graph_agree_on_who_may_let_go_next(small_map):
         env.reset(seed=seed)
         for _ in range(6):
             steps = env.moves.successors(env.state)
-            ours = env.table_moves().onward(env.state, steps)
-            np.testing.assert_array_equal(ours, graph_moves.onward(env.state, steps))
+            ours = env.table_moves().releasable_after(env.state, steps)
+            np.testing.assert_array_equal(ours, graph_moves.releasable_after(env.state, steps))
             for k, (limb, point) in enumerate(
                 zip(steps.limb.tolist(), steps.point.tolist(), strict=True)
             ):
@@ -601,7 +601,7 @@ def test_tasks_are_evaluated_with_their_points_occupied(env):
         execute=lambda world, states: bool(seen.append(states) or len(seen) == 1),
     )
     assert result.success.all()
-    assert result.carried_out.tolist() == [1.0, 0.0]
+    assert result.executed.tolist() == [1.0, 0.0]
     assert env.graph.occupied == frozenset()
     assert result.steps.tolist() == [
         len(plan.steps),

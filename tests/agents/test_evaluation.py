@@ -45,7 +45,7 @@ def test_an_action_that_is_not_possible_is_no_success(env):
     assert (result.steps == 1).all()
     assert not executed
     assert (result.base_translation == 0.0).all()
-    assert np.isnan(result.carried_out).all()
+    assert np.isnan(result.executed).all()
 
 
 def test_a_simulated_step_that_fails_is_no_success(small_map):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, Capsule, GraspMap, RobotSpec, Settings, robot_spec, stance_graph
-from mlivr_gym.collisions.collision_model import Bodies
+from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.contacts import capsule_ends, contacts
 from mlivr_gym.collisions.distances import CLEAR, segment_box_apart, segments_apart, stays_away
 from mlivr_gym.collisions.limb_shapes import NEVER_NEARER, LimbShapes
@@ -235,7 +235,9 @@ angles = st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6).map(np.array)
 def test_no_thin_plate_is_skipped(q0, q1, centre, half):
     """A swing called clear of a plate of a millimetre keeps its clearance at every one of many samples."""
     plate = Box("plate", "obstacle", tuple(centre), (0.2, half, 0.2))
-    shapes, gripper, hand, fixed, world, clearance, body = Bodies(SHAPES, (plate,), 0.02).arrays
+    shapes, gripper, hand, fixed, world, clearance, body = CollisionModel(
+        SHAPES, (plate,), 0.02
+    ).arrays
     here = (
         np.zeros(3),
         np.eye(3),

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, Capsule, GraspMap, Settings, robot_spec, stance_graph
-from mlivr_gym.collisions.collision_model import Bodies
+from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE
 from mlivr_gym.collisions.limb_shapes import LimbShapes
@@ -55,7 +55,7 @@ def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn,
     local = 1.2 * half * np.clip(point, -1.0, 1.0)
     inside = bool((np.abs(local) < half).all())
     place = np.repeat((centre + rotation @ local)[None, None], 2, axis=1)
-    world = Bodies(SHAPES, (loaded,), 0.0).arrays[4]
+    world = CollisionModel(SHAPES, (loaded,), 0.0).arrays[4]
     speck, nowhere = np.array([1e-9]), np.zeros(3)
     still = np.zeros((1, 2))
     answer, _ = against_boxes(place, still, EVERY, 1, speck, world, 1, nowhere, nowhere, 0.0)

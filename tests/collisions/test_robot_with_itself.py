@@ -22,7 +22,7 @@ from limb_motions import (
     shift_to,
 )
 
-from mlivr_gym.collisions.collision_model import Bodies
+from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.swept_hold import STANDING
@@ -40,7 +40,9 @@ REST = (np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), STRAIGHT, np.zeros(3))
 
 def verdicts(check, least):
     """Whether a motion is called clear whose least distance is 0.8 and 1.2 times the clearance."""
-    return [check(Bodies(SHAPES, (), least / share).arrays) == CLEAR for share in (0.8, 1.2)]
+    return [
+        check(CollisionModel(SHAPES, (), least / share).arrays) == CLEAR for share in (0.8, 1.2)
+    ]
 
 
 class Limb:
@@ -79,8 +81,8 @@ def kind(name):
 def swing_check(start, end, others):
     """The check of a line of limb 0 while the base rests, as a function of `Bodies.arrays`."""
 
-    def check(bodies):
-        shapes, _, _, fixed, world, clearance, body = bodies
+    def check(collision_model):
+        shapes, _, _, fixed, world, clearance, body = collision_model
         return swing_free(
             0, REST, 0.0, 0.0, start, end, ROBOT.limb.lengths, MOUNTS[0][0], MOUNTS[1][0], others,
             shapes, fixed, world, clearance, True, body,
@@ -112,7 +114,7 @@ def test_a_swing_keeps_clear_of_a_limb_at_rest_and_no_more():
     while met < 8:
         start, rest = rng.uniform(-np.pi, np.pi, (2, 6))
         end = start + rng.uniform(-0.6, 0.6, 6)
-        if swing_check(start, end, NO_LIMBS)(Bodies(SHAPES, (), CLEARANCE).arrays) != CLEAR:
+        if swing_check(start, end, NO_LIMBS)(CollisionModel(SHAPES, (), CLEARANCE).arrays) != CLEAR:
             continue
         met += 1
         ours, theirs, direction = (
@@ -124,7 +126,7 @@ def test_a_swing_keeps_clear_of_a_limb_at_rest_and_no_more():
             branches = np.repeat(theirs + 9.0, 3, axis=0)
             shift = shift_to(ours, np.repeat(theirs, 101, axis=0), direction, gap)
             branches[rng.integers(3)] = theirs[0] + shift
-            answer = swing_check(start, end, branches)(Bodies(SHAPES, (), CLEARANCE).arrays)
+            answer = swing_check(start, end, branches)(CollisionModel(SHAPES, (), CLEARANCE).arrays)
             assert (answer == CLEAR) == (gap > CLEARANCE)
 
 
@@ -137,7 +139,9 @@ def test_a_limb_that_holds_keeps_clear_of_the_robot_and_no_more(small_checked_gr
             moments = [(*AT_ORIGIN, np.array([q, np.zeros(6)])) for q in hold.joints]
             gap, other = limb.nearest(moments)
             met[kind(other)] += 1
-            answers = verdicts(lambda bodies, h=hold: h.answer(bodies, NOBODY, STANDING), gap)
+            answers = verdicts(
+                lambda collision_model, h=hold: h.answer(collision_model, NOBODY, STANDING), gap
+            )
             assert answers == [False, True]
     assert len(met) > 1
 
@@ -179,8 +183,8 @@ class Departure:
     def check(self, others, inside=True):
         """The compiled check, as a function of `Bodies.arrays`."""
 
-        def check(bodies):
-            shapes, gripper, _, fixed, world, clearance, _ = bodies
+        def check(collision_model):
+            shapes, gripper, _, fixed, world, clearance, _ = collision_model
             return departure_free(
                 0, *self.pose, ROBOT.lift, ROBOT.limb.lengths, self.branch, MOUNTS[0][0],
                 MOUNTS[1][0], *self.at, others, shapes, gripper, fixed, world, *self.grasps[0][1:],
@@ -201,7 +205,9 @@ def test_a_departure_keeps_clear_of_the_robot_and_no_more(small_checked_graph):
             ours, direction = in_body(0, lift.joints), draw(rng)
             for gap in (0.8 * CLEARANCE, 1.2 * CLEARANCE):
                 offset = shift_to(ours, np.repeat(lift.others(), len(ours), axis=0), direction, gap)
-                answer = lift.check(lift.others(offset))(Bodies(SHAPES, (), CLEARANCE).arrays)
+                answer = lift.check(lift.others(offset))(
+                    CollisionModel(SHAPES, (), CLEARANCE).arrays
+                )
                 assert (answer == CLEAR) == (gap > CLEARANCE)
 
 
@@ -221,12 +227,18 @@ def test_a_departure_keeps_clear_of_boxes_and_no_more(small_checked_graph):
         boxes = [in_front(point, direction, share * CLEARANCE, half) for share in (0.8, 1.2)]
         near = apart(capsule(RADII[first + c], *ends[k, first + c]), solid(boxes[0]))
         assert near == pytest.approx(0.8 * CLEARANCE, abs=1e-5)
-        assert lift.check(NO_LIMBS, False)(Bodies(SHAPES, boxes[:1], CLEARANCE).arrays) != CLEAR
+        assert (
+            lift.check(NO_LIMBS, False)(CollisionModel(SHAPES, boxes[:1], CLEARANCE).arrays)
+            != CLEAR
+        )
         everywhere = ((r, axis) for limb in ends for r, axis in zip(RADII, limb, strict=True))
         least = min(apart(capsule(r, *axis), solid(boxes[1])) for r, axis in everywhere)
         if least > 1.2 * CLEARANCE - 1e-5:
             hand += n % 2
-            assert lift.check(NO_LIMBS, False)(Bodies(SHAPES, boxes[1:], CLEARANCE).arrays) == CLEAR
+            assert (
+                lift.check(NO_LIMBS, False)(CollisionModel(SHAPES, boxes[1:], CLEARANCE).arrays)
+                == CLEAR
+            )
     assert hand > 5
 
 

@@ -29,7 +29,7 @@ from limb_motions import (
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import stance_graph
-from mlivr_gym.collisions.collision_model import Bodies
+from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.swept_hold import MOVER, STANDING, holds_apart
@@ -42,7 +42,7 @@ from mlivr_gym.planners import Planner
 
 CLEARANCE = 0.02
 NEAR, FAR = 0.8 * CLEARANCE, 1.2 * CLEARANCE
-EMPTY = Bodies(SHAPES, (), CLEARANCE).arrays
+EMPTY = CollisionModel(SHAPES, (), CLEARANCE).arrays
 
 
 class Swing(NamedTuple):
@@ -62,7 +62,9 @@ class Swing(NamedTuple):
 
     def answer(self, box):
         """What the compiled check says, boxes alone."""
-        shapes, _, _, fixed, world, clearance, body = Bodies(SHAPES, (box,), CLEARANCE).arrays
+        shapes, _, _, fixed, world, clearance, body = CollisionModel(
+            SHAPES, (box,), CLEARANCE
+        ).arrays
         return swing_free(
             0, self.path, 0.0, self.last, self.start, self.end, ROBOT.limb.lengths, MOUNTS[0][0],
             MOUNTS[1][0], NO_LIMBS, shapes, fixed, world, clearance, False, body,
@@ -178,8 +180,8 @@ def test_a_limb_that_holds_keeps_the_clearance_to_boxes_and_no_more(small_checke
             arm = [capsule(r, *axis) for r, axis in zip(RADII, ends[k], strict=False)]
             least = min(apart(shape, solid(box)) for shape in arm)
             assert least == pytest.approx(gap, abs=1e-5)
-            bodies = Bodies(SHAPES, (box,), CLEARANCE).arrays
-            assert (hold.answer(bodies, NOBODY, STANDING) == CLEAR) == (gap == FAR)
+            collision_model = CollisionModel(SHAPES, (box,), CLEARANCE).arrays
+            assert (hold.answer(collision_model, NOBODY, STANDING) == CLEAR) == (gap == FAR)
 
 
 def test_a_limb_that_holds_keeps_the_clearance_to_the_one_that_swings_and_no_more(

@@ -8,7 +8,7 @@ import pytest
 from coal_ruler import mujoco_pairs
 
 from mlivr_gym import Box, robot_spec
-from mlivr_gym.collisions.collision_model import Bodies
+from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, SELF
 from mlivr_gym.collisions.limb_shapes import LimbShapes
@@ -170,8 +170,10 @@ def test_what_moves_with_the_base_contains_body_and_mounts():
 
     def answer(point):
         speck = Box("speck", "obstacle", tuple(point), (5e-4, 5e-4, 5e-4))
-        bodies = Bodies(shapes, (speck,), 0.0).arrays
-        return body_against_boxes(np.zeros(3), np.eye(3), 0.0, 0.0, bodies[6], bodies[4], 0.0)
+        collision_model = CollisionModel(shapes, (speck,), 0.0).arrays
+        return body_against_boxes(
+            np.zeros(3), np.eye(3), 0.0, 0.0, collision_model[6], collision_model[4], 0.0
+        )
 
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
     inside = [*corners, *rng.uniform(-half, half, (200, 3))]

@@ -45,7 +45,7 @@ FAULTS = [
     (("steps", 0, "swing"), 3, r"steps\[0\].swing is 3"),
     (("steps", 0, "wheels"), 3, r"steps\[0\] is .*; it must be an object with limb"),
     (("steps", 0), 7, r"steps\[0\] is 7"),
-    (("steps", 0, "lands"), "D1a:0", "do not lead from"),
+    (("steps", 0, "to_point"), "D1a:0", "do not lead from"),
     (("actions", 0), [0], r"actions\[0\]"),
     (("actions", 0, 0), 2, r"actions\[0\] is 2"),
     (("base_quaternions", 0), [0, 0, 0, 0], "base_quaternions .* length 1"),
@@ -91,7 +91,7 @@ def test_a_point_that_the_map_lacks_is_named_though_the_fingerprint_fits(jem, da
     """The first stance and all that goes with it name another point."""
     limb = data["steps"][0]["limb"]
     other = changed(data, ("stances", 0, limb), "Q:1")
-    other["steps"][0]["departs"] = "Q:1"
+    other["steps"][0]["from_point"] = "Q:1"
     assert Plan.from_dict(other).stances[0][limb] == "Q:1"
     with pytest.raises(PlanError, match="unknown graspable point 'Q:1'"):
         Plan.from_dict(other, jem)

@@ -101,7 +101,7 @@ def test_velocities_keep_a_grasp_where_it_is(scene, walk):
 def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, scene):
     step = step_trajectory(checked_graph, plan, 0, period=0.1)
     limb = plan.steps[0].limb
-    for phase, point in ((0, plan.steps[0].departs), (2, plan.steps[0].lands)):
+    for phase, point in ((0, plan.steps[0].from_point), (2, plan.steps[0].to_point)):
         index = jem.index(point)
         heights = []
         for k in np.flatnonzero(step.phase == phase):

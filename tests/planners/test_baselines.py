@@ -197,10 +197,10 @@ def test_expected_costs_solve_the_bellman_equation(env):
                     continue
                 best = np.inf
                 for e in range(tables.start[2 * s + 1 - held], tables.start[2 * s + 2 - held]):
-                    if tables.left[e] >> b & 1:
+                    if tables.kept[e] >> b & 1:
                         after = tables.after[e]
                         rest = values.values[0, after, held, b]
-                        if tables.land[after, held] >> b & 1:
+                        if tables.releasable[after, held] >> b & 1:
                             rest = min(rest, values.landed[0, after, 1 - held])
                         p = risk[tables.points[after, 1 - held]]
                         # V = 1 + p V + (1 - p) rest

@@ -235,8 +235,8 @@ def test_a_plan_can_be_carried_out(jem, limbs):
         positions, rotations = base_path(*ends, kind, np.array(step.pivot), np.linspace(0, 1, 200))
         for i in range(limbs):
             if i == step.limb:
-                assert plan.stances[k][i] == step.departs
-                assert plan.stances[k + 1][i] == step.lands
+                assert plan.stances[k][i] == step.from_point
+                assert plan.stances[k + 1][i] == step.to_point
                 continue
             assert plan.stances[k][i] == plan.stances[k + 1][i]
             q = track(

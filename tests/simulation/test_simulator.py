@@ -238,7 +238,7 @@ def test_a_step_is_carried_out_within_tolerance(walked, plan, jem):
     (capture,) = walked.captures
     assert capture.distance < 1e-3
     assert capture.angle < 1e-3
-    assert capture.point == plan.steps[0].lands
+    assert capture.point == plan.steps[0].to_point
     np.testing.assert_allclose(
         walked.recording.base_positions[-1], plan.base_positions[1], atol=1e-3
     )

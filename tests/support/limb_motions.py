@@ -141,13 +141,13 @@ class Hold(NamedTuple):
             for w, r, ends in zip(where, turned, in_body(self.limb, self.joints), strict=True)
         ])  # fmt: skip
 
-    def answer(self, bodies, mover, parts):
+    def answer(self, collision_model, mover, parts):
         """What the compiled check says of `parts`, given `Bodies.arrays`.
 
         The mover's joint angles at both ends, and its mount.
         """
         lengths, mounts = ROBOT.limb.lengths, (MOUNTS[0][self.limb], MOUNTS[1][self.limb])
-        shapes, _, hand, fixed, world, clearance, _ = bodies
+        shapes, _, hand, fixed, world, clearance, _ = collision_model
         return hold_free(
             self.limb, *self.grip, self.path, 0.0, 1.0, self.branch, lengths, *mounts, *mover,
             shapes, hand, fixed, world, clearance, True, parts,
