@@ -4,7 +4,7 @@ This is the search to read first, and what the compiled ones (`pair_search`, `la
 compared with. It asks a stance graph for nothing but `posture_of`, `successors` and `max_step`, so
 it serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
 `heuristic="paper"` nodes, edges and estimate are the paper's. Where steps are checked, a node is a
-`State`: a stance together with the branches that are left to each limb.
+`State`: a stance together with the branches that each limb may be on.
 
 The numbers of the lines are this file's own, not those of the paper's listing:
 
@@ -12,7 +12,7 @@ The numbers of the lines are this file's own, not those of the paper's listing:
     2   while open is not empty:
     3       s <- the entry of open with the least f; of equal ones the largest g, then the oldest
     4       if s is in closed: go on with the next; closed <- closed + {s}
-    5       if the base at s lies within the tolerance of the goal: return the way to s
+    5       if the base at s lies within the tolerance of the goal: return the path to s
     6       for each limb and each point that it can step to, which leads to s':
     7           g' <- g(s) + cost(s, s')
     8           if s' is not in closed and g' < g(s'): g(s') <- g', parent(s') <- s
@@ -23,7 +23,7 @@ The numbers of the lines are this file's own, not those of the paper's listing:
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,11 +31,10 @@ from numpy.typing import NDArray
 
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
-from mlivr_gym.stances.stance_graph import StanceGraph, State
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
 
 Array = NDArray[np.float64]
-BlockedStep = tuple[tuple[int, ...], tuple[int, ...]]
-"""Stances before and after a step that must not be taken."""
 
 
 @dataclass
@@ -65,7 +64,6 @@ def algorithm1(
     *,
     inflation: float = 1.0,
     limit: int = 10_000_000,
-    blocked: Collection[BlockedStep] = (),
     progress: Callable[[int], None] | None = None,
 ) -> Explored:
     """Search from a state to any stance whose base lies within a ball.
@@ -77,9 +75,8 @@ def algorithm1(
         tolerance: Its radius [m].
         cost: Cost of a step.
         heuristic: `"consistent"`, `"paper"` or `"zero"`, see `Cost.heuristic`.
-        inflation: Factor on the heuristic; with 1 and a consistent one the way costs the least.
+        inflation: Factor on the heuristic; with 1 and a consistent one the path costs the least.
         limit: Most expansions.
-        blocked: Steps not to take.
         progress: Called with the number of expansions now and then.
     """
 
@@ -114,11 +111,8 @@ def algorithm1(
         away = np.linalg.norm(steps.position - here, axis=1)
         g = -minus_g + cost.base_weight * away + cost.step_weight  # line 7
         f = g + estimate(steps.position)
-        for k, (limb, point) in enumerate(zip(steps.limb, steps.point, strict=True)):
-            stance = (*state.stance[:limb], int(point), *state.stance[limb + 1 :])
-            after = State(stance, tuple(steps.masks[k].tolist()))
-            if (state.stance, stance) in blocked:
-                continue
+        for k in range(len(steps.limb)):
+            after = steps.after(state, k)
             if after not in closed and g[k] < least.get(after, np.inf):  # line 8
                 least[after] = float(g[k])
                 entry = (float(f[k]), -float(g[k]), explored.generated)

@@ -1,8 +1,8 @@
-"""Other ways to find a walk, after the literature; all work on the steps that are possible.
+"""Other methods to find a walk, after the literature; all work on the edges of the graph.
 
-* `random`: a possible action, each as likely as the others.
+* `random`: any step, each as likely as the others.
 * `local`: local foothold choice, as in Bretl (2006) and Uno (2019): the step whose base comes
-  nearest to the goal, never to a stance already visited, no way back.
+  nearest to the goal, never back to a stance already visited.
 * `mcts`: Monte Carlo tree search (Kocsis and Szepesvari, 2006), as Xu (2022) uses it for free
   climbing: UCT with progressive widening over the steps in the order of their base's distance to
   the goal, and local choice as rollout.
@@ -11,8 +11,8 @@
   corridor round it, which widens where there are none.
 
 A* without manipulability (Takada, 2023) is `Planner` on a graph with
-`Settings(manipulability=False)`; `walks.executable_steps` then tells how far its plans can be
-carried out under the thresholds.
+`Settings(manipulability=False)`; `walks.edges_along` then tells how far its plans are edges
+under the thresholds.
 """
 
 from __future__ import annotations
@@ -23,24 +23,15 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import choice
 from mlivr_gym.planners.walks import Walk
-from mlivr_gym.stances.moves import GraphMoves, TableMoves
-from mlivr_gym.stances.stance_graph import State, Successors
-
-Array = NDArray[np.float64]
-Moves = GraphMoves | TableMoves
+from mlivr_gym.stances.moves import Moves
+from mlivr_gym.transitions.state import State, Successors
 
 CORRIDORS = (0.3, 0.6, 1.2)
 """Half widths of the corridor that `two_level` tries one after the other [m]."""
-
-
-def _after(state: State, steps: Successors, k: int) -> State:
-    limb = int(steps.limb[k])
-    stance = (*state.stance[:limb], int(steps.point[k]), *state.stance[limb + 1 :])
-    return State(stance, tuple(steps.masks[k].tolist()))
 
 
 def _far(steps: Successors, goal: Array) -> Array:
@@ -68,7 +59,7 @@ class _Task:
         return self.moves.successors(state)
 
     def distance(self, state: State) -> float:
-        return math.dist(self.moves.place(state.stance).position, self.goal)
+        return math.dist(self.moves.place(state).position, self.goal)
 
     def done(self, state: State) -> bool:
         return self.distance(state) <= self.tolerance
@@ -84,7 +75,7 @@ def random_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
         steps = task.steps(states[-1])
         if not len(steps.limb):
             break
-        states.append(_after(states[-1], steps, int(rng.integers(len(steps.limb)))))
+        states.append(steps.after(states[-1], int(rng.integers(len(steps.limb)))))
     return task.walk(states)
 
 
@@ -94,7 +85,7 @@ def local_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     while not task.done(states[-1]) and len(states) <= task.longest:
         steps = task.steps(states[-1])
         for k in np.argsort(_far(steps, task.goal), kind="stable"):
-            after = _after(states[-1], steps, int(k))
+            after = steps.after(states[-1], int(k))
             if after.stance not in seen:
                 states.append(after)
                 seen.add(after.stance)
@@ -124,8 +115,8 @@ def tree_search(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
         root = _Node(task, states[-1])
         best: tuple[float, list[State]] = (-math.inf, [])
         for _ in range(budget):
-            value, way = _simulate(task, root, rng, reach)
-            best = max(best, (value, way), key=lambda pair: pair[0])
+            value, states_ahead = _simulate(task, root, rng, reach)
+            best = max(best, (value, states_ahead), key=lambda pair: pair[0])
         if best[1] and task.done(best[1][-1]):
             # A simulation that arrives is a plan: later ones would only repeat it.
             return task.walk([*states, *best[1]])
@@ -140,20 +131,20 @@ def _simulate(
     task: _Task, root: _Node, rng: np.random.Generator, reach: float
 ) -> tuple[float, list[State]]:
     """Descend, add a node, roll out, and back the value up; the value and the states of the way."""
-    node, path, way = root, [root], list[State]()
+    node, path, ahead = root, [root], list[State]()
     while node.order and not task.done(node.state):
         allowed = min(len(node.order), 2 + int(math.sqrt(node.visits)))
         if len(node.children) < allowed:
-            child = _Node(task, _after(node.state, node.steps, node.order[len(node.children)]))
+            child = _Node(task, node.steps.after(node.state, node.order[len(node.children)]))
             node.children.append(child)
         else:
             log = math.log(node.visits + 1)
             tried = [c for c in node.children if c is not None]
             child = max(tried, key=lambda c: c.total / c.visits + math.sqrt(2.0 * log / c.visits))
         path.append(child)
-        way.append(child.state)
+        ahead.append(child.state)
         node = child
-        if node.visits == 0 or len(way) >= task.longest:
+        if node.visits == 0 or len(ahead) >= task.longest:
             break
     state, seen = node.state, {n.state.stance for n in path}
     for _ in range(8):
@@ -164,21 +155,21 @@ def _simulate(
             break
         far = _far(steps, task.goal)
         k = int(np.argmin(far + 0.1 * rng.random(len(far))))
-        state = _after(state, steps, k)
+        state = steps.after(state, k)
         if state.stance in seen:
             break
         seen.add(state.stance)
-        way.append(state)
-    value = -float(len(way)) - 2.0 * max(0.0, task.distance(state) - task.tolerance) / reach
+        ahead.append(state)
+    value = -float(len(ahead)) - 2.0 * max(0.0, task.distance(state) - task.tolerance) / reach
     for passed in path:
         passed.visits += 1
         passed.total += value / 10.0
-    return value, way
+    return value, ahead
 
 
 def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     """The base path first, footholds after."""
-    origin = np.array(task.moves.place(task.start.stance).position)
+    origin = np.array(task.moves.place(task.start).position)
     length = float(np.linalg.norm(task.goal - origin))
     direction = (task.goal - origin) / max(length, 1e-9)
     for half_width in CORRIDORS:
@@ -200,7 +191,7 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
                 steps.position - origin - np.clip(along, 0.0, length)[:, None] * direction, axis=1
             )
             for k in np.flatnonzero(aside <= half_width):
-                after = _after(states[here], steps, int(k))
+                after = steps.after(states[here], int(k))
                 if after.stance not in seen:
                     seen.add(after.stance)
                     states.append(after)

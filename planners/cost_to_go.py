@@ -3,7 +3,7 @@
 With steps checked the cost to the goal depends on the branches the limbs are on. Moving limb j
 while limb i holds on branch b depends on b alone, so the table holds `U[s, i, b]`: the least cost
 from stance s when limb i holds on b and the other limb moves next. One search backward from the
-goal settles all of it.
+goal fills all of it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import _grown, _sift_down, _sift_up
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.pair_steps import KNOWN, edge_entry
-from mlivr_gym.stances.stance_graph import State, Successors
+from mlivr_gym.transitions.rule import can_release, kept_on_edge, mask_of_grasp
+from mlivr_gym.transitions.state import State, Successors
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def backward(
     """Fill the table by best-first search backward from the goal stances; steps are checked when they are wanted.
 
     A queue entry is (cost, stance, limb, mask, kind). Kind 0: limb holds on a branch of the mask
-    and the other moves next. Kind 1: the other limb has just landed, so that either may move next.
+    and the other moves next. Kind 1: the other limb has just grasped: either may move next.
 
     Args:
         goal: Which stances are goals, shape (n,).
@@ -117,20 +118,19 @@ def backward(
         taken += 1
         if kind == 0:
             if check:
-                new &= edge_entry(held, s, next, edges)
+                new = kept_on_edge(new, edge_entry(held, s, next, edges))
                 if new == 0:
                     continue
-            # Where the limb that holds landed here, the other came holding and must be able to let
-            # go.
-            releasable = released[s, held] & 0xFFFF if check else mask[s, held]
-            first = new & releasable != 0 and done[s, held, 0] & releasable == 0
+            # Where the limb that holds grasped here, the other came holding and must be releasable.
+            releasable = mask_of_grasp(released[s, held]) if check else mask[s, held]
+            first = can_release(new, releasable) and not can_release(done[s, held, 0], releasable)
             done[s, held, 0] |= new
             for b in range(16):
                 if new >> b & 1:
                     value[s, held, b] = cost
             if s == start:
                 return f[item], True
-            # The other limb may have landed here; so may this one, if the other holds and it came.
+            # The other limb may have grasped here; so may this one, if the other held meanwhile.
             if used + 2 > size_pool:
                 f, none, node, bits, heap = (
                     _grown(f),
@@ -143,7 +143,7 @@ def backward(
                 size_pool *= 2
             for turn in range(2 if first else 1):
                 holder = held if turn == 0 else 1 - held
-                leave = released[s, holder] & 0xFFFF if check else mask[s, holder]
+                leave = mask_of_grasp(released[s, holder]) if check else mask[s, holder]
                 f[used], none[used], node[used] = f[item], 0.0, 4 * s + 2 * holder + 1
                 bits[used], spent[used], after[used], heap[size] = (
                     new if turn == 0 else leave,
@@ -163,12 +163,12 @@ def backward(
             s2 = rows[held, k]
             if s2 == s:
                 continue
-            keep = new & mask[s2, held] & ~done[s2, held, 0]
+            keep = kept_on_edge(new, mask[s2, held]) & ~done[s2, held, 0]
             if keep == 0:
                 continue
             entry = table[first_entry + local[held, s2]] if check else np.int64(KNOWN)
             if check and entry & KNOWN:
-                keep &= entry
+                keep = kept_on_edge(keep, entry)
             dx = row_position[held, k, 0] - x
             dy = row_position[held, k, 1] - y
             dz = row_position[held, k, 2] - z
@@ -235,7 +235,7 @@ class CostToGo:
             graph.row_start, graph.row_position, graph.edges, self._held,
             np.zeros((len(graph), 2, 2), dtype=np.int64), np.full((len(graph), 2, 16), np.inf),
         )  # fmt: skip
-        self._leave = graph.edges[17][2] & 0xFFFF if graph.settings.transitions else graph.mask
+        self._releasable = graph.edges[17][2] if graph.settings.transitions else graph.mask
         self.values: Array = np.where(self.is_goal, 0.0, self._held.min(axis=(1, 2)))
 
     def value(self, state: State) -> float:
@@ -245,10 +245,11 @@ class CostToGo:
         s = self.graph.find(state.stance)
         if self.is_goal[s]:
             return 0.0
-        leave = self._leave[s] & state.masks
         return float(
             min(
-                self._held[s, i][_bits(state.masks[i])].min() if leave[1 - i] else np.inf
+                self._held[s, i][_bits(state.masks[i])].min()
+                if can_release(state.masks[1 - i], int(self._releasable[s, 1 - i]))
+                else np.inf
                 for i in range(2)
             )
         )
@@ -265,11 +266,7 @@ class CostToGo:
             successors.position - self.graph.posture_of(state).position[0], axis=1
         )
         for k in range(len(out)):
-            stance = list(state.stance)
-            stance[successors.limb[k]] = int(successors.point[k])
-            after = State(
-                (stance[0], stance[1]), (int(successors.masks[k, 0]), int(successors.masks[k, 1]))
-            )
+            after = successors.after(state, k)
             out[k] = self.cost.base_weight * shift[k] + self.cost.step_weight + self.value(after)
         return out
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.errors import SettingError, choice, nonnegative
-from mlivr_gym.motion.plan import COSTS
+from mlivr_gym.motion.plan_parts import COSTS
 
 HIGHEST_PRICE = 1e6
 """Largest price of a regrasp [m]; beyond it displacements are lost in rounding."""
@@ -26,7 +26,7 @@ class Cost:
     """Cost `base_weight * displacement + step_weight` of one step.
 
     Attributes:
-        name: One of `motion.plan.COSTS`.
+        name: One of `motion.plan_parts.COSTS`.
         base_weight: Weight of the base displacement [1/m].
         step_weight: Charge for each step.
     """

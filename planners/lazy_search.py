@@ -8,22 +8,22 @@ queue.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mlivr_gym.planners.costs import Cost
+from mlivr_gym.arrays import Array
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
+from mlivr_gym.planners.query import Search
 from mlivr_gym.postures.solver import Postures
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.stance_graph import State, join
+from mlivr_gym.stances.stance_graph import join
+from mlivr_gym.transitions.state import State
 
 
 @dataclass
 class Found:
-    """Outcome of a search: status, expanded states with their parents, costs and postures, number generated."""
+    """Outcome of a search: expanded states with their parents, costs and postures."""
 
     status: int
     states: list[State]
@@ -33,30 +33,19 @@ class Found:
     generated: int
 
 
-def lazy_search(
-    graph: LazyGraph,
-    start: State,
-    is_goal: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
-    heuristic: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    cost: Cost,
-    g_weight: float,
-    limit: int,
-    progress: Callable[[int], None] | None = None,
-    blocked: Collection[tuple[tuple[int, ...], tuple[int, ...]]] = (),
-) -> Found:
-    """Best-first search from a state to any stance whose base position is a goal.
+def lazy_search(graph: LazyGraph, start: State, search: Search) -> Found:
+    """Best-first search from a state to any stance whose base lies in the goal region.
 
     Args:
         graph: The stance graph.
         start: Where to start.
-        is_goal: Tells of base positions, shape (k, 3), which are goals, shape (k,).
-        heuristic: Estimate for base positions, shape (k, 3) -> (k,).
-        cost: Cost of a step.
-        g_weight: 1 for A*, 0 for greedy best-first.
-        limit: Most expansions.
-        progress: Called with the number of expansions now and then.
-        blocked: Steps not to take, as pairs of stances.
+        search: What to look for, and how.
     """
+    cost, max_step = search.goal.cost, graph.max_step
+
+    def heuristic(positions: Array) -> Array:
+        return search.estimate(search.goal.distance(positions), max_step)
+
     found = Found(EXHAUSTED, [], [], [], [], 1)
     first = graph.posture_of(start)
     h0 = float(heuristic(first.position)[0])
@@ -73,15 +62,12 @@ def lazy_search(
         else:
             if stance in complete:
                 continue
-            if (found.states[parent].stance, stance) in blocked:
+            both = join(found.postures[parent], posture)
+            after = graph.transition(found.states[parent], stance, both)
+            if after is None:
                 continue
-            step = graph.transition(
-                found.states[parent], stance, join(found.postures[parent], posture)
-            )
-            if step is None:
-                continue
-            state = State(stance, step.masks)
-        # A pose of the robot's own is left once; its stance is another state.
+            state = after
+        # The start may be in a given pose; its stance is another state.
         seen = closed.setdefault(stance, []) if state.pose is None else []
         if any(
             all(m & ~old == 0 for m, old in zip(state.masks, masks, strict=True)) for masks in seen
@@ -95,14 +81,14 @@ def lazy_search(
         found.parents.append(parent)
         found.costs.append(-negative)
         found.postures.append(posture)
-        if is_goal(posture.position)[0]:
+        if search.goal.reached(posture.position)[0]:
             found.status = FOUND
             return found
-        if here + 1 >= limit:
+        if here + 1 >= search.limit:
             found.status = LIMIT
             return found
-        if progress is not None and here % 20 == 0:
-            progress(here)
+        if search.progress is not None and here % 20 == 0:
+            search.progress(here)
         limb, point, postures = graph.candidates(stance)
         if not len(limb):
             continue
@@ -110,16 +96,16 @@ def lazy_search(
             postures.position - posture.position, axis=1
         )
         g += cost.step_weight
-        f = g_weight * g + heuristic(postures.position)
+        f = search.g_weight * g + heuristic(postures.position)
         for k in range(len(limb)):
-            after = (*stance[: limb[k]], int(point[k]), *stance[limb[k] + 1 :])
+            next_ = state.stance_after(int(limb[k]), int(point[k]))
             if not graph.settings.transitions:
-                if g[k] >= best.get(after, np.inf):
+                if g[k] >= best.get(next_, np.inf):
                     continue
-                best[after] = float(g[k])
-            elif after in complete:
+                best[next_] = float(g[k])
+            elif next_ in complete:
                 continue
-            entries.append((after, postures.take(np.array([k])), here))
+            entries.append((next_, postures.take(np.array([k])), here))
             heapq.heappush(queue, (float(f[k]), -float(g[k]), len(entries) - 1))
             found.generated += 1
     return found

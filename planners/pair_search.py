@@ -14,6 +14,7 @@ import numpy as np
 
 from mlivr_gym.compiled.kernels import allocating_kernel, kernel
 from mlivr_gym.stances.pair_steps import KNOWN, edge_entry
+from mlivr_gym.transitions.rule import can_release, kept_on_edge, mask_of_grasp
 
 FOUND, EXHAUSTED, LIMIT = 0, 1, 2
 
@@ -172,22 +173,22 @@ def search(
                     kept = seeds[-1 - above, 2]
                 else:
                     before, last = out_node[above] // 3, out_node[above] % 3
-                    kept = edge_entry(held, before, s, edges) & 0xFFFF
+                    kept = kept_on_edge(mask[s, held], edge_entry(held, before, s, edges))
                     if last == moved:
-                        kept &= out_mask[above]
+                        kept = kept_on_edge(out_mask[above], kept)
                     elif last == held:
-                        kept &= released[before, held]
-                        if not out_mask[above] & released[before, moved] & 0xFFFF:
+                        kept = kept_on_edge(mask_of_grasp(released[before, held]), kept)
+                        if not can_release(out_mask[above], released[before, moved]):
                             continue
             if kept & ~closed[s, moved] == 0:
                 continue
             full = kept == mask[s, held]
             if check and ready[s, held]:
-                full = released[s, held] & 0xFFFF & ~kept == 0
+                full = mask_of_grasp(released[s, held]) & ~kept == 0
             closed[s, moved] |= kept
         if full and moved < 2:
-            # A limb that landed here instead would be on branches that the one that holds has now.
-            closed[s, 1 - moved] |= released[s, moved] & 0xFFFF if check else mask[s, moved]
+            # A limb that grasped here instead would be on branches that the one that holds has.
+            closed[s, 1 - moved] |= mask_of_grasp(released[s, moved]) if check else mask[s, moved]
         elif full:
             closed[s, 0], closed[s, 1] = mask[s, 1], mask[s, 0]
         if expanded == size_out:
@@ -216,13 +217,13 @@ def search(
                 continue
             holds = 1 - limb
             point = points[s, holds]
-            mine, sure = mask[s, holds], True
+            of_held, sure = mask[s, holds], True
             if moved == limb:
-                mine = kept
+                of_held = kept
             elif moved == holds and check:
-                mine &= released[s, holds]
+                of_held &= mask_of_grasp(released[s, holds])
                 sure = ready[s, limb]
-                if sure and not kept & released[s, limb] & 0xFFFF:
+                if sure and not can_release(kept, released[s, limb]):
                     continue
             first = offset[holds, point] + local[holds, s] * degree[holds, point]
             for k in range(row_start[holds, point], row_start[holds, point + 1]):
@@ -238,11 +239,11 @@ def search(
                 cost2 = cost + base_weight * np.sqrt(dx * dx + dy * dy + dz * dz) + step_weight
                 if cost2 >= best[s2, limb]:
                     continue
-                after = mine & theirs
+                after = kept_on_edge(of_held, theirs)
                 if check:
                     entry = table[first + local[holds, s2]]
                     if entry & KNOWN:
-                        after &= entry
+                        after = kept_on_edge(after, entry)
                         if after & ~closed[s2, limb] == 0:
                             continue
                         if sure and after == theirs:
@@ -326,7 +327,7 @@ def distance_to_goal(
     row_position,
     mask,
     value,
-    settled,
+    closed,
     along,
 ):
     """Exact cost from stances to the goal region when steps are not checked, by search backward from the goal.
@@ -370,10 +371,10 @@ def distance_to_goal(
             heap[0] = heap[size]
             _sift_down(heap, size, f, g)
         s = node[item]
-        if settled[s] < np.inf:
+        if closed[s] < np.inf:
             continue
         cost = value[s]
-        settled[s] = cost
+        closed[s] = cost
         if s == start:
             break
         x, y, z = position[s, 0], position[s, 1], position[s, 2]

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.stances.step_tables import StepTables
+from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 Array = NDArray[np.float64]
 
 
 @kernel
-def relax(goal, step_cost, base_cost, tables, value, landed, queue, queued):
+def relax(goal, step_cost, base_cost, tables, value, grasped, queue, queued):
     """Fill the table, label-correcting backward from the goal stances.
 
     Args:
@@ -28,7 +29,7 @@ def relax(goal, step_cost, base_cost, tables, value, landed, queue, queued):
         base_cost: Charge for each metre of base displacement on a step to each point, shape (m,).
         tables: `StepTables`.
         value: Infinities, shape (n, 2, 16), filled.
-        landed: Infinities, shape (n, 2), filled: least cost when the limb has just landed and the
+        landed: Infinities, shape (n, 2), filled: least cost when the limb has just grasped and the
             other moves next.
         queue: Shape (n,).
         queued: Zeros, shape (n,).
@@ -37,7 +38,7 @@ def relax(goal, step_cost, base_cost, tables, value, landed, queue, queued):
     head = size = 0
     for s in range(n):
         if goal[s]:
-            landed[s, 0] = landed[s, 1] = 0.0
+            grasped[s, 0] = grasped[s, 1] = 0.0
             for limb in range(2):
                 for b in range(16):
                     if tables.masks[s, limb] >> b & 1:
@@ -63,15 +64,15 @@ def relax(goal, step_cost, base_cost, tables, value, landed, queue, queued):
                 branches, changed = tables.kept[e], False
                 for b in range(16):
                     if branches >> b & 1:
-                        # The limb that holds may move next if it can let go on its branch.
-                        rest = (
-                            landed[s2, moving] if tables.releasable[s2, held] >> b & 1 else np.inf
-                        )
+                        # The limb that holds may move next if it can be released on its branch.
+                        rest = np.inf
+                        if can_release(1 << b, tables.releasable[s2, held]):
+                            rest = grasped[s2, moving]
                         through = cost + min(value[s2, held, b], rest)
                         if through < value[s, held, b] - 1e-9:
                             value[s, held, b] = through
-                            if tables.releasable[s, held] >> b & 1:
-                                landed[s, held] = min(landed[s, held], through)
+                            if can_release(1 << b, tables.releasable[s, held]):
+                                grasped[s, held] = min(grasped[s, held], through)
                             changed = True
                 if changed and not queued[s]:
                     queue[(head + size) % n] = s
@@ -80,7 +81,7 @@ def relax(goal, step_cost, base_cost, tables, value, landed, queue, queued):
 
 
 @kernel
-def step_values(stances, masks, which, goals, step_cost, base_cost, tables, values, landed, out):
+def step_values(stances, masks, which, goals, step_cost, base_cost, tables, values, grasped, out):
     """Cost of taking each possible action and going on at the least cost.
 
     Args:
@@ -100,17 +101,17 @@ def step_values(stances, masks, which, goals, step_cost, base_cost, tables, valu
         s, g = stances[k], which[k]
         for moving in range(2):
             held = 1 - moving
-            if not masks[k, moving] & tables.releasable[s, moving]:
+            if not can_release(masks[k, moving], tables.releasable[s, moving]):
                 continue
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                branches = tables.kept[e] & masks[k, held]
+                branches = kept_on_edge(masks[k, held], tables.kept[e])
                 if not branches:
                     continue
                 s2 = tables.after[e]
                 point = tables.points[s2, moving]
                 square, rest = 0.0, np.inf
-                if branches & tables.releasable[s2, held]:
-                    rest = landed[g, s2, moving]
+                if can_release(branches, tables.releasable[s2, held]):
+                    rest = grasped[g, s2, moving]
                 for axis in range(3):
                     square += (tables.position[s, axis] - tables.position[s2, axis]) ** 2
                 for b in range(16):
@@ -126,7 +127,7 @@ def step_values(stances, masks, which, goals, step_cost, base_cost, tables, valu
 def expected_charges(cost: Cost, failure: Array) -> tuple[Array, Array]:
     """Charges for a step and for a metre where an attempt at each point fails with a probability, each shape (m,).
 
-    A failed attempt costs a step and the way there and back; it is made again until it succeeds, `1
+    A failed attempt costs a step and the path there and back; it is made again until it succeeds, `1
     / (1 - p)` times on average.
     """
     return cost.step_weight / (1.0 - failure), cost.base_weight * (1.0 + failure) / (1.0 - failure)
@@ -170,11 +171,11 @@ class TableValues:
             [(np.linalg.norm(tables.position - goal, axis=1) <= tolerance) & held for goal in goals]
         )
         self.values: Array = np.full((count, n, 2, 16), np.inf)
-        self.landed: Array = np.full((count, n, 2), np.inf)
+        self.grasped: Array = np.full((count, n, 2), np.inf)
         for g in range(count):
             queue, queued = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int8)
             relax(
-                self.goals[g], *self.charges, tables, self.values[g], self.landed[g], queue, queued
+                self.goals[g], *self.charges, tables, self.values[g], self.grasped[g], queue, queued
             )
 
     def of_stances(self, g: int) -> Array:
@@ -205,7 +206,7 @@ class TableValues:
             *self.charges,
             self.tables,
             self.values,
-            self.landed,
+            self.grasped,
             out,
         )
         return out

@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
-from mlivr_gym.kinematics.holding import quaternion
-from mlivr_gym.motion.commitment import assemble
-from mlivr_gym.motion.plan import Plan
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.stance_graph import StanceGraph, State, join
-
-Array = NDArray[np.float64]
+from mlivr_gym.motion.commitment import committed_motion
+from mlivr_gym.motion.plan import Plan, Query, Statistics, World
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State, moving_limb
 
 
 class Walk(NamedTuple):
@@ -36,11 +31,7 @@ class Walk(NamedTuple):
         """Limb that moves and point it moves to, K - 1 pairs."""
         pairs = []
         for before, after in zip(self.states, self.states[1:], strict=False):
-            limb = next(
-                i
-                for i, (a, b) in enumerate(zip(before.stance, after.stance, strict=True))
-                if a != b
-            )
+            limb = moving_limb(before.stance, after.stance)
             pairs.append((limb, after.stance[limb]))
         return tuple(pairs)
 
@@ -53,7 +44,7 @@ def plan_of(
     method: str,
     expanded: int = 0,
 ) -> Plan | None:
-    """A plan that can be carried out from a sequence of states; None if a limb would leave its joint limits or finds no swing.
+    """The plan of a walk; None if one of its steps is not executable after those before it.
 
     Args:
         graph: The stance graph.
@@ -63,61 +54,25 @@ def plan_of(
         method: Name of what found the states.
         expanded: States explored.
     """
-    postures = graph.posture(states[0].stance)
-    for state in states[1:]:
-        postures = join(postures, graph.posture(state.stance))
-    parts = assemble(graph, states, postures)
-    if parts.beyond is not None:
+    motion = committed_motion(graph, states).motion
+    if motion is None:
         return None
-    return Plan(
-        stances=tuple(graph.ids(state.stance) for state in states),
-        actions=tuple((step.limb, step.to_point) for step in parts.steps),
-        steps=parts.steps,
-        base_positions=postures.position,
-        base_quaternions=np.array([quaternion(r) for r in postures.rotation]),
-        joint_positions=parts.joints,
-        branches=parts.branches,
-        w_m=parts.w_m,
-        w_b=parts.w_b,
-        goal=(float(goal[0]), float(goal[1]), float(goal[2])),
-        goal_tolerance=tolerance,
-        cost_name="steps",
-        cost=float(len(parts.steps)),
-        regrasp_price=None,
-        method=method,
-        heuristic="none",
-        expanded=expanded,
-        generated=expanded,
-        feasibility_time=0.0,
-        search_time=0.0,
-        map_name=graph.grasp_map.name,
-        map_fingerprint=graph.grasp_map.fingerprint,
-        obstacles=graph.obstacles,
-        occupied=graph.ids(sorted(graph.occupied)),
-        robot=graph.robot,
-        settings=graph.settings,
-    )
+    x, y, z = (float(value) for value in goal)
+    query = Query((x, y, z), tolerance, "steps", None, method, "none")
+    statistics = Statistics(float(len(motion.steps)), expanded, expanded)
+    return Plan(query, World.of(graph), motion, statistics)
 
 
-def executable_steps(graph: StanceGraph, stances: Sequence[Sequence[str | int]]) -> int:
-    """How many steps of a sequence of stances can be carried out on a graph, from the first on."""
+def edges_along(graph: StanceGraph, stances: Sequence[Sequence[str | int]]) -> int:
+    """How many steps of a sequence of stances are edges of a graph, from the first on."""
     points = [graph.indices(stance) for stance in stances]
     try:
         state = graph.state(points[0])
     except StanceError:
         return 0
-    for done, after in enumerate(points[1:]):
-        limb = next(i for i, (a, b) in enumerate(zip(state.stance, after, strict=True)) if a != b)
-        if isinstance(graph, LazyGraph):
-            both = join(graph.posture(state.stance), graph.posture(after))
-            step = graph.transition(state, after, both) if graph.is_node(both).all() else None
-            if step is None:
-                return done
-            state = State(after, step.masks)
-            continue
-        steps = graph.successors(state)
-        found = np.flatnonzero((steps.limb == limb) & (steps.point == after[limb]))
-        if not len(found):
+    for done, stance in enumerate(points[1:]):
+        after = graph.step_to(state, stance)
+        if after is None:
             return done
-        state = State(after, tuple(steps.masks[found[0]].tolist()))
+        state = after
     return len(points) - 1

@@ -1,11 +1,13 @@
-"""Kernels over `StepTables`: which actions are possible, taking them, and drawing starts and goals."""
+"""Kernels of the vector environment: taking actions, and drawing starts and goals."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.envs.tasks import WALK
+from mlivr_gym.envs.tasks import MOST_STEPS
+from mlivr_gym.stances.table_steps import any_step, find_step
+from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 TRIES = 1000
 """Draws after which drawing a start and goal gives up."""
@@ -20,45 +22,6 @@ def random_below(streams, k, bound):
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     z = z ^ (z >> np.uint64(31))
     return np.int64(np.float64(z >> np.uint64(11)) * (1.0 / 9007199254740992.0) * bound)
-
-
-@kernel
-def legal_actions(stances, masks, tables, out):
-    """Mark the possible actions of each state.
-
-    Args:
-        stances: Stance indices, shape (k,).
-        masks: Branches each limb may be on, shape (k, 2).
-        tables: `StepTables`.
-        out: Zeros, shape (k, 2 m); ones are written.
-    """
-    points, start, after, kept = tables.points, tables.start, tables.after, tables.kept
-    m = out.shape[1] // 2
-    for k in range(len(stances)):
-        s = stances[k]
-        for moving in range(2):
-            if not masks[k, moving] & tables.releasable[s, moving]:
-                continue
-            mine = masks[k, 1 - moving]
-            for e in range(start[2 * s + moving], start[2 * s + moving + 1]):
-                if kept[e] & mine:
-                    out[k, moving * m + points[after[e], moving]] = 1
-
-
-@kernel
-def find_step(s, moving, s2, tables):
-    """Index of the step from stance `s` to `s2` that moves limb `moving`, or -1."""
-    low, high = tables.start[2 * s + moving], tables.start[2 * s + moving + 1]
-    target = tables.points[s2, moving]
-    while low < high:
-        middle = (low + high) // 2
-        if tables.points[tables.after[middle], moving] < target:
-            low = middle + 1
-        else:
-            high = middle
-    if low < tables.start[2 * s + moving + 1] and tables.after[low] == s2:
-        return low
-    return np.int64(-1)
 
 
 @kernel
@@ -87,38 +50,26 @@ def advance(
             continue
         moving, point = actions[k] // m, actions[k] % m
         held, s = 1 - moving, stances[k]
-        kept = tables.points[s, held]
-        s2 = stance_at[kept, point] if held == 0 else stance_at[point, kept]
+        grasped = tables.points[s, held]
+        s2 = stance_at[grasped, point] if held == 0 else stance_at[point, grasped]
         e = np.int64(-1)
         if s2 >= 0 and s2 != s:
             e = find_step(s, moving, s2, tables)
-        mine = masks[k, held] & tables.kept[e] if e >= 0 else 0
-        if not mine or not masks[k, moving] & tables.releasable[s, moving]:
+        kept = kept_on_edge(masks[k, held], tables.kept[e]) if e >= 0 else np.int64(0)
+        if not kept or not can_release(masks[k, moving], tables.releasable[s, moving]):
             moved[k], outcome[k] = max_step, 1
             continue
         square = 0.0
         for axis in range(3):
             square += (tables.position[s, axis] - tables.position[s2, axis]) ** 2
         moved[k], outcome[k] = np.sqrt(square), 0
-        masks[k, held] = mine
+        masks[k, held] = kept
         if failure[point] > 0.0 and random_below(streams, k, 1 << 53) < failure[point] * (1 << 53):
             masks[k, moving] = tables.releasable[s, moving]
             moved[k], outcome[k] = 2.0 * moved[k], 2
             continue
         masks[k, moving] = tables.releasable[s2, moving]
         stances[k] = s2
-
-
-@kernel
-def any_step(s, mask0, mask1, tables):
-    """Whether a step leaves stance `s` with its limbs on these branches."""
-    for moving in range(2):
-        mine, own = (mask0, mask1) if moving == 1 else (mask1, mask0)
-        if own & tables.releasable[s, moving]:
-            for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                if tables.kept[e] & mine:
-                    return True
-    return False
 
 
 @kernel
@@ -158,14 +109,14 @@ def draw_tasks(which, given, targets, cabin, tolerance, tables, streams, stances
             nearest = 0.0
             for axis in range(3):
                 nearest += (position[s, axis] - target[axis]) ** 2
-            for _ in range(WALK):
+            for _ in range(MOST_STEPS):
                 best = -1
                 for moving in range(2):
-                    mine, own = (mask0, mask1) if moving == 1 else (mask1, mask0)
-                    if not own & tables.releasable[here, moving]:
+                    of_held, of_moving = (mask0, mask1) if moving else (mask1, mask0)
+                    if not can_release(of_moving, tables.releasable[here, moving]):
                         continue
                     for e in range(start[2 * here + moving], start[2 * here + moving + 1]):
-                        if kept[e] & mine:
+                        if kept_on_edge(of_held, kept[e]):
                             square = 0.0
                             for axis in range(3):
                                 square += (position[after[e], axis] - target[axis]) ** 2
@@ -176,9 +127,13 @@ def draw_tasks(which, given, targets, cabin, tolerance, tables, streams, stances
                 second = best >= start[2 * here + 1]
                 here = after[best]
                 if second:
-                    mask0, mask1 = mask0 & kept[best], np.int64(tables.releasable[here, 1])
+                    mask0, mask1 = (
+                        kept_on_edge(mask0, kept[best]),
+                        np.int64(tables.releasable[here, 1]),
+                    )
                 else:
-                    mask0, mask1 = np.int64(tables.releasable[here, 0]), mask1 & kept[best]
+                    mask0 = np.int64(tables.releasable[here, 0])
+                    mask1 = kept_on_edge(mask1, kept[best])
             away, inside = 0.0, True
             for axis in range(3):
                 away += (position[here, axis] - position[s, axis]) ** 2
@@ -190,33 +145,3 @@ def draw_tasks(which, given, targets, cabin, tolerance, tables, streams, stances
         if not found:
             return k
     return -1
-
-
-@kernel
-def legal_places(stances, masks, tables, out, position, releasable_after):
-    """Mark the possible actions of each state and write where the base is after each.
-
-    Args:
-        stances: Stance indices, shape (k,).
-        masks: Branches each limb may be on, shape (k, 2).
-        tables: `StepTables`.
-        out: Zeros, shape (k, 2, m); ones are written.
-        position: Shape (k, 2, m, 3); base positions [m] are written for the possible actions.
-        onward: Zeros, shape (k, 2, m); ones are written where the limb that holds could let go
-            after the action.
-    """
-    for k in range(len(stances)):
-        s = stances[k]
-        for moving in range(2):
-            if not masks[k, moving] & tables.releasable[s, moving]:
-                continue
-            mine = masks[k, 1 - moving]
-            for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                if tables.kept[e] & mine:
-                    s2 = tables.after[e]
-                    point = tables.points[s2, moving]
-                    out[k, moving, point] = 1
-                    if tables.kept[e] & mine & tables.releasable[s2, 1 - moving]:
-                        releasable_after[k, moving, point] = 1
-                    for axis in range(3):
-                        position[k, moving, point, axis] = tables.position[s2, axis]

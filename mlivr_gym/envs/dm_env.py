@@ -11,6 +11,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.observations import Observation
 
 
 class MlivrDmEnvironment(dm_env.Environment):
@@ -60,8 +61,9 @@ class MlivrDmEnvironment(dm_env.Environment):
             return dm_env.truncation(reward, self._observed(observation))
         return dm_env.transition(reward, self._observed(observation))
 
-    def _observed(self, observation: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        return {**observation, "action_mask": self.env.action_masks().astype(np.int8)}
+    def _observed(self, observation: Observation) -> dict[str, NDArray[Any]]:
+        mask = self.env.action_masks().astype(np.int8)
+        return {**dict(observation), "action_mask": mask}  # type: ignore[dict-item]
 
     def observation_spec(self) -> dict[str, specs.Array]:
         """Spec of each entry of the observation."""

@@ -9,23 +9,31 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.actions import action_number
 from mlivr_gym.envs.grasp_failure import failure_probabilities
-from mlivr_gym.envs.plain_spec import plain_spec
-from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.envs.observations import (
+    Observation,
+    PlaceObservation,
+    observation,
+    observation_space,
+    place_observation,
+)
+from mlivr_gym.envs.plain_spec import PlainSpec
+from mlivr_gym.envs.rewards import Reward, StepOutcome, TaskReward, reward_of
+from mlivr_gym.envs.tasks import TaskGenerator, generator_of
 from mlivr_gym.errors import SettingError, StanceError, choice, nonnegative
 from mlivr_gym.motion.trajectory import Durations
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import CLEARANCE, Settings
-from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.moves import GraphMoves, Place, TableMoves, branch_bits
+from mlivr_gym.stances.moves import GraphMoves, Moves, TableMoves, action_mask
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.stance_graph import State, Successors
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
+from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap, as_map
 
@@ -33,24 +41,17 @@ if TYPE_CHECKING:
     from mlivr_gym.simulation.dynamics import Physics
     from mlivr_gym.simulation.physical_walk import PhysicalWalk
 
-REWARDS = ("steps", "base")
-"""Names of the rewards."""
-
 OPTIONS = ("start", "start_pose", "start_joints", "goal")
 """Names of the options of `reset`."""
 
 DYNAMICS = ("kinematic", "mujoco")
-"""Names of the ways in which a step is taken."""
+"""Names of the kinds of dynamics."""
 
-MEASURES = (
-    "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force",
-    "peak_grasp_torque", "base_error",
-    "simulated_time",
-)  # fmt: skip
-"""What `info` tells of the last step that was carried out."""
+REMEMBERED = 4096
+"""Stances whose observation an environment remembers."""
 
 
-class MlivrEnv(gymnasium.Env[Any, Any]):
+class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     """Hand-over-hand motion of a multi-limbed robot through a space station module.
 
     ## Description The robot holds one graspable point with each of its N limbs. An action moves one
@@ -118,7 +119,6 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 2}
-    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -131,10 +131,11 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         collisions: bool = True,
         clearance: float = CLEARANCE,
         goal_tolerance: float = 0.2,
-        reward: str = "steps",
+        reward: str | Reward | dict[str, Any] = "steps",
         success_bonus: float = 0.0,
         shaping: bool = False,
         discount: float = 0.99,
+        tasks: str | TaskGenerator | dict[str, Any] = "walk",
         dynamics: str = "kinematic",
         step_duration: float = 50.0,
         physics: Physics | dict[str, Any] | None = None,
@@ -159,10 +160,11 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             collisions: Whether stances and steps must touch nothing; False reproduces the paper.
             clearance: Least distance between shapes [m].
             goal_tolerance: Radius of the goal region [m].
-            reward: `"steps"` or `"base"`.
+            reward: `"steps"`, `"base"`, or an object as in `envs.rewards`.
             success_bonus: Added on reaching the goal.
             shaping: Whether to add potential-based shaping.
             discount: Discount used by the shaping.
+            tasks: What draws starts and goals: `"walk"`, or an object as in `envs.tasks`.
             dynamics: `"kinematic"`: the step of the stance graph; `"mujoco"`: carried out in
                 simulation.
             step_duration: Duration of a step that is carried out [s].
@@ -182,80 +184,48 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         Raises:
             MlivrError: If an argument cannot be used; the message names it.
         """
-        self.reward = choice("reward", reward, REWARDS)
         choice("dynamics", dynamics, DYNAMICS)
         if dynamics == "mujoco" and not transitions:
             raise SettingError(
-                "dynamics='mujoco' needs transitions=True: unchecked steps cannot be carried out"
+                "dynamics='mujoco' needs transitions=True: unchecked steps cannot be executed"
             )
         if render_mode is not None:
             choice("render_mode", render_mode, self.metadata["render_modes"])
-        self.goal_tolerance = nonnegative("goal_tolerance", goal_tolerance)
-        self.success_bonus, self.shaping = float(success_bonus), bool(shaping)
         if not 0.0 < discount <= 1.0:
             raise SettingError(f"discount is {discount!r}; it must be above 0 and at most 1")
-        self.discount = float(discount)
+        tolerance = nonnegative("goal_tolerance", goal_tolerance)
+        self.reward = TaskReward(
+            reward_of(reward), float(success_bonus), bool(shaping), float(discount), tolerance
+        )
+        self.goal_tolerance, self.tasks = tolerance, generator_of(tasks)
         self.render_mode, self._size = render_mode, (int(width), int(height))
-        grasp_map = as_map(map)
         settings = Settings(
-            manipulability,
-            transitions,
-            limb_threshold,
-            base_threshold,
-            collisions=collisions,
+            manipulability, transitions, limb_threshold, base_threshold, collisions=collisions,
             clearance=clearance,
-        )
-        self.graph = stance_graph(grasp_map, robot_spec(robot), settings)
-        points, limbs = len(grasp_map), self.graph.limbs
-        self.action_space = spaces.Discrete(limbs * points)
-        low = (
-            np.minimum(grasp_map.cabin[0], grasp_map.positions.min(axis=0)) - self.graph.robot.span
-        )
-        high = (
-            np.maximum(grasp_map.cabin[1], grasp_map.positions.max(axis=0)) + self.graph.robot.span
-        )
-        low, high = low.astype(np.float32), high.astype(np.float32)
-        self.observation_space = spaces.Dict(
-            {
-                "stance": spaces.MultiDiscrete([points] * limbs),
-                "grasps": spaces.Box(np.tile(low, limbs), np.tile(high, limbs), dtype=np.float32),
-                "base_position": spaces.Box(low, high, dtype=np.float32),
-                "base_quaternion": spaces.Box(-1.0, 1.0, (4,), dtype=np.float32),
-                "goal": spaces.Box(low, high, dtype=np.float32),
-                "branches": spaces.MultiBinary(16 * limbs),
-            }
-        )
+        )  # fmt: skip
+        self.graph = stance_graph(as_map(map), robot_spec(robot), settings)
+        points = len(self.graph.grasp_map)
+        self.action_space = spaces.Discrete(self.graph.limbs * points)
+        self.observation_space = observation_space(self.graph)
         self._walk: PhysicalWalk | None = None
         if dynamics == "mujoco":
             if precompute or np.any(np.asarray(grasp_failure) > 0.0):
                 raise SettingError("precompute and grasp_failure need dynamics='kinematic'")
-            from mlivr_gym.simulation.dynamics import Physics
-            from mlivr_gym.simulation.physical_walk import PhysicalWalk
-
-            physics = physics if isinstance(physics, Physics) else Physics.from_dict(physics or {})
-            self._walk = PhysicalWalk(self.graph, Durations.of_step(step_duration), physics)
+            self._walk = _physical_walk(self.graph, step_duration, physics)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         self.precompute = bool(precompute)
-        self._moves: GraphMoves | TableMoves | None = None
+        self._moves: Moves | None = None
         self._version = self.graph.version
         if self.precompute:
             self.table_moves()
         self._state: State | None = None
         self._measures: dict[str, Any] = {}
+        self._seen: dict[tuple[int, ...], PlaceObservation] = {}
         self._viewer: Any = None
         self._drawn: tuple[Box, ...] = ()
 
     @property
-    def spec(self) -> EnvSpec | None:
-        """What made the environment, its arguments as plain data; None without `gymnasium.make`."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = plain_spec(spec)
-
-    @property
-    def moves(self) -> GraphMoves | TableMoves:
+    def moves(self) -> Moves:
         """What answers for the world as it is now."""
         if self._moves is None or self._version != self.graph.version:
             self._version = self.graph.version
@@ -271,11 +241,11 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         Raises:
             SettingError: If the robot has more than two limbs.
         """
-        tables = step_tables(self.graph)
-        if isinstance(self.graph, PairGraph) and not (
-            self.precompute and isinstance(self._moves, TableMoves)
-        ):
+        if not (self.precompute and isinstance(self._moves, TableMoves)):
+            tables = step_tables(self.graph)
+            assert isinstance(self.graph, PairGraph)
             self.precompute, self._moves = True, TableMoves(self.graph, tables)
+            self._version = self.graph.version
         moves = self.moves
         assert isinstance(moves, TableMoves)
         return moves
@@ -293,7 +263,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode; see the class for `options`."""
         super().reset(seed=seed)
         given = dict(options or {})
@@ -302,28 +272,22 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             choice("reset option", name, valid)
         plan = given.pop("plan", None)
         if plan is not None:
-            pose = self.graph.given_pose_of(
-                plan.stances[0], plan.base_positions[0], plan.base_quaternions[0]
-            )
-            given = {"start": plan.stances[0], "start_pose": pose, "goal": plan.goal, **given}
-        start, pose, joints = (given.get(name) for name in OPTIONS[:3])
-        if start is None and not (pose is None and joints is None):
-            raise SettingError(
-                "reset options 'start_pose' and 'start_joints' need 'start', the stance they belong to"
-            )
-        start = None if start is None else self.graph.state(start, pose, joints)
-        goal = self.graph.grasp_map.check_goal(given["goal"]) if "goal" in given else None
-        if start is None or goal is None:
-            drawn_start, drawn_goal = sample_task(
-                self.graph, self.np_random, self.goal_tolerance, start
-            )
-            start = drawn_start if start is None else start
-            goal = drawn_goal if goal is None else goal
-        self.goal: NDArray[np.float64] = goal
+            first = plan.motion.base_positions[0], plan.motion.base_quaternions[0]
+            pose = self.graph.given_pose_of(plan.stances[0], *first)
+            goal = plan.query.goal
+            given = {"start": plan.stances[0], "start_pose": pose, "goal": goal, **given}
+        start = self._start(given)
+        self.goal: Array
+        if "goal" in given:
+            self.goal = self.graph.grasp_map.check_goal(given["goal"])
+        if start is None or "goal" not in given:
+            task = self.tasks.draw(self.graph, self.np_random, self.goal_tolerance, start)
+            start = task.start if start is None else start
+            self.goal = self.goal if "goal" in given else task.goal
         if self._walk is not None:
-            start = self._walk.start(start, plan, joints)
-            self._measures = {"failure": None} | dict.fromkeys(MEASURES, 0.0)
-        self._enter(start, self.moves.place_of(start))
+            start = self._walk.start(start, plan, given.get("start_joints"))
+            self._measures = self._walk.measures
+        self._enter(start)
         if not self._mask.any():
             raise StanceError(f"no step leaves the start stance {self.graph.ids(start.stance)}")
         self.steps, self.base_translation = 0, 0.0
@@ -331,9 +295,19 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             self.render()
         return self._observation(), self._info(False)
 
-    def step(
-        self, action: Any
-    ) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+    def _start(self, given: dict[str, Any]) -> State | None:
+        """The start that the options of `reset` give, if they give one."""
+        start, pose, joints = (given.get(name) for name in OPTIONS[:3])
+        if start is None:
+            if pose is not None or joints is not None:
+                raise SettingError(
+                    "reset options 'start_pose' and 'start_joints' need 'start', the stance they "
+                    "belong to"
+                )
+            return None
+        return self.graph.state(start, pose, joints)
+
+    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Move limb `action // m` to point `action % m`.
 
         Args:
@@ -348,62 +322,37 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             raise gymnasium.error.ResetNeeded("the last step failed: call reset()")
         action = action_number(action, n)
         limb, point = divmod(action, n // self.graph.limbs)
-        before, moved, failed = (
-            self._potential() if self.shaping else 0.0,
-            self.graph.max_step,
-            False,
-        )
+        legal, moved, failed = bool(self._mask[action]), self.graph.max_step, False
+        before = self._distance()
         self.steps += 1
-        allowed = bool(self._mask[action])
-        if allowed:
+        if legal:
             after = self.moves.take(state, action)
-            place = self.moves.place(after.stance)
-            moved = math.dist(place.position, self._place.position)
+            moved = math.dist(self.moves.place(after).position, self._place.position)
             risk = self.failure_probability[point]
             failed = bool(risk > 0.0 and self.np_random.random() < risk)
             if failed:
-                moved *= 2.0
-                landed = self.graph.landed(state, limb)
-                after = state._replace(
-                    masks=(*after.masks[:limb], landed, *after.masks[limb + 1 :])
-                )
-                place = self._place
+                moved, after = 2.0 * moved, self._went_back(after, limb)
             if self._walk is not None:
-                after = self._carry_out(limb, point, after)
+                after, _ = self._walk.step(limb, point, after.masks)
+                self._measures = self._walk.measures
             if self._walk is None or after.stance != state.stance:
-                self._enter(after, place)
+                self._enter(after)
                 self.base_translation += moved
-        reward = -1.0 if self.reward == "steps" else -moved
-        success = self._success()
-        if success:
-            reward += self.success_bonus
-        if self.shaping:
-            reward += self.discount * self._potential() - before
+        distance = self._distance()
+        success = distance <= self.goal_tolerance
+        reward = self.reward(StepOutcome(moved, before, distance, success, legal))
         if self.render_mode == "human":
             self.render()
         ended = success or bool(self._measures.get("failure"))
-        return self._observation(), float(reward), ended, False, self._info(not allowed, failed)
+        return self._observation(), float(reward), ended, False, self._info(not legal, failed)
 
-    def _carry_out(self, limb: int, point: int, after: State) -> State:
-        """Carry a step out in simulation; returns the state that follows, the present one if it failed."""
-        assert self._walk is not None
-        state, done = self._walk.step(limb, point, after.masks)
-        failure = done if isinstance(done, Failure) else done.failure
-        self._measures["failure"] = None if failure is None else failure.to_dict()
-        if not isinstance(done, Failure):
-            peaks, capture = done.peaks, done.capture
-            self._measures |= {
-                "capture_distance": 0.0 if capture is None else capture.distance,
-                "capture_angle": 0.0 if capture is None else capture.angle,
-                "peak_torque": float(peaks.joint_torque.max()), "torque_rms": peaks.torque_rms,
-                "peak_grasp_force": float(peaks.grasp_force.max()),
-                "peak_grasp_torque": float(peaks.grasp_torque.max()),
-                "base_error": peaks.base_error, "simulated_time": self._walk.simulation.time,
-            }  # fmt: skip
-        return state
+    def _went_back(self, after: State, limb: int) -> State:
+        """The state after a grasp has failed that would have led to `after`: `limb` holds again."""
+        grasped = self.graph.mask_after_grasp(self.state, limb)
+        return self.state._replace(masks=(*after.masks[:limb], grasped, *after.masks[limb + 1 :]))
 
-    def action_masks(self) -> NDArray[np.bool_]:
-        """Which actions are possible, shape (N m,).
+    def action_masks(self) -> BoolArray:
+        """Which actions are allowed, shape (N m,).
 
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset.
@@ -413,29 +362,30 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         return self._mask.copy()
 
     def successors(self) -> Successors:
-        """The steps that leave the present state."""
+        """The steps that leave the present state; with MuJoCo, those that are executable."""
         steps = self.moves.successors(self.state)
-        return steps if self._walk is None else self._walk.possible(steps)
+        return steps if self._walk is None else self._walk.executable(steps)
 
-    def _enter(self, state: State, place: Place) -> None:
-        self._state, self._mask, self._place = state, self.moves.mask(state), place
-        if self._walk is not None:
-            steps = self.successors()
-            self._mask = np.zeros_like(self._mask)
-            self._mask[steps.limb * len(self.graph.grasp_map) + steps.point] = True
+    def _enter(self, state: State) -> None:
+        self._state, self._place = state, self.moves.place(state)
+        if self._walk is None:
+            self._mask = self.moves.mask(state)
+        else:
+            self._mask = action_mask(self.graph, self.successors())
 
-    def _success(self) -> bool:
-        return math.dist(self._place.position, self.goal) <= self.goal_tolerance
+    def _distance(self) -> float:
+        return math.dist(self._place.position, self.goal)
 
-    def _potential(self) -> float:
-        distance = math.dist(self._place.position, self.goal)
-        return 0.0 if distance <= self.goal_tolerance else -distance
-
-    def _observation(self) -> dict[str, NDArray[Any]]:
-        observation = {name: array.copy() for name, array in self._place.observation.items()}
-        observation["goal"] = self.goal.astype(np.float32)
-        observation["branches"] = branch_bits(self.state.masks)
-        return observation
+    def _observation(self) -> Observation:
+        state = self.state
+        seen = self._seen.get(state.stance) if state.pose is None else None
+        if seen is None:
+            seen = place_observation(self.graph, state.stance, self._place)
+            if state.pose is None:
+                if len(self._seen) >= REMEMBERED:
+                    self._seen.clear()
+                self._seen[state.stance] = seen
+        return observation(seen, state, self.goal)
 
     def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
         place = self._place
@@ -447,7 +397,7 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
             "limb_manipulability": place.w_m.copy(),
             "base_manipulability": place.w_b,
             "action_mask": self._mask.astype(np.int8),
-            "is_success": self._success(),
+            "is_success": self._distance() <= self.goal_tolerance,
             "invalid_action": invalid,
             **self._measures,
             "grasp_failed": failed,
@@ -496,29 +446,12 @@ class MlivrEnv(gymnasium.Env[Any, Any]):
         return self.__dict__ | {"_viewer": None}
 
 
-class ActionMaskObservation(
-    gymnasium.ObservationWrapper[Any, Any, Any],
-    gymnasium.utils.RecordConstructorArgs,
-):
-    """Puts the action mask into the observation, under `"action_mask"`."""
+def _physical_walk(
+    graph: StanceGraph, step_duration: float, physics: Physics | dict[str, Any] | None
+) -> PhysicalWalk:
+    """What executes steps in MuJoCo, which is loaded only where it is wanted."""
+    from mlivr_gym.simulation.dynamics import Physics
+    from mlivr_gym.simulation.physical_walk import PhysicalWalk
 
-    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
-        """Wrap a `MlivrEnv`."""
-        gymnasium.utils.RecordConstructorArgs.__init__(self)
-        super().__init__(env)
-        inner = env.observation_space
-        assert isinstance(inner, spaces.Dict)
-        assert isinstance(env.action_space, spaces.Discrete)
-        self.observation_space = spaces.Dict(
-            {**inner.spaces, "action_mask": spaces.MultiBinary(int(env.action_space.n))}
-        )
-
-    def observation(self, observation: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        """The observation with the mask."""
-        mask: NDArray[np.bool_] = self.get_wrapper_attr("action_masks")()
-        return {**observation, "action_mask": mask.astype(np.int8)}
-
-    def action_masks(self) -> NDArray[np.bool_]:
-        """Which actions are possible, for sb3-contrib."""
-        mask: NDArray[np.bool_] = self.env.get_wrapper_attr("action_masks")()
-        return mask
+    physics = physics if isinstance(physics, Physics) else Physics.from_dict(physics or {})
+    return PhysicalWalk(graph, Durations.of_step(step_duration), physics)

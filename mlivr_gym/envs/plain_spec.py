@@ -22,7 +22,8 @@ def plain(value: Any) -> Any:
     """A value as what JSON knows, as far as that goes: anything of another kind stays as it is."""
     if hasattr(value, "to_dict"):
         return plain(value.to_dict())
-    if is_dataclass(value) and not isinstance(value, type):
+    ours = type(value).__module__.startswith("mlivr_gym.")
+    if is_dataclass(value) and not isinstance(value, type) and ours:
         return plain(asdict(value))
     if isinstance(value, Mapping):
         return {name: plain(entry) for name, entry in value.items()}
@@ -41,3 +42,18 @@ def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
         spec = copy.copy(spec)
         spec.kwargs = plain(spec.kwargs)
     return spec
+
+
+class PlainSpec:
+    """The property `spec` of an environment, with its arguments as plain data."""
+
+    _spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What made the environment; None without `gymnasium.make`."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec)

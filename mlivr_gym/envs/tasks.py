@@ -1,127 +1,186 @@
-"""Random start and goal pairs that the stance graph joins."""
+"""Tasks: objects that draw starts and goals which the stance graph joins.
+
+A generator is anything with the method `draw` of `TaskGenerator`; `"walk"` is short for
+`WalkTasks()`.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
 import numpy as np
-from numpy.typing import NDArray
 
-from mlivr_gym.errors import StanceError
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import SettingError, StanceError, choice
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.stance_graph import StanceGraph, State
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
 
-Array = NDArray[np.float64]
-
-WALK = 12
+MOST_STEPS = 12
 """Most steps of the walk that leads from the start to the goal."""
 
 TRIES = 200
 """Draws after which sampling gives up."""
 
 
-def random_state(graph: PairGraph | LazyGraph, rng: np.random.Generator) -> State:
+class Task(NamedTuple):
+    """Where to start and where to go."""
+
+    start: State
+    """The start."""
+    goal: Array
+    """Goal position of the base [m], shape (3,)."""
+
+
+class TaskGenerator(Protocol):
+    """What draws tasks."""
+
+    def draw(
+        self,
+        graph: StanceGraph,
+        rng: np.random.Generator,
+        tolerance: float,
+        start: State | None = None,
+    ) -> Task:
+        """A task whose goal can be reached from its start.
+
+        Args:
+            graph: The stance graph.
+            rng: Source of randomness.
+            tolerance: Radius of the goal region [m].
+            start: The start, if it is given.
+
+        Raises:
+            StanceError: If none is found.
+        """
+
+
+@dataclass(frozen=True)
+class WalkTasks:
+    """A random start, and the goal where a walk towards a random graspable point ends.
+
+    Each of at most `MOST_STEPS` steps goes to the stance whose base is nearest to that point. Goals
+    closer to the start than the goal tolerance are drawn again.
+    """
+
+    def draw(
+        self,
+        graph: StanceGraph,
+        rng: np.random.Generator,
+        tolerance: float,
+        start: State | None = None,
+    ) -> Task:
+        """See `TaskGenerator.draw`."""
+        return sample_task(graph, rng, tolerance, start)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data that `generator_of` takes."""
+        return {"kind": "walk"}
+
+
+GENERATORS: dict[str, type[WalkTasks]] = {"walk": WalkTasks}
+"""The task generators by name."""
+
+
+def generator_of(given: str | TaskGenerator | dict[str, Any]) -> TaskGenerator:
+    """A task generator by name, from plain data, or as it is.
+
+    Raises:
+        SettingError: If there is none of that name, or it cannot draw.
+    """
+    name = given.get("kind") if isinstance(given, dict) else given
+    if isinstance(name, str):
+        return GENERATORS[choice("tasks", name, GENERATORS)]()
+    if isinstance(given, dict | str) or not hasattr(given, "draw"):
+        valid = ", ".join(map(repr, GENERATORS))
+        raise SettingError(f"tasks is {given!r}; it must be one of {valid} or a TaskGenerator")
+    return given
+
+
+def random_state(graph: StanceGraph, rng: np.random.Generator) -> State:
     """A random stance that at least one step leaves.
 
     Raises:
         StanceError: If none is found.
     """
     for _ in range(TRIES):
-        if isinstance(graph, PairGraph):
-            try:
-                state = graph.state(graph.points[int(rng.integers(len(graph)))].tolist())
-            except StanceError:
-                continue
-        else:
-            drawn = _draw(graph, rng)
-            if drawn is None:
-                continue
-            state = drawn
-        if len(graph.successors(state).limb):
+        state = _random_stance(graph, rng)
+        if state is not None and graph.successors(state):
             return state
     raise StanceError(
         f"no stance that a step leaves was found on map {graph.grasp_map.name!r} in {TRIES} draws"
     )
 
 
-def _draw(graph: LazyGraph, rng: np.random.Generator) -> State | None:
-    """One of a batch of stances round a random point that can be held."""
-    first = int(rng.integers(len(graph.grasp_map)))
-    near = graph.partners(first)
-    if len(near) < graph.limbs:
-        return None
-    rows = []
-    for _ in range(64):
-        rest = rng.choice(near, graph.limbs - 1, replace=False)
-        if all(b in graph.partners(int(a)) for i, a in enumerate(rest) for b in rest[i + 1 :]):
-            rows.append((first, *rest.tolist()))
-    if not rows:
-        return None
-    stances = np.array(rows, dtype=np.int64)
-    postures = graph.postures(stances)
-    nodes = np.flatnonzero(graph.is_node(postures))
-    if not len(nodes):
-        return None
+def _random_stance(graph: StanceGraph, rng: np.random.Generator) -> State | None:
+    """A random stance, or None if the one drawn cannot be held.
+
+    It is one of all, or where these are not known one of a batch round a random point.
+    """
+    if isinstance(graph, PairGraph):
+        stance = graph.points[int(rng.integers(len(graph)))].tolist()
+    else:
+        first = int(rng.integers(len(graph.grasp_map)))
+        close = graph.partners(first)
+        if len(close) < graph.limbs:
+            return None
+        rows = []
+        for _ in range(64):
+            rest = rng.choice(close, graph.limbs - 1, replace=False)
+            if all(b in graph.partners(int(a)) for i, a in enumerate(rest) for b in rest[i + 1 :]):
+                rows.append((first, *rest.tolist()))
+        if not rows:
+            return None
+        stances = np.array(rows, dtype=np.int64)
+        nodes = np.flatnonzero(graph.is_node(graph.postures(stances)))
+        if not len(nodes):
+            return None
+        stance = stances[nodes[0]].tolist()
     try:
-        return graph.state(stances[nodes[0]].tolist())
+        return graph.state(stance)
     except StanceError:
         return None
 
 
 def sample_task(
-    graph: PairGraph | LazyGraph,
-    rng: np.random.Generator,
-    tolerance: float,
-    start: State | None = None,
-) -> tuple[State, Array]:
-    """A start and a goal that a walk of possible steps joins.
-
-    From the start the robot walks towards a random graspable point, at most `WALK` steps, each to
-    the stance whose base is nearest to that point; where it ends is the goal.
+    graph: StanceGraph, rng: np.random.Generator, tolerance: float, start: State | None = None
+) -> Task:
+    """A start and a goal that a walk over edges joins; see `WalkTasks`.
 
     Args:
         graph: The stance graph.
         rng: Source of randomness.
-        tolerance: Goals nearer to the start than this are drawn again [m].
+        tolerance: Goals closer to the start than this are drawn again [m].
         start: The start, if it is given.
-
-    Returns:
-        Start state and goal position [m], shape (3,).
 
     Raises:
         StanceError: If no pair is found.
     """
+    grasp_map = graph.grasp_map
     for _ in range(TRIES):
         state = random_state(graph, rng) if start is None else start
-        target = graph.grasp_map.positions[int(rng.integers(len(graph.grasp_map)))]
-        origin = _base(graph, state)
+        target = grasp_map.positions[int(rng.integers(len(grasp_map)))]
+        origin = graph.posture_of(state).position[0]
         position = _walk(graph, state, origin, target)
-        inside = (position >= graph.grasp_map.cabin[0]).all() and (
-            position <= graph.grasp_map.cabin[1]
-        ).all()
+        inside = (position >= grasp_map.cabin[0]).all() and (position <= grasp_map.cabin[1]).all()
         if inside and np.linalg.norm(position - origin) > tolerance:
-            return state, position
+            return Task(state, position)
     raise StanceError(
-        f"no goal that can be reached was found on map {graph.grasp_map.name!r} in {TRIES} draws"
+        f"no goal that can be reached was found on map {grasp_map.name!r} in {TRIES} draws"
     )
 
 
-def _base(graph: StanceGraph, state: State) -> Array:
-    position: Array = graph.posture_of(state).position[0]
-    return position
-
-
-def _walk(graph: PairGraph | LazyGraph, state: State, origin: Array, target: Array) -> Array:
+def _walk(graph: StanceGraph, state: State, origin: Array, target: Array) -> Array:
+    """Base position at the end of a walk from `origin` towards `target` [m]."""
     best, position = float(np.linalg.norm(origin - target)), origin
-    for _ in range(WALK):
+    for _ in range(MOST_STEPS):
         steps = graph.successors(state)
-        if not len(steps.limb):
+        if not steps:
             break
         distance = np.linalg.norm(steps.position - target, axis=1)
         k = int(np.argmin(distance))
         if distance[k] >= best:
             break
-        best, position = float(distance[k]), steps.position[k]
-        stance = list(state.stance)
-        stance[steps.limb[k]] = int(steps.point[k])
-        state = State(tuple(stance), tuple(steps.masks[k].tolist()))
+        best, position, state = float(distance[k]), steps.position[k], steps.after(state, k)
     return position

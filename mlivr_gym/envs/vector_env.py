@@ -12,25 +12,25 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.actions import action_numbers
-from mlivr_gym.envs.batch import advance, draw_tasks, legal_actions
+from mlivr_gym.envs.batch import advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.plain_spec import plain_spec
+from mlivr_gym.envs.observations import Observation, observations, stance_observations
+from mlivr_gym.envs.plain_spec import PlainSpec
+from mlivr_gym.envs.rewards import StepOutcome
+from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.errors import SettingError, StanceError, choice
-from mlivr_gym.stances.step_tables import StepTables
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from mlivr_gym.stances.step_tables import StepTables, state_of
+from mlivr_gym.stances.table_steps import legal_actions
 
 MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)}
 
 
-class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
+class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     """A batch of `MlivrEnv`s with two limbs and kinematic steps.
 
     Spaces, rewards and arguments are those of `MlivrEnv`, batched. `info` holds arrays: `stance`
@@ -54,8 +54,6 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         steps: Steps since reset, shape (k,).
         base_translation: Sum of base displacements since reset [m], shape (k,).
     """
-
-    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -94,7 +92,7 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         self.single_observation_space: spaces.Space[Any] = self.env.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._stance_at, self._looks = moves.stance_at, moves.observations
+        self._stance_at, self._rows_seen = moves.stance_at, stance_observations(moves.graph)
         self._w_m, self._w_b = moves.graph.w_m, moves.graph.w_b
         self._ids = np.array(self.env.graph.grasp_map.ids, dtype=np.object_)[self.tables.points]
         self._streams = np.zeros(num_envs, dtype=np.uint64)
@@ -108,21 +106,12 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         self._ended = np.ones(num_envs, dtype=np.bool_)
         self._all = np.ones(num_envs, dtype=np.bool_)
 
-    @property
-    def spec(self) -> EnvSpec | None:
-        """What made the environment, its arguments as plain data; None without `make_vec`."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = plain_spec(spec)
-
     def reset(
         self,
         *,
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    ) -> tuple[Observation, dict[str, Any]]:
         """Start every copy anew, or those of `options["reset_mask"]`, bool of shape (k,).
 
         Args:
@@ -163,7 +152,7 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         nothing = np.zeros(self.num_envs, np.bool_)
         return self._observation(), self._info(nothing, nothing.copy())
 
-    def _chosen(self, mask: Any) -> NDArray[np.bool_]:
+    def _chosen(self, mask: Any) -> BoolArray:
         which = np.asarray(mask)
         if which.shape != (self.num_envs,) or which.dtype != np.bool_:
             raise SettingError(
@@ -184,7 +173,7 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
             )
         return rows
 
-    def _seed(self, seed: Any, which: NDArray[np.bool_]) -> None:
+    def _seed(self, seed: Any, which: BoolArray) -> None:
         """Give the chosen copies their streams."""
         if isinstance(seed, (list, tuple, np.ndarray)):
             seeds = list(seed)
@@ -203,11 +192,7 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
             self._streams[k] = np.random.SeedSequence(number).generate_state(1, np.uint64)[0]
             self._seeded[k] = True
 
-    def step(
-        self, actions: Any
-    ) -> tuple[
-        dict[str, NDArray[Any]], Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
-    ]:
+    def step(self, actions: Any) -> tuple[Observation, Array, BoolArray, BoolArray, dict[str, Any]]:
         """Take one action in each copy.
 
         Args:
@@ -228,28 +213,26 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
                 )
             self._draw(restart, False, self.stances, self.masks, self.goals)
             self._begin(restart)
-        before = self._potential() if env.shaping else None
+        before = self._distance()
         moved, outcome = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=np.int64)
         advance(
             actions, restart, env.failure_probability, env.graph.max_step, self._stance_at,
-            self.tables, self._streams,
-            self.stances, self.masks, moved, outcome,
+            self.tables, self._streams, self.stances, self.masks, moved, outcome,
         )  # fmt: skip
         invalid, failed = outcome == 1, outcome == 2
         self.steps += ~restart
         self.base_translation += np.where(invalid, 0.0, moved)
-        success = self._success()
-        reward = np.where(restart, 0.0, -1.0 if env.reward == "steps" else -moved)
-        reward += env.success_bonus * (success & ~restart)
-        if before is not None:
-            reward += np.where(restart, 0.0, env.discount * self._potential() - before)
+        after = self._distance()
+        success = after <= env.goal_tolerance
+        worth = env.reward(StepOutcome(moved, before, after, success, ~invalid))
+        reward = np.where(restart, 0.0, worth)
         terminated = success & ~restart
         truncated = (self.steps >= self.max_episode_steps) & ~restart
         self._ended = terminated | truncated
         return self._observation(), reward, terminated, truncated, self._info(invalid, failed)
 
-    def action_masks(self) -> NDArray[np.bool_]:
-        """Which actions are possible, shape (k, N m).
+    def action_masks(self) -> BoolArray:
+        """Which actions are allowed, shape (k, N m).
 
         Raises:
             gymnasium.error.ResetNeeded: If a copy was never reset.
@@ -262,14 +245,14 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
             first = int(np.argmin(self._started))
             raise gymnasium.error.ResetNeeded(f"copy {first} was never reset: call reset()")
 
-    def _legal(self, stances: IntArray, masks: IntArray) -> NDArray[np.bool_]:
+    def _legal(self, stances: IntArray, masks: IntArray) -> BoolArray:
         out = np.zeros((self.num_envs, 2 * len(self._stance_at)), dtype=np.bool_)
         legal_actions(stances, masks, self.tables, out.view(np.int8))
         return out
 
     def _draw(
         self,
-        which: NDArray[np.bool_],
+        which: BoolArray,
         given: bool,
         stances: IntArray,
         masks: IntArray,
@@ -277,6 +260,9 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
     ) -> None:
         """Draw goals, and starts if they are not given, into the arrays."""
         grasp_map = self.env.graph.grasp_map
+        if not isinstance(self.env.tasks, WalkTasks):
+            self._draw_one_by_one(which, given, stances, masks, goals)
+            return
         missing = draw_tasks(
             which, which & given, grasp_map.positions, grasp_map.cabin, self.env.goal_tolerance,
             self.tables, self._streams, stances, masks, goals,
@@ -286,7 +272,22 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
             what = what if given else "start and goal that a walk joins were"
             raise StanceError(f"no {what} found on map {grasp_map.name!r}")
 
-    def _begin(self, which: NDArray[np.bool_]) -> None:
+    def _draw_one_by_one(
+        self, which: BoolArray, given: bool, stances: IntArray, masks: IntArray, goals: Array
+    ) -> None:
+        """The same with the generator of a user, each copy from its own stream."""
+        env = self.env
+        for k in np.flatnonzero(which):
+            rng = np.random.default_rng(self._streams[k])
+            start = state_of(self.tables, int(stances[k]), masks[k]) if given else None
+            task = env.tasks.draw(env.graph, rng, env.goal_tolerance, start)
+            if task.start.pose is not None:
+                raise SettingError("tasks draw a start pose, which the vector environment lacks")
+            stances[k], masks[k] = self._stance_at[task.start.stance], task.start.masks
+            goals[k] = env.graph.grasp_map.check_goal(task.goal)
+            self._streams[k] = rng.integers(2**63)
+
+    def _begin(self, which: BoolArray) -> None:
         self.steps[which], self.base_translation[which], self._ended[which] = 0, 0.0, False
         self._started[which] = True
 
@@ -294,23 +295,10 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
         away = self.tables.position[self.stances] - self.goals
         return np.sqrt(np.einsum("ij,ij->i", away, away))
 
-    def _success(self) -> NDArray[np.bool_]:
-        reached: NDArray[np.bool_] = self._distance() <= self.env.goal_tolerance
-        return reached
+    def _observation(self) -> Observation:
+        return observations(self._rows_seen, self.stances, self.masks, self.goals)
 
-    def _potential(self) -> Array:
-        distance = self._distance()
-        return np.where(distance <= self.env.goal_tolerance, 0.0, -distance)
-
-    def _observation(self) -> dict[str, NDArray[Any]]:
-        bits = self.masks[:, :, None] >> np.arange(16) & 1
-        return {
-            **{name: rows[self.stances] for name, rows in self._looks.items()},
-            "goal": self.goals.astype(np.float32),
-            "branches": bits.reshape(self.num_envs, 32).astype(np.int8),
-        }
-
-    def _info(self, invalid: NDArray[np.bool_], failed: NDArray[np.bool_]) -> dict[str, Any]:
+    def _info(self, invalid: BoolArray, failed: BoolArray) -> dict[str, Any]:
         info: dict[str, Any] = {
             "stance": self._ids[self.stances],
             "base_position": self.tables.position[self.stances],
@@ -319,7 +307,7 @@ class MlivrVectorEnv(VectorEnv[Any, Any, Any]):
             "limb_manipulability": self._w_m[self.stances],
             "base_manipulability": self._w_b[self.stances],
             "action_mask": self._legal(self.stances, self.masks).view(np.int8),
-            "is_success": self._success(),
+            "is_success": self._distance() <= self.env.goal_tolerance,
             "invalid_action": invalid,
             "grasp_failed": failed,
         }

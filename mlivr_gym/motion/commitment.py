@@ -1,36 +1,103 @@
-"""From a sequence of stances to a plan: branches, joint angles and base paths."""
+"""From states to motion: what the robot is committed to on each step, branch, winding and swing.
+
+The stance graph keeps the branches that limbs may be on; a robot is on one of them, with one
+winding of every joint. `commit` finds the swing of a step and the winding on which the limb grasps,
+for plans and for the simulation alike. `committed_motion` does so for a sequence of states, where
+the branches of the whole walk are chosen together.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE, PATH_KINDS, SAMPLES, STRAIGHT, follow
-from mlivr_gym.motion.plan import Step
-from mlivr_gym.motion.swings import Hold, Swing, SwingFinder, direct_line
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.kinematics.base_path import (
+    LIMIT_TOLERANCE,
+    PATH_KINDS,
+    SAMPLES,
+    STRAIGHT,
+    follow,
+)
+from mlivr_gym.kinematics.holding import quaternion
+from mlivr_gym.motion.plan_parts import Motion, Step
+from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
+from mlivr_gym.motion.swings import SwingFinder
 from mlivr_gym.postures.selection import base_along, choices_along
-from mlivr_gym.postures.solver import Postures
-from mlivr_gym.stances.stance_graph import StanceGraph, State
-from mlivr_gym.transitions.step_check import Way
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State, moving_limb
+from mlivr_gym.transitions.step_check import Edge
 
-Array = NDArray[np.float64]
-
-
-class Assembly(NamedTuple):
-    """A plan's branches, angles, manipulability and steps; `beyond` is a step that joint limits or shapes forbid."""
-
-    branches: NDArray[np.int64]
-    joints: Array
-    w_m: Array
-    w_b: Array
-    steps: tuple[Step, ...]
-    beyond: int | None
+FULL_TURN = 2.0 * np.pi
 
 
-def holds(points: NDArray[np.int64], limb: int) -> list[tuple[int, int]]:
+class Committed(NamedTuple):
+    """A step that the robot is committed to."""
+
+    regrasp: Regrasp
+    """The step with the knots of its swing, and the joint angles with which the limb grasps."""
+    swing: str
+    """Kind of the swing, one of `plan_parts.SWING_KINDS`."""
+
+
+class CommittedMotion(NamedTuple):
+    """The motion of a walk, or why there is none."""
+
+    motion: Motion | None
+    """The motion; None if a step cannot be executed."""
+    failed: int | None
+    """Index of a step that joint limits or shapes forbid on the branches chosen, or None."""
+
+
+class _Hold(NamedTuple):
+    """A time in which a limb holds one point: its last stance, and the whole turns it may take.
+
+    `fewest` and `most` may be added to its joint angles without leaving the limits, each (6,).
+    """
+
+    last: int
+    fewest: Array
+    most: Array
+
+
+def turns_within_limits(graph: StanceGraph, low: Array, high: Array) -> tuple[Array, Array]:
+    """Fewest and most whole turns that leave angles between `low` and `high` [rad] in the limits."""
+    limits = graph.robot.limb.limits
+    fewest = np.ceil((limits[:, 0] - LIMIT_TOLERANCE - low) / FULL_TURN)
+    most = np.floor((limits[:, 1] + LIMIT_TOLERANCE - high) / FULL_TURN)
+    return fewest, most
+
+
+def commit(
+    graph: StanceGraph, regrasp: Regrasp, edge: Edge, turns: tuple[Array, Array] | None = None
+) -> Committed | None:
+    """Commit the robot to a step, or None if no swing is found for it.
+
+    Args:
+        graph: The stance graph.
+        regrasp: The step on the branches chosen, without a swing.
+        edge: How the graph has shown it, on these branches.
+        turns: Fewest and most whole turns that may be added to the angles with which the limb
+            grasps, each (6,); by default those that leave its approach inside the limits.
+    """
+    if not graph.settings.collisions:
+        return Committed(regrasp, "unchecked")
+    path, ends = RegraspPath(graph, regrasp), np.array([0.0, 1.0])
+    start, down = path.departure(ends)[1], path.approach(ends)
+    if turns is None:
+        turns = turns_within_limits(graph, down.min(axis=0), down.max(axis=0))
+    swing = SwingFinder(graph, regrasp).find(start, down[0], turns, edge)
+    if swing is None:
+        return None
+    turned = FULL_TURN * np.rint((swing.knots[-1, 1:] - down[0]) / FULL_TURN)
+    grasp_joints = regrasp.grasp_joints + turned
+    return Committed(replace(regrasp, grasp_joints=grasp_joints, knots=swing.knots), swing.kind)
+
+
+def holds(points: IntArray, limb: int) -> list[tuple[int, int]]:
     """First and last stance of each time `limb` holds one point; `points` has shape (K, N)."""
     spans, first = [], 0
     for k in range(1, len(points) + 1):
@@ -40,253 +107,236 @@ def holds(points: NDArray[np.int64], limb: int) -> list[tuple[int, int]]:
     return spans
 
 
-def assemble(
-    graph: StanceGraph,
-    states: Sequence[State],
-    postures: Postures,
-    start_joints: Array | None = None,
-) -> Assembly:
-    """Complete a sequence of states.
+def committed_motion(
+    graph: StanceGraph, states: Sequence[State], start_joints: Array | None = None
+) -> CommittedMotion:
+    """The motion of a walk.
 
-    For each time a limb holds, the branch is the one left at its end that has the largest least
+    For each time a limb holds, the branch is the one kept at its end that has the largest least
     `w_m` over the hold; of equal ones the first. Joint angles are continuous over a hold, on the
     winding inside the limits that is nearest to where the limb was before.
 
     Args:
         graph: The stance graph.
-        states: K states, each with the branches left.
-        postures: Their K postures.
-        start_joints: Joint angles that the limbs have at the start, shape (N, 6) [rad], if they are
-            given.
+        states: K states, each with the branches kept.
+        start_joints: Joint angles of the limbs at the start, shape (N, 6) [rad], if given.
     """
-    count, limbs = len(states), graph.limbs
-    checked = graph.settings.transitions
-    solver, robot = graph.solver, graph.robot
-    points = np.array([state.stance for state in states])
-    mounts = (
-        solver.mount_rotations,
-        solver.mount_positions,
-        solver.lengths,
-        robot.characteristic_length,
-    )
-    p, z, w = np.empty((count, limbs, 3)), np.empty((count, limbs, 3)), np.empty((count, limbs, 4))
-    choices_along(
-        points, graph.grasp_map.positions, graph.grasp_map.normals, robot.tool_length,
-        postures.position,
-        postures.rotation, *mounts, p, z, w,
-    )  # fmt: skip
-    branches = postures.branch.copy()
-    flips = np.zeros((count, limbs), dtype=np.int64)
-    allowed: list[dict[int, int]] = [{} for _ in range(limbs)]
-    if checked:
-        for limb in range(limbs):
-            for first, last in holds(points, limb):
-                allowed[limb][first] = states[last].masks[limb]
-                if graph.settings.collisions and last < count - 1:
-                    here = postures.take(slice(last, last + 1))
-                    allowed[limb][first] &= graph.released(states[last].stance, here, limb)
-                mask = allowed[limb][first]
-                least = w[first : last + 1, limb].min(axis=0)
-                bits = [bit for bit in range(16) if mask >> bit & 1]
-                bit = max(bits, key=lambda b: (round(float(least[(b & 7) >> 1]), 12), -b))
-                branches[first : last + 1, limb], flips[first : last + 1, limb] = bit & 7, bit >> 3
-    pivots = _pivots(graph, points)
-    ways = _ways(graph, points, postures, branches + 8 * flips) if checked else []
-    if _keep_lines(ways, points, allowed, branches, flips):
-        ways = _ways(graph, points, postures, branches + 8 * flips)
-    joints, spans, beyond = _joint_angles(
-        graph, points, pivots, postures, branches, flips, ways, start_joints
-    )
-    w_m = np.take_along_axis(w, branches[..., None] >> 1, axis=2)[..., 0]
-    w_b = np.empty(count)
-    base_along(p, z, branches, *mounts, np.empty((limbs, 8, 6, 6)), np.empty((2, 6, 6)), w_b)
+    draft = _Draft(graph, states)
+    failed = draft.set_joints(start_joints)
     steps = []
-    for k in range(count - 1):
-        limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
-        x, y, height = pivots[k].tolist()
-        kind = ways[k].kind if checked else STRAIGHT
-        swing = Swing("unchecked", np.zeros((0, 7)))
-        if checked and graph.settings.collisions and beyond is None:
-            path = (
-                postures.position[k], postures.rotation[k], postures.position[k + 1],
-                postures.rotation[k + 1], kind, pivots[k],
-            )  # fmt: skip
-            held = [i for i in range(limbs) if i != limb]
-            finder = SwingFinder(
-                graph, limb, path, [Hold(i, int(points[k, i]), int(branches[k, i])) for i in held]
-            )  # fmt: skip
-            start = _lifted(graph, points, postures, branches, flips, joints, k, limb)
-            end = _lifted(graph, points, postures, branches, flips, joints, k + 1, limb)
-            last, fewest, most = spans[limb][k + 1]
-            ends, pair = postures.take(slice(k, k + 2)), ways[k].pair
-            line = (
-                direct_line(graph, limb, points[k : k + 2, limb].tolist(), ends, pair)
-                if pair >= 0
-                else None
-            )
-            found = finder.find(start, end, (fewest, most), ways[k].fold, line)
-            if found is None:
-                beyond = k
-            else:
-                swing = found
-                turned = np.rint((swing.knots[-1, 1:] - end) / (2.0 * np.pi))
-                joints[k + 1 : last + 1, limb] += 2.0 * np.pi * turned
-        steps.append(
-            Step(
-                limb=limb,
-                from_point=graph.grasp_map.ids[points[k, limb]],
-                to_point=graph.grasp_map.ids[points[k + 1, limb]],
-                path=PATH_KINDS[kind] if checked else "unchecked",
-                pivot=(x, y, height),
-                displacement=float(np.linalg.norm(postures.position[k + 1] - postures.position[k])),
-                swing=swing.kind,
-                knots=tuple(tuple(knot) for knot in swing.knots.tolist()),
-            )
-        )
-    return Assembly(branches, joints, w_m, w_b, tuple(steps), beyond)
+    for k in range(len(states) - 1):
+        committed = None if failed is not None else draft.commit(k)
+        if failed is None and committed is None:
+            failed = k
+        if committed is not None:
+            steps.append(draft.step(k, committed))
+    if failed is not None:
+        return CommittedMotion(None, failed)
+    w_m, w_b = draft.manipulability()
+    motion = Motion(
+        stances=tuple(graph.ids(state.stance) for state in states),
+        steps=tuple(steps),
+        base_positions=draft.postures.position,
+        base_quaternions=np.array([quaternion(r) for r in draft.postures.rotation]),
+        joint_positions=draft.joints,
+        branches=draft.branches,
+        w_m=w_m,
+        w_b=w_b,
+    )
+    return CommittedMotion(motion, None)
 
 
-def _lifted(
-    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, branches: NDArray[np.int64],
-    flips: NDArray[np.int64],
-    joints: Array, k: int, limb: int,
-) -> Array:  # fmt: skip
-    """Joint angles of a limb that has departed from its point at stance `k`, on the windings it has there."""
-    solver, point = graph.solver, int(points[k, limb])
-    # To depart along the normal is to move the base the other way.
-    lifted = postures.position[k] - graph.robot.lift * solver.normals[point]
-    here = (lifted, postures.rotation[k])
-    q = joints[k, limb].copy()
-    q[5] -= np.pi * flips[k, limb]
-    follow(
-        graph.solver.flanges[point], solver.tools[point], *here, *here, STRAIGHT, lifted,
-        solver.mount_rotations[limb],
-        solver.mount_positions[limb], solver.lengths, branches[k, limb], 0, np.empty(6), q,
-        np.full(6, np.inf),
-        np.full(6, -np.inf),
-    )  # fmt: skip
-    q[5] += np.pi * flips[k, limb]
-    return q
+class _Draft:
+    """A motion in the making: branches first, then joint angles, then swings."""
 
+    def __init__(self, graph: StanceGraph, states: Sequence[State]) -> None:
+        self.graph, self.states = graph, states
+        self.points: IntArray = np.array([state.stance for state in states])
+        self.postures = graph.postures_of(states)
+        count, limbs, solver = len(states), graph.limbs, graph.solver
+        self._mounts = (
+            solver.mount_rotations, solver.mount_positions, solver.lengths,
+            graph.robot.characteristic_length,
+        )  # fmt: skip
+        self._p, self._z = np.empty((count, limbs, 3)), np.empty((count, limbs, 3))
+        self._w = np.empty((count, limbs, 4))
+        choices_along(
+            self.points, graph.grasp_map.positions, graph.grasp_map.normals,
+            graph.robot.tool_length, self.postures.position, self.postures.rotation,
+            *self._mounts, self._p, self._z, self._w,
+        )  # fmt: skip
+        self.branches: IntArray = self.postures.branch.copy()
+        self.flips: IntArray = np.zeros((count, limbs), dtype=np.int64)
+        self.edges: list[Edge] = []
+        if graph.settings.transitions:
+            allowed = [self._choose_branches(limb) for limb in range(limbs)]
+            self.edges = self._edges()
+            if self._take_lines(allowed):
+                self.edges = self._edges()
+        self.pivots = self._pivots()
+        self.joints: Array = np.empty((count, limbs, 6))
+        self._holds: list[dict[int, _Hold]] = []
 
-def _keep_lines(
-    ways: list[Way], points: NDArray[np.int64], allowed: list[dict[int, int]],
-    branches: NDArray[np.int64],
-    flips: NDArray[np.int64],
-) -> bool:  # fmt: skip
-    """Put limbs on the branches of the direct swings that the graph knows, where they may be; whether any was changed."""
-    changed = False
-    for k, way in enumerate(ways):
-        if way.pair < 0:
-            continue
-        limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
-        spans = holds(points, limb)
-        for stance, wanted in ((k, way.pair >> 3), (k + 1, way.pair & 7)):
-            first, last = next(span for span in spans if span[0] <= stance <= span[1])
-            if (
-                branches[first, limb] != wanted
-                and allowed[limb][first] >> (wanted + 8 * flips[first, limb]) & 1
-            ):
-                branches[first : last + 1, limb] = wanted
-                changed = True
-    return changed
+    def _choose_branches(self, limb: int) -> dict[int, int]:
+        """Choose the branch of each hold; returns the branches allowed, by its first stance."""
+        graph, allowed = self.graph, {}
+        for first, last in holds(self.points, limb):
+            mask = self.states[last].masks[limb]
+            if graph.settings.collisions and last < len(self.points) - 1:
+                here = self.postures.take(slice(last, last + 1))
+                mask &= graph.released(self.states[last].stance, here, limb)
+            least = self._w[first : last + 1, limb].min(axis=0)
+            bits = [bit for bit in range(16) if mask >> bit & 1]
+            bit = max(bits, key=lambda b: (round(float(least[(b & 7) >> 1]), 12), -b))
+            self.branches[first : last + 1, limb] = bit & 7
+            self.flips[first : last + 1, limb] = bit >> 3
+            allowed[first] = mask
+        return allowed
 
+    def _edges(self) -> list[Edge]:
+        """How each step is made on the branches and flips chosen."""
+        bits, edges = self.branches + 8 * self.flips, []
+        for k in range(len(self.points) - 1):
+            masks = tuple(1 << int(bit) for bit in bits[k])
+            state = self.states[k]._replace(masks=masks)
+            both = self.postures.take(slice(k, k + 2))
+            edges.append(self.graph.edge(state, self.states[k + 1].stance, both))
+        return edges
 
-def _pivots(graph: StanceGraph, points: NDArray[np.int64]) -> Array:
-    """Centroid of the held points of each step [m], shape (K - 1, 3)."""
-    held = points[:-1] == points[1:]
-    centres: Array = (graph.grasp_map.positions[points[:-1]] * held[..., None]).sum(
-        axis=1
-    ) / held.sum(axis=1)[:, None]
-    return centres
+    def _take_lines(self, allowed: list[dict[int, int]]) -> bool:
+        """Put limbs on the branches of the line swings that the graph knows, where they may be.
 
+        Returns whether any was changed.
+        """
+        changed = False
+        for k, edge in enumerate(self.edges):
+            if edge.pair < 0:
+                continue
+            limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
+            spans = holds(self.points, limb)
+            for stance, wanted in ((k, edge.pair >> 3), (k + 1, edge.pair & 7)):
+                first, last = next(span for span in spans if span[0] <= stance <= span[1])
+                bit = wanted + 8 * int(self.flips[first, limb])
+                if self.branches[first, limb] != wanted and allowed[limb][first] >> bit & 1:
+                    self.branches[first : last + 1, limb] = wanted
+                    changed = True
+        return changed
 
-def _ways(
-    graph: StanceGraph, points: NDArray[np.int64], postures: Postures, bits: NDArray[np.int64]
-) -> list[Way]:
-    """How each step is made on the branches and flips chosen."""
-    ways = []
-    for k in range(len(points) - 1):
-        limb = int(np.flatnonzero(points[k] != points[k + 1])[0])
-        masks = [1 << int(bits[k, i]) for i in range(graph.limbs)]
-        way = graph.way(
-            points[k].tolist(), points[k + 1].tolist(), limb, postures.take(slice(k, k + 2)), masks
-        )
-        ways.append(way)
-    return ways
+    def _pivots(self) -> Array:
+        """Centroid of the held points of each step [m], shape (K - 1, 3)."""
+        held = self.points[:-1] == self.points[1:]
+        positions = self.graph.grasp_map.positions[self.points[:-1]]
+        centres: Array = (positions * held[..., None]).sum(axis=1) / held.sum(axis=1)[:, None]
+        return centres
 
+    def set_joints(self, start_joints: Array | None) -> int | None:
+        """Set the joint angles at every stance, continuous over each hold.
 
-def _joint_angles(
-    graph: StanceGraph,
-    points: NDArray[np.int64],
-    pivots: Array,
-    postures: Postures,
-    branches: NDArray[np.int64],
-    flips: NDArray[np.int64],
-    ways: list[Way],
-    start_joints: Array | None = None,
-) -> tuple[Array, list[dict[int, tuple[int, Array, Array]]], int | None]:
-    """Joint angles at every stance (K, N, 6) [rad], continuous over each hold.
+        The first hold of a limb is on the windings of `start_joints`, shape (N, 6) [rad], if they
+        are given. Returns the last step of a hold that does not fit inside the limits, or None.
+        """
+        failed = None
+        for limb in range(self.graph.limbs):
+            before = np.zeros(6)
+            self._holds.append({})
+            for first, last in holds(self.points, limb):
+                low, high = self._follow_hold(limb, first, last)
+                fewest, most = turns_within_limits(self.graph, low, high)
+                if self.edges and (fewest > most).any():
+                    failed = last - 1
+                most = np.maximum(fewest, most)
+                here = self.joints[first : last + 1, limb]
+                if first == 0 and start_joints is not None:
+                    given = np.rint((start_joints[limb] - here[0]) / FULL_TURN)
+                    if self.edges and ((given < fewest) | (given > most)).any():
+                        failed = last - 1
+                    fewest = most = given
+                nearest = np.clip(np.rint((before - here[0]) / FULL_TURN), fewest, most)
+                here += FULL_TURN * nearest
+                self._holds[limb][first] = _Hold(last, fewest - nearest, most - nearest)
+                before = here[-1]
+        return failed
 
-    The first hold of a limb is on the windings of `start_joints`, if they are given. Also, for each
-    limb and first stance of a hold, its last stance and the fewest and most whole turns that may be
-    added to the angles over it; and the last step of a hold that does not fit inside the limits, if
-    there is one.
-    """
-    solver, limits = graph.solver, graph.robot.limb.limits
-    joints = np.empty((len(points), graph.limbs, 6))
-    spans: list[dict[int, tuple[int, Array, Array]]] = []
-    beyond = None
-    for limb in range(graph.limbs):
+    def _follow_hold(self, limb: int, first: int, last: int) -> tuple[Array, Array]:
+        """Set the joint angles of one hold on any winding; returns their least and largest [rad]."""
+        solver, point = self.graph.solver, self.points[first, limb]
+        grasp = (solver.flanges[point], solver.tools[point])
         mount = (solver.mount_rotations[limb], solver.mount_positions[limb], solver.lengths)
-        before = np.zeros(6)
-        spans.append({})
-        for first, last in holds(points, limb):
-            grip, tool = (
-                graph.solver.flanges[points[first, limb]],
-                solver.tools[points[first, limb]],
-            )
-            low, high = np.full(6, np.inf), np.full(6, -np.inf)
-            q = np.full(6, np.nan)
-            for k in range(first, last + 1):
-                if not ways:
-                    q[:] = np.nan
-                here = (postures.position[k], postures.rotation[k])
-                start = joints[k, limb]
-                if ways and k < last:
-                    follow(
-                        grip, tool, *here, postures.position[k + 1], postures.rotation[k + 1],
-                        ways[k].kind, pivots[k],
-                        *mount, branches[k, limb], SAMPLES, start, q, low, high,
-                    )  # fmt: skip
-                else:
-                    follow(
-                        grip, tool, *here, *here, STRAIGHT, here[0], *mount, branches[k, limb], 0,
-                        start, q, low, high
-                    )  # fmt: skip
-                # Where the limb lands and where it leaves, it also moves along the normal.
-                if ways and (k == first > 0 or k == last < len(points) - 1):
-                    lifted = here[0] - graph.robot.lift * solver.normals[points[k, limb]]
-                    follow(
-                        grip, tool, *here, lifted, here[1], STRAIGHT, lifted, *mount,
-                        branches[k, limb], SAMPLES,
-                        np.empty(6), start.copy(), low, high,
-                    )  # fmt: skip
-            joints[first : last + 1, limb, 5] += np.pi * flips[first, limb]
-            low[5] += np.pi * flips[first, limb]
-            high[5] += np.pi * flips[first, limb]
-            fewest = np.ceil((limits[:, 0] - LIMIT_TOLERANCE - low) / (2.0 * np.pi))
-            most = np.floor((limits[:, 1] + LIMIT_TOLERANCE - high) / (2.0 * np.pi))
-            if ways and (fewest > most).any():
-                beyond = last - 1
-            most = np.maximum(fewest, most)
-            if first == 0 and start_joints is not None:
-                given = np.rint((start_joints[limb] - joints[0, limb]) / (2.0 * np.pi))
-                if ways and ((given < fewest) | (given > most)).any():
-                    beyond = last - 1
-                fewest = most = given
-            nearest = np.clip(np.rint((before - joints[first, limb]) / (2.0 * np.pi)), fewest, most)
-            joints[first : last + 1, limb] += 2.0 * np.pi * nearest
-            spans[limb][first] = last, fewest - nearest, most - nearest
-            before = joints[last, limb]
-    return joints, spans, beyond
+        positions, rotations = self.postures.position, self.postures.rotation
+        low, high, q = np.full(6, np.inf), np.full(6, -np.inf), np.full(6, np.nan)
+        for k in range(first, last + 1):
+            if not self.edges:
+                q[:] = np.nan
+            here, start = (positions[k], rotations[k]), self.joints[k, limb]
+            branch = self.branches[k, limb]
+            if self.edges and k < last:
+                follow(
+                    *grasp, *here, positions[k + 1], rotations[k + 1], self.edges[k].kind,
+                    self.pivots[k], *mount, branch, SAMPLES, start, q, low, high,
+                )  # fmt: skip
+            else:
+                follow(
+                    *grasp, *here, *here, STRAIGHT, here[0], *mount, branch, 0, start, q, low, high
+                )  # fmt: skip
+            # Where the limb grasps and where it leaves, it also moves along the normal.
+            if self.edges and (k == first > 0 or k == last < len(self.points) - 1):
+                lifted = here[0] - self.graph.robot.lift * solver.normals[point]
+                follow(
+                    *grasp, *here, lifted, here[1], STRAIGHT, lifted, *mount, branch, SAMPLES,
+                    np.empty(6), start.copy(), low, high,
+                )  # fmt: skip
+        half_turn = np.pi * self.flips[first, limb]
+        self.joints[first : last + 1, limb, 5] += half_turn
+        low[5] += half_turn
+        high[5] += half_turn
+        return low, high
+
+    def commit(self, k: int) -> Committed | None:
+        """Commit the robot to step `k`, and the limb to the windings on which it grasps."""
+        limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
+        regrasp = Regrasp(
+            limb=limb,
+            before=self.states[k].stance,
+            to_point=self.states[k + 1].stance[limb],
+            positions=self.postures.position[k : k + 2],
+            rotations=self.postures.rotation[k : k + 2],
+            kind=self.edges[k].kind if self.edges else STRAIGHT,
+            pivot=self.pivots[k],
+            branches=(*self.branches[k].tolist(), int(self.branches[k + 1, limb])),
+            joints=self.joints[k],
+            grasp_joints=self.joints[k + 1, limb],
+            knots=UNCHECKED_KNOTS,
+        )
+        if not self.edges:
+            return Committed(regrasp, "unchecked")
+        last, fewest, most = self._holds[limb][k + 1]
+        committed = commit(self.graph, regrasp, self.edges[k], (fewest, most))
+        if committed is not None:
+            turned = committed.regrasp.grasp_joints - regrasp.grasp_joints
+            self.joints[k + 1 : last + 1, limb] += turned
+        return committed
+
+    def step(self, k: int, committed: Committed) -> Step:
+        """Step `k` as a plan has it."""
+        regrasp, ids = committed.regrasp, self.graph.grasp_map.ids
+        x, y, z = regrasp.pivot.tolist()
+        return Step(
+            limb=regrasp.limb,
+            from_point=ids[regrasp.before[regrasp.limb]],
+            to_point=ids[regrasp.to_point],
+            path=PATH_KINDS[regrasp.kind] if self.edges else "unchecked",
+            pivot=(x, y, z),
+            displacement=float(np.linalg.norm(regrasp.positions[1] - regrasp.positions[0])),
+            swing=committed.swing,
+            knots=tuple(tuple(knot) for knot in regrasp.knots.tolist()),
+        )
+
+    def manipulability(self) -> tuple[Array, Array]:
+        """Limb manipulability (K, N) and base manipulability (K,) on the branches chosen."""
+        w_m: Array = np.take_along_axis(self._w, self.branches[..., None] >> 1, axis=2)[..., 0]
+        w_b, limbs = np.empty(len(self.points)), self.graph.limbs
+        base_along(
+            self._p, self._z, self.branches, *self._mounts, np.empty((limbs, 8, 6, 6)),
+            np.empty((2, 6, 6)), w_b,
+        )  # fmt: skip
+        return w_m, w_b

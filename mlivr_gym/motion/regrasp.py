@@ -7,20 +7,21 @@ places along it, so that a picture, a trajectory and a simulation all follow the
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE, PATH_KINDS, STRAIGHT
 from mlivr_gym.kinematics.path_following import joints_along, poses_along
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.stances.stance_graph import StanceGraph
 
-if TYPE_CHECKING:
-    from mlivr_gym.stances.stance_graph import StanceGraph
-
-Array = NDArray[np.float64]
+UNCHECKED_KNOTS: Array = np.zeros((0, 7))
+"""Knots of a swing that was not checked."""
 
 PHASES = ("departure", "swing", "approach")
 """Parts of a step."""
@@ -47,7 +48,7 @@ class Regrasp:
         branches: Branch of each limb before the step, and of the moving limb after it, N + 1
             numbers.
         joints: Joint angles before the step, shape (N, 6) [rad].
-        landing: Joint angles of the moving limb after the step, shape (6,) [rad].
+        grasp_joints: Joint angles of the moving limb after the step, shape (6,) [rad].
         knots: Base parameter and joint angles at each knot of the swing, shape (k, 7); none if the
             swing was not checked.
     """
@@ -61,8 +62,19 @@ class Regrasp:
     pivot: Array
     branches: tuple[int, ...]
     joints: Array
-    landing: Array
+    grasp_joints: Array
     knots: Array
+
+    @property
+    def after(self) -> tuple[int, ...]:
+        """Point index of each limb after the step."""
+        return (*self.before[: self.limb], self.to_point, *self.before[self.limb + 1 :])
+
+    @property
+    def base_path(self) -> tuple[Any, ...]:
+        """The base path as the kernels take it: poses at both ends, kind and pivot."""
+        p, r = self.positions, self.rotations
+        return (p[0], r[0], p[1], r[1], self.kind, self.pivot)
 
 
 class RegraspPath:
@@ -71,31 +83,39 @@ class RegraspPath:
     A swing that was checked is followed on its knots. One that was not runs in task space, the
     gripper on a straight line with its rotation by slerp, where the limb can do so on one branch
     inside its joint limits; else in joint space.
-
-    Attributes:
-        pieces: Number of pieces of the swing, each from rest to rest.
-        in_task_space: Whether the gripper swings on a straight line.
     """
 
     def __init__(self, graph: StanceGraph, regrasp: Regrasp) -> None:
         """Follow `regrasp` on the map and with the robot of `graph`."""
         self.graph, self.regrasp = graph, regrasp
-        self._knots = regrasp.knots
-        self.in_task_space = False
-        if not len(self._knots):
-            ends = np.concatenate(
-                [self.departure(np.array([0.0, 1.0]))[1:], self.approach(np.array([0.0, 1.0]))[:1]]
-            )
-            self._knots = np.column_stack([[0.0, 1.0], ends])
-            self.in_task_space = self._serves_in_task_space()
-        self.pieces = len(self._knots) - 1
+
+    @cached_property
+    def _knots(self) -> Array:
+        """Knots of the swing; of one that was not checked, those at its ends."""
+        if len(self.regrasp.knots):
+            return self.regrasp.knots
+        ends = [self.departure(np.array([0.0, 1.0]))[1:], self.approach(np.array([0.0, 1.0]))[:1]]
+        return np.column_stack([[0.0, 1.0], np.concatenate(ends)])
+
+    @cached_property
+    def in_task_space(self) -> bool:
+        """Whether the gripper swings on a straight line."""
+        return not len(self.regrasp.knots) and self._serves_in_task_space()
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces of the swing, each from rest to rest."""
+        return len(self._knots) - 1
 
     def departure(self, share: Array) -> Array:
-        """Joint angles of the moving limb at shares of its lift off the point it leaves, shape (k, 6) [rad]."""
+        """Joint angles of the moving limb at shares of its lift from its point, shape (k, 6) [rad]."""
         return self._lifted(0, share)
 
     def approach(self, share: Array) -> Array:
-        """Joint angles of the moving limb at shares of the way down to the point it lands on, shape (k, 6) [rad]."""
+        """Joint angles of the moving limb at shares of its path down to the point that it grasps.
+
+        Shape (k, 6) [rad].
+        """
         return self._lifted(1, 1.0 - share)
 
     def _lifted(self, end: int, height: Array) -> Array:
@@ -104,14 +124,13 @@ class RegraspPath:
         branch = step.branches[graph.limbs if end else step.limb]
         normal = graph.solver.normals[point]
         flange = graph.solver.flanges[point] + graph.robot.lift * height[:, None] * normal
-        near = step.landing if end else step.joints[step.limb]
+        grasped = step.grasp_joints if end else step.joints[step.limb]
         # The angles are followed from the point on, where the windings are known.
         order = np.argsort(height, kind="stable")
         base = (step.positions[end][None], step.rotations[end][None])
+        tool = graph.solver.tools[point][None]
         out = np.empty((len(height), 6))
-        out[order] = self._follow(
-            step.limb, branch, flange[order], graph.solver.tools[point][None], *base, near
-        )
+        out[order] = self._follow(step.limb, branch, (flange[order], tool), base, grasped)
         return out
 
     def swing(self, piece: int, share: Array) -> tuple[Array, Array]:
@@ -145,13 +164,9 @@ class RegraspPath:
         grasps = above[0] + share[:, None] * (above[1] - above[0])
         flanges = grasps - graph.robot.tool_length * rotations[:, :, 2]
         return self._follow(
-            step.limb,
-            step.branches[step.limb],
-            flanges,
-            rotations,
-            *self.base(share),
+            step.limb, step.branches[step.limb], (flanges, rotations), self.base(share),
             self._knots[0, 1:],
-        )
+        )  # fmt: skip
 
     def base(self, u: Array) -> tuple[Array, Array]:
         """Base positions (k, 3) [m] and rotations (k, 3, 3) at base parameters."""
@@ -165,71 +180,68 @@ class RegraspPath:
         return positions, rotations
 
     def supports(self, u: Array) -> Array:
-        """Joint angles of all limbs at base parameters that start at 0, shape (k, N, 6) [rad]; the moving limb's are NaN."""
-        step, graph = self.regrasp, self.graph
-        positions, rotations = self.base(u)
-        joints = np.full((len(u), graph.limbs, 6), np.nan)
-        for limb in range(graph.limbs):
+        """Joint angles of all limbs at base parameters that start at 0, shape (k, N, 6) [rad].
+
+        Those of the moving limb are NaN.
+        """
+        step, solver, base = self.regrasp, self.graph.solver, self.base(u)
+        joints = np.full((len(u), self.graph.limbs, 6), np.nan)
+        for limb in range(self.graph.limbs):
             if limb != step.limb:
                 point = step.before[limb]
-                hold = (graph.solver.flanges[point][None], graph.solver.tools[point][None])
+                hold = (solver.flanges[point][None], solver.tools[point][None])
                 joints[:, limb] = self._follow(
-                    limb, step.branches[limb], *hold, positions, rotations, step.joints[limb]
+                    limb, step.branches[limb], hold, base, step.joints[limb]
                 )
         return joints
 
     def _follow(
-        self,
-        limb: int,
-        branch: int,
-        flange: Array,
-        tool: Array,
-        positions: Array,
-        rotations: Array,
-        near: Array,
-    ) -> Array:
+        self, limb: int, branch: int, flange: tuple[Array, Array], base: tuple[Array, Array],
+        start: Array,
+    ) -> Array:  # fmt: skip
+        """Joint angles of a limb on a branch at flange and base poses, continuous from `start`."""
         solver = self.graph.solver
-        out = np.empty((max(len(flange), len(positions)), 6))
+        out = np.empty((max(len(flange[0]), len(base[0])), 6))
         found = joints_along(
-            flange, tool, positions, rotations, solver.mount_rotations[limb],
-            solver.mount_positions[limb], solver.lengths,
-            branch, near, out,
+            *flange, *base, solver.mount_rotations[limb], solver.mount_positions[limb],
+            solver.lengths, branch, start, out,
         )  # fmt: skip
         if found < len(out):
-            ids = self.graph.grasp_map.ids
+            target = self.graph.grasp_map.ids[self.regrasp.to_point]
             raise PlanError(
                 f"limb {limb} cannot stay on its branch while limb {self.regrasp.limb} moves to "
-                f"{ids[self.regrasp.to_point]!r}: the plan does not fit this map and robot, or its steps were not checked"
+                f"{target!r}: the plan does not fit this map and robot, or its steps were not "
+                f"checked"
             )
         return out
 
 
-def planned_regrasp(graph: StanceGraph, plan: Any, index: int) -> Regrasp:
+def planned_regrasp(graph: StanceGraph, plan: Plan, index: int) -> Regrasp:
     """What is needed to carry out one step of a plan.
 
     Args:
         graph: The stance graph of the plan's robot and map.
-        plan: A `planners.Plan`; only its arrays are read.
+        plan: The plan.
         index: Index of the step.
 
     Raises:
         PlanError: If the plan has no such step.
     """
+    motion, ends = plan.motion, slice(index, index + 2)
     if not 0 <= index < len(plan.steps):
         raise PlanError(f"the plan has no step {index}; it has {len(plan.steps)}, counted from 0")
     step = plan.steps[index]
-    limb = step.limb
-    ends = slice(index, index + 2)
+    turns = Rotation.from_quat(motion.base_quaternions[ends], scalar_first=True)
     return Regrasp(
-        limb=limb,
+        limb=step.limb,
         before=graph.indices(plan.stances[index]),
         to_point=graph.grasp_map.index(step.to_point),
-        positions=plan.base_positions[ends],
-        rotations=Rotation.from_quat(plan.base_quaternions[ends], scalar_first=True).as_matrix(),
+        positions=motion.base_positions[ends],
+        rotations=turns.as_matrix(),
         kind=PATH_KINDS.index(step.path) if step.path in PATH_KINDS else STRAIGHT,
         pivot=np.array(step.pivot),
-        branches=(*plan.branches[index].tolist(), int(plan.branches[index + 1, limb])),
-        joints=plan.joint_positions[index],
-        landing=plan.joint_positions[index + 1, limb],
+        branches=(*motion.branches[index].tolist(), int(motion.branches[index + 1, step.limb])),
+        joints=motion.joint_positions[index],
+        grasp_joints=motion.joint_positions[index + 1, step.limb],
         knots=np.array(step.knots, dtype=np.float64).reshape(-1, 7),
     )

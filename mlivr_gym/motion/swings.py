@@ -1,4 +1,4 @@
-"""The way of the limb that moves: from above the point it leaves to above the point it takes hold of.
+"""Swings of the limb that moves, from above the point it leaves to above the point it grasps.
 
 A swing is a chain of knots: where the base is on its path, from 0 to 1, and the limb's six joint
 angles; between knots both change linearly together. The shortest kind that touches nothing is
@@ -10,41 +10,33 @@ taken:
   most steps;
 * `changed`: change to another branch at rest, swing in a line while the base moves, change again;
   this is what it has shown for the others;
-* `sampled`: as one of the last two, on ways found by a sampling planner, where a limb has turned so
-  far while it held that the ways known to the graph would leave its joint limits.
+* `sampled`: as one of the last two, on lines found by a sampling planner, where a limb has turned so
+  far while it held that the swings known to the graph would leave its joint limits.
 
-Each line is checked as a whole, see `swept_kernels`.
+Each line is checked as a whole, see `collisions.swept_swing`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.swept_hold import BOTH, hold_free
 from mlivr_gym.collisions.swept_swing import swing_free
+from mlivr_gym.motion.regrasp import Regrasp
 from mlivr_gym.motion.sampling import sampled_line
-from mlivr_gym.postures.solver import Postures
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.grasp_poses import fold_near, line_end
+from mlivr_gym.transitions.grasp_poses import fold_nearest_to, line_end
 from mlivr_gym.transitions.line_swings import lifted_at
+from mlivr_gym.transitions.step_check import Edge
 
-Array = NDArray[np.float64]
-
-SWING_KINDS = ("direct", "over", "folded", "changed", "sampled", "unchecked")
-"""Names of the kinds of swings, the shortest first; `unchecked` where collisions are not looked at."""
-
-
-class Hold(NamedTuple):
-    """A limb that holds a point on a branch while another moves."""
-
-    limb: int
-    point: int
-    branch: int
+Ends = tuple[Array, Array, tuple[Array, Array]]
+"""Joint angles above both points, and the fewest and most whole turns that may be added."""
 
 
 class Swing(NamedTuple):
@@ -59,70 +51,59 @@ class SwingFinder:
 
     Attributes:
         graph: The stance graph.
-        limb: The limb that moves.
-        path: Base path (t0, r0, t1, r1, kind, pivot).
-        holds: The limbs that hold.
+        regrasp: The step, whose swing is not looked at.
     """
 
-    def __init__(
-        self, graph: StanceGraph, limb: int, path: tuple[Any, ...], holds: list[Hold]
-    ) -> None:
-        """Look at the step in which `limb` moves while the base follows `path`."""
-        self.graph, self.limb, self.path, self.holds = graph, limb, path, holds
+    def __init__(self, graph: StanceGraph, regrasp: Regrasp) -> None:
+        """Look at the step `regrasp`."""
+        self.graph, self.regrasp = graph, regrasp
 
     def find(
-        self,
-        start: Array,
-        end: Array,
-        turns: tuple[Array, Array],
-        fold: int,
-        line: tuple[Array, Array] | None,
+        self, start: Array, end: Array, turns: tuple[Array, Array], edge: Edge
     ) -> Swing | None:
         """The shortest swing between lifted postures.
 
         Args:
             start: Joint angles above the point it leaves, shape (6,) [rad].
-            end: Joint angles above the point it lands on, on any winding.
+            end: Joint angles above the point it grasps, on any winding.
             turns: Fewest and most whole turns that may be added to `end`, each (6,).
-            fold: The fold in which the graph has shown that the limb can be carried, or -1.
-            line: Joint angles between which it has shown that the limb can swing, where it cannot
-                be carried folded.
+            edge: What the graph has shown: the fold in which the limb can move, or the branches
+                between which it can swing in a line.
         """
-        for kind, knots in self._ways(start, end, turns, fold, line):
+        line = None if edge.pair < 0 else line_of_edge(self.graph, self.regrasp, edge.pair)
+        for kind, knots in self._candidates((start, end, turns), edge.fold, line):
             if self.clear(knots):
                 return Swing(kind, knots)
-        sampled = self._sampled(start, end, turns, self.carriage(fold, line, start))
+        sampled = self._sampled((start, end, turns), self.shown_line(edge.fold, line, start))
         return None if sampled is None else Swing("sampled", sampled)
 
-    def _sampled(
-        self,
-        start: Array,
-        end: Array,
-        turns: tuple[Array, Array],
-        carriage: tuple[Array, Array] | None,
-    ) -> Array | None:
-        """Sampled knots at rest, a line while the base moves, sampled knots at rest; None if none are found.
+    def _sampled(self, ends: Ends, shown: tuple[Array, Array] | None) -> Array | None:
+        """Sampled knots at rest, a line while the base moves, sampled knots at rest; None if none.
 
         The whole is checked like any other swing, so what the sampling planner skips between its
         postures does no harm.
         """
-        if carriage is None:
+        if shown is None:
             return None
+        start, end, turns = ends
         limits = self.graph.robot.limb.limits
-        away = sampled_line(self.clear, limits, _knot(0.0, start), _knot(0.0, carriage[0]))
+        away = sampled_line(self.clear, limits, _knot(0.0, start), _knot(0.0, shown[0]))
         if away is None:
             return None
-        last = _knot(1.0, landing(end, turns, carriage[1]))
-        back = sampled_line(self.clear, limits, _knot(1.0, carriage[1]), last)
+        last = _knot(1.0, nearest_end(end, turns, shown[1]))
+        back = sampled_line(self.clear, limits, _knot(1.0, shown[1]), last)
         if back is None:
             return None
         knots = np.vstack([away, back])
         return knots if self.clear(knots) else None
 
-    def carriage(
+    def shown_line(
         self, fold: int, line: tuple[Array, Array] | None, start: Array
     ) -> tuple[Array, Array] | None:
-        """Joint angles at both ends of the base path as the graph has shown it, on windings near `start`; None outside the limits."""
+        """Joint angles at both ends of the base path as the graph has shown it.
+
+        They are on the windings nearest to `start`; None if these are outside the limits.
+        """
         if line is None:
             folded = self.fold(fold, start)
             return None if folded is None else (folded, folded)
@@ -135,37 +116,33 @@ class SwingFinder:
             return None
         return first, last
 
-    def _ways(
-        self,
-        start: Array,
-        end: Array,
-        turns: tuple[Array, Array],
-        fold: int,
-        line: tuple[Array, Array] | None,
+    def _candidates(
+        self, ends: Ends, fold: int, line: tuple[Array, Array] | None
     ) -> Iterator[tuple[str, Array]]:
-        yield "direct", np.stack([_knot(0.0, start), _knot(1.0, landing(end, turns, start))])
+        """Kinds and knots of the swings that are tried, the shortest first."""
+        start, end, turns = ends
+        yield "direct", np.stack([_knot(0.0, start), _knot(1.0, nearest_end(end, turns, start))])
         count = len(self.graph.robot.folds)
         for index in range(count):
             middle = self.fold(index, start)
             if middle is not None:
-                last = landing(end, turns, middle)
+                last = nearest_end(end, turns, middle)
                 yield "over", np.stack([_knot(0.0, start), _knot(0.5, middle), _knot(1.0, last)])
         if line is not None:
-            yield from (("changed", knots) for knots in self._changed(start, end, turns, line))
+            yield from (("changed", knots) for knots in self._changed(ends, line))
         orders = sorted(range(count), key=lambda k: k != fold)
-        for carried in orders:
+        for moved_in in orders:
             for first in orders:
                 for last_fold in orders:
-                    knots = self._folded(start, end, turns, (first, carried, last_fold))
+                    knots = self._folded(ends, (first, moved_in, last_fold))
                     if knots is not None:
                         yield "folded", knots
 
-    def _folded(
-        self, start: Array, end: Array, turns: tuple[Array, Array], way: tuple[int, int, int]
-    ) -> Array | None:
+    def _folded(self, ends: Ends, folds: tuple[int, int, int]) -> Array | None:
         """Fold by way of one fold, move in another, unfold by way of a third."""
+        start, end, turns = ends
         knots = [_knot(0.0, start)]
-        for k, u in zip(way, (0.0, 0.0, 1.0), strict=True):
+        for k, u in zip(folds, (0.0, 0.0, 1.0), strict=True):
             here = self.fold(k, knots[-1][1:])
             if here is None:
                 return None
@@ -173,93 +150,88 @@ class SwingFinder:
                 knots.append(_knot(1.0, knots[-1][1:]))
             if np.abs(here - knots[-1][1:]).max() > 1e-9:
                 knots.append(_knot(u, here))
-        knots.append(_knot(1.0, landing(end, turns, knots[-1][1:])))
+        knots.append(_knot(1.0, nearest_end(end, turns, knots[-1][1:])))
         return np.stack(knots)
 
-    def _changed(
-        self, start: Array, end: Array, turns: tuple[Array, Array], line: tuple[Array, Array]
-    ) -> Iterator[Array]:
-        """Change to the branch of the line, directly or by way of a fold, follow the line, and change again."""
-        ways = [None, *range(len(self.graph.robot.folds))]
-        for first in ways:
+    def _changed(self, ends: Ends, line: tuple[Array, Array]) -> Iterator[Array]:
+        """Change to the branch of the line, at once or by way of a fold, follow it, change again."""
+        start, end, turns = ends
+        through = [None, *range(len(self.graph.robot.folds))]
+        for first in through:
             knots = [_knot(0.0, start)]
             if first is not None:
                 here = self.fold(first, start)
                 if here is None:
                     continue
                 knots.append(_knot(0.0, here))
-            ends = self.carriage(-1, line, knots[-1][1:])
-            if ends is None:
+            shown = self.shown_line(-1, line, knots[-1][1:])
+            if shown is None:
                 continue
-            knots += [_knot(0.0, ends[0]), _knot(1.0, ends[1])]
-            for last in ways:
-                here = ends[1] if last is None else self.fold(last, ends[1])
+            knots += [_knot(0.0, shown[0]), _knot(1.0, shown[1])]
+            for last in through:
+                here = shown[1] if last is None else self.fold(last, shown[1])
                 if here is not None:
                     rest = [] if last is None else [_knot(1.0, here)]
-                    yield _without_stops(
-                        np.stack([*knots, *rest, _knot(1.0, landing(end, turns, here))])
-                    )
+                    final = _knot(1.0, nearest_end(end, turns, here))
+                    yield _without_stops(np.stack([*knots, *rest, final]))
 
-    def fold(self, index: int, near: Array) -> Array | None:
+    def fold(self, index: int, joints: Array) -> Array | None:
         """A fold on the windings nearest to some joint angles [rad], or None outside the limits."""
-        out = np.empty(6)
-        return (
-            out
-            if fold_near(self.graph.solver.folds[index], near, self.graph.solver.limits, out)
-            else None
-        )
+        solver, out = self.graph.solver, np.empty(6)
+        return out if fold_nearest_to(solver.folds[index], joints, solver.limits, out) else None
 
     def clear(self, knots: Array) -> bool:
         """Whether the robot touches nothing along a chain of knots."""
-        solver, limb = self.graph.solver, self.limb
-        for collision_model, inside in self.graph.checks:
-            shapes, _, hand, fixed, world, clearance, body = collision_model
-            none = np.empty((0, len(shapes[0]), 2, 3))
-            for a, b in zip(knots, knots[1:], strict=False):
-                ends = (self.path, a[0], b[0])
-                found = swing_free(
-                    limb, *ends, a[1:], b[1:], solver.lengths, solver.mount_rotations[limb],
-                    solver.mount_positions[limb],
-                    none, shapes, fixed, world, clearance, inside, body,
-                )  # fmt: skip
-                if found != CLEAR:
-                    return False
-                for hold in self.holds:
-                    found = hold_free(
-                        hold.limb, self.graph.solver.flanges[hold.point], solver.tools[hold.point],
-                        *ends, hold.branch, solver.lengths,
-                        solver.mount_rotations[hold.limb], solver.mount_positions[hold.limb], a[1:],
-                        b[1:],
-                        solver.mount_rotations[limb], solver.mount_positions[limb], shapes, hand,
-                        fixed, world, clearance, inside, BOTH,
-                    )  # fmt: skip
-                    if found != CLEAR:
-                        return False
+        return all(
+            self._clear_line(a, b, collision_model, inside)
+            for collision_model, inside in self.graph.checks
+            for a, b in pairwise(knots)
+        )
+
+    def _clear_line(self, a: Array, b: Array, collision_model: Any, inside: bool) -> bool:
+        """Whether the robot touches nothing from one knot to the next."""
+        solver, step = self.graph.solver, self.regrasp
+        shapes, _, hand, fixed, world, clearance, body = collision_model
+        line, none = (step.base_path, a[0], b[0]), np.empty((0, len(shapes[0]), 2, 3))
+        mount = solver.mount_rotations[step.limb], solver.mount_positions[step.limb]
+        found = swing_free(
+            step.limb, *line, a[1:], b[1:], solver.lengths, *mount, none, shapes, fixed, world,
+            clearance, inside, body,
+        )  # fmt: skip
+        if found != CLEAR:
+            return False
+        for limb, point in enumerate(step.after):
+            if limb == step.limb:
+                continue
+            found = hold_free(
+                limb, solver.flanges[point], solver.tools[point], *line, step.branches[limb],
+                solver.lengths, solver.mount_rotations[limb], solver.mount_positions[limb], a[1:],
+                b[1:], *mount, shapes, hand, fixed, world, clearance, inside, BOTH,
+            )  # fmt: skip
+            if found != CLEAR:
+                return False
         return True
 
 
-def direct_line(
-    graph: StanceGraph, limb: int, points: Sequence[int], postures: Postures, pair: int
-) -> tuple[Array, Array]:
-    """Joint angles of a limb above two points, in two postures, on the branches `pair` of `step_checks.Way` [rad]."""
+def line_of_edge(graph: StanceGraph, regrasp: Regrasp, pair: int) -> tuple[Array, Array]:
+    """Joint angles of the limb that moves above both points, on the branches of `Edge.pair` [rad]."""
     solver, robot = graph.solver, graph.robot
     out = np.empty((2, 8, 6))
     branches = pair >> 3, pair & 7
-    for side in range(2):
-        point = points[side]
+    points = regrasp.before[regrasp.limb], regrasp.to_point
+    for side, (point, branch) in enumerate(zip(points, branches, strict=True)):
         lifted_at(
-            limb, 1 << branches[side], solver.points[point], solver.normals[point],
-            solver.rails[point], robot.tool_length,
-            robot.lift, postures.position[side], postures.rotation[side], solver.mount_rotations,
-            solver.mount_positions,
+            regrasp.limb, 1 << branch, solver.points[point], solver.normals[point],
+            solver.rails[point], robot.tool_length, robot.lift, regrasp.positions[side],
+            regrasp.rotations[side], solver.mount_rotations, solver.mount_positions,
             solver.lengths, solver.limits, out[side],
         )  # fmt: skip
     return out[0, branches[0]], out[1, branches[1]]
 
 
-def landing(end: Array, turns: tuple[Array, Array], near: Array) -> Array:
-    """The landing posture on the windings nearest to some joint angles, within the turns allowed [rad]."""
-    nearest: Array = end + 2.0 * np.pi * np.clip(np.rint((near - end) / (2.0 * np.pi)), *turns)
+def nearest_end(end: Array, turns: tuple[Array, Array], joints: Array) -> Array:
+    """The posture at the end on the windings nearest to `joints`, within the turns allowed [rad]."""
+    nearest: Array = end + 2.0 * np.pi * np.clip(np.rint((joints - end) / (2.0 * np.pi)), *turns)
     return nearest
 
 

@@ -125,20 +125,16 @@ def execute(
     if not plan.steps:
         raise PlanError("the plan has no step: it starts at its goal")
     durations = durations or Durations()
-    simulation = simulation or Simulation(graph.grasp_map, plan.robot, physics, plan.obstacles)
-    simulation.reset(
-        plan.base_positions[0],
-        plan.base_quaternions[0],
-        plan.joint_positions[0],
-        graph.indices(plan.stances[0]),
-    )
+    world = plan.world
+    simulation = simulation or Simulation(graph.grasp_map, world.robot, physics, world.obstacles)
+    simulation.reset(*plan.configuration(0), graph.indices(plan.stances[0]))
     recordings, peaks, captures, failure = [], [], [], None
     prepared = simulated = 0.0
     for index in range(len(plan.steps)):
         start = time.perf_counter()
         trajectory = step_trajectory(graph, plan, index, durations, simulation.physics.timestep)
         ready = time.perf_counter()
-        done = simulation.carry_out(trajectory, index)
+        done = simulation.execute(trajectory, index)
         prepared, simulated = prepared + ready - start, simulated + time.perf_counter() - ready
         recordings.append(done.recording)
         peaks.append(done.peaks)

@@ -65,7 +65,7 @@ def torque_demand(graph: StanceGraph, plan: Plan, durations: Durations, physics:
         durations: How long the parts of a step take.
         physics: Figures of the grasps.
     """
-    model = compiled(dynamics_spec(graph.grasp_map, plan.robot, physics))
+    model = compiled(dynamics_spec(graph.grasp_map, plan.world.robot, physics))
     largest = 0.0
     for index in range(len(plan.steps)):
         way = step_trajectory(graph, plan, index, durations, durations.total / SAMPLES)

@@ -17,9 +17,9 @@ FAILURES = (
     "lost hold",
     "joint limit",
     "divergence",
-    "no way",
+    "no swing",
 )
-"""Kinds of failure; `"no way"`: an environment's step for which no swing, or none inside the joint limits, was found."""
+"""Kinds of failure; `"no swing"`: an environment's step for which no swing, or none inside the joint limits, was found."""
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
-class Carried(NamedTuple):
+class ExecutedStep(NamedTuple):
     """What came of a regrasp: measurements, and either how the limb took hold or why it failed."""
 
     recording: Recording
@@ -149,7 +149,7 @@ class Simulation:
         base = self.data.qpos[self._base : self._base + 7].copy()
         return base[:3], base[3:], self.data.qpos[self._qpos].reshape(-1, 6)
 
-    def carry_out(self, trajectory: Trajectory, step: int = 0) -> Carried:
+    def execute(self, trajectory: Trajectory, step: int = 0) -> ExecutedStep:
         """Carry a regrasp out: let go, follow the trajectory, take hold.
 
         Args:
@@ -171,17 +171,17 @@ class Simulation:
             lambda phase: self._meets(limb, near[phase]),
         )
         if failure is not None:
-            return Carried(recording, peaks, None, failure)
+            return ExecutedStep(recording, peaks, None, failure)
         distance, angle = self.grasp_error(limb, to_point)
         if not self._within_reach(distance, angle):
-            return Carried(
+            return ExecutedStep(
                 recording, peaks, None, self._missed(limb, to_point, distance, angle, step)
             )
         capture = Capture(self.time, step, limb, self.grasp_map.ids[to_point], distance, angle)
         self._grasp(limb, to_point)
-        return Carried(recording, peaks, capture, None)
+        return ExecutedStep(recording, peaks, capture, None)
 
-    def rest(self, trajectory: Trajectory, duration: float, step: int = 0) -> Carried:
+    def rest(self, trajectory: Trajectory, duration: float, step: int = 0) -> ExecutedStep:
         """Hold still in the stance in which a trajectory ended.
 
         Args:
@@ -208,7 +208,7 @@ class Simulation:
         recording, peaks, failure = self._run(
             still, still.joint_positions.reshape(count, -1), step, lambda _: None
         )
-        return Carried(recording, peaks, None, failure)
+        return ExecutedStep(recording, peaks, None, failure)
 
     def _run(
         self, trajectory: Trajectory, control: Array, step: int, enter: Callable[[int], None]

@@ -1,56 +1,74 @@
-"""What the environment asks of its world: which actions a state allows, where each leads, what a stance looks like.
+"""Moves: which actions a state allows, where each leads, and where the base then is.
 
 `GraphMoves` asks the stance graph, for any number of limbs; `TableMoves` looks into exact tables,
-for two.
+for two. An action is `limb * m + point` on a map of m points.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.kinematics.holding import quaternion
 from mlivr_gym.postures.solver import Postures
-from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.stance_graph import StanceGraph, State, Successors
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
+from mlivr_gym.stances.table_steps import legal_actions
+from mlivr_gym.transitions.rule import can_release
+from mlivr_gym.transitions.state import State, Successors
 
 REMEMBERED = 4096
 """States and stances that `GraphMoves` remembers."""
 
-BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
-"""The bits of each 16-bit mask, the lowest first, shape (65536, 16)."""
-
 
 class Place(NamedTuple):
-    """What a stance looks like: point ids, base position [m], manipulability, and its share of the observation."""
+    """Where the robot is in a state."""
 
     ids: tuple[str, ...]
+    """Point id of each limb."""
     position: tuple[float, ...]
-    w_m: NDArray[np.float64]
+    """Base position x, y, z in the world [m]."""
+    quaternion: Array
+    """Base orientation in the world w, x, y, z, shape (4,)."""
+    w_m: Array
+    """Limb manipulability, shape (N,)."""
     w_b: float
-    observation: dict[str, NDArray[Any]]
+    """Base manipulability."""
+
+
+class Moves(Protocol):
+    """What environments, baselines and policies ask of a stance graph."""
+
+    def successors(self, state: State) -> Successors:
+        """All steps that leave a state."""
+
+    def mask(self, state: State) -> BoolArray:
+        """Which actions a state allows, shape (N m,)."""
+
+    def take(self, state: State, action: int) -> State:
+        """Where an action that a state allows leads."""
+
+    def releasable_after(self, state: State, steps: Successors) -> BoolArray:
+        """Whether a limb that holds could be released after each step, shape (k,)."""
+
+    def place(self, state: State) -> Place:
+        """Where the robot is in a state."""
 
 
 def _place(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> Place:
-    observation = {
-        "stance": np.array(stance, dtype=np.int64),
-        "grasps": graph.grasp_map.positions[list(stance)].ravel().astype(np.float32),
-        "base_position": posture.position[0].astype(np.float32),
-        "base_quaternion": quaternion(posture.rotation[0]).astype(np.float32),
-    }
     position = tuple(posture.position[0].tolist())
-    return Place(graph.ids(stance), position, posture.w_m[0], float(posture.w_b[0]), observation)
+    turn = quaternion(posture.rotation[0])
+    return Place(graph.ids(stance), position, turn, posture.w_m[0], float(posture.w_b[0]))
 
 
 class GraphMoves:
     """Moves worked out by a stance graph when they are asked for, and remembered for a while."""
 
-    def __init__(self, graph: PairGraph | LazyGraph) -> None:
+    def __init__(self, graph: StanceGraph) -> None:
         """Start with nothing known."""
         self.graph = graph
         self._steps: OrderedDict[State, Successors] = OrderedDict()
@@ -64,68 +82,47 @@ class GraphMoves:
                 self._steps.popitem(last=False)
         return self._steps[state]
 
-    def mask(self, state: State) -> NDArray[np.bool_]:
+    def mask(self, state: State) -> BoolArray:
         """Which actions a state allows, shape (N m,)."""
-        steps, m = self.successors(state), len(self.graph.grasp_map)
-        out = np.zeros(self.graph.limbs * m, dtype=np.bool_)
-        out[steps.limb * m + steps.point] = True
-        return out
+        return action_mask(self.graph, self.successors(state))
 
     def take(self, state: State, action: int) -> State:
         """Where an action that a state allows leads."""
-        steps, (limb, point) = self.successors(state), divmod(action, len(self.graph.grasp_map))
-        k = int(np.flatnonzero((steps.limb == limb) & (steps.point == point))[0])
-        return State(
-            (*state.stance[:limb], point, *state.stance[limb + 1 :]), tuple(steps.masks[k].tolist())
-        )
+        steps = self.successors(state)
+        return steps.after(state, steps.find(*divmod(action, len(self.graph.grasp_map))))
 
-    def releasable_after(self, state: State, steps: Successors) -> NDArray[np.bool_]:
-        """Whether a limb that holds could let go after each step, shape (k,); taken for granted with more than two limbs."""
-        out = np.ones(len(steps.limb), dtype=np.bool_)
-        if isinstance(self.graph, PairGraph):
-            for k, (limb, point) in enumerate(
-                zip(steps.limb.tolist(), steps.point.tolist(), strict=True)
-            ):
-                stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
-                landed = self.graph.landed(State(stance, ()), 1 - limb)
-                out[k] = landed & steps.masks[k, 1 - limb] != 0
-        return out
+    def releasable_after(self, state: State, steps: Successors) -> BoolArray:
+        """Whether a limb that holds could be released after each step, shape (k,)."""
+        return self.graph.releasable_after(state, steps)
 
-    def place_of(self, state: State) -> Place:
-        """What a robot looks like that stands in a state."""
-        if state.pose is None:
-            return self.place(state.stance)
-        return _place(self.graph, state.stance, self.graph.posture_of(state))
-
-    def place(self, stance: tuple[int, ...]) -> Place:
-        """What a stance looks like."""
-        if stance not in self._places:
-            self._places[stance] = _place(self.graph, stance, self.graph.posture(stance))
+    def place(self, state: State) -> Place:
+        """Where the robot is in a state."""
+        if state.pose is not None:
+            return _place(self.graph, state.stance, self.graph.posture_of(state))
+        found = self._places.get(state.stance)
+        if found is None:
+            found = _place(self.graph, state.stance, self.graph.posture(state.stance))
+            self._places[state.stance] = found
             if len(self._places) > REMEMBERED:
                 self._places.popitem(last=False)
-        return self._places[stance]
+        return found
 
 
 class TableMoves:
     """Moves looked up in exact tables."""
 
     def __init__(self, graph: PairGraph, tables: StepTables) -> None:
-        """Put what observations need into arrays."""
+        """Number the actions of the tables."""
         self.graph, self.tables = graph, tables
         self._from_given_pose = GraphMoves(graph)
         m = len(graph.grasp_map)
         self.stance_at = np.full((m, m), -1, dtype=np.int32)
+        """Stance index by the points of both limbs, -1 where there is none, shape (m, m)."""
         self.stance_at[tables.points[:, 0], tables.points[:, 1]] = np.arange(len(tables.points))
         moving = np.repeat(np.tile([0, 1], len(tables.points)), np.diff(tables.start))
         self._action = moving * m + tables.points[tables.after, moving]
         self._start = tables.start.tolist()
         self._places: dict[tuple[int, ...], Place] = {}
-        self.observations: dict[str, NDArray[Any]] = {
-            "stance": tables.points.astype(np.int64),
-            "grasps": graph.grasp_map.positions[tables.points].reshape(-1, 6).astype(np.float32),
-            "base_position": tables.position.astype(np.float32),
-            "base_quaternion": np.array([quaternion(r) for r in graph.rotation], dtype=np.float32),
-        }
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
@@ -133,20 +130,15 @@ class TableMoves:
             return self._from_given_pose.successors(state)
         return self.tables.successors(int(self.stance_at[state.stance]), state.masks)
 
-    def mask(self, state: State) -> NDArray[np.bool_]:
+    def mask(self, state: State) -> BoolArray:
         """Which actions a state allows, shape (2 m,)."""
         if state.pose is not None:
             return self._from_given_pose.mask(state)
-        s = 2 * int(self.stance_at[state.stance])
-        begin, middle, end = self._start[s], self._start[s + 1], self._start[s + 2]
-        kept, actions = self.tables.kept, self._action
-        out = np.zeros(2 * len(self.stance_at), dtype=np.bool_)
-        leave = self.tables.releasable[s >> 1]
-        if leave[0] & state.masks[0]:
-            out[actions[begin:middle]] = kept[begin:middle] & state.masks[1]
-        if leave[1] & state.masks[1]:
-            out[actions[middle:end]] = kept[middle:end] & state.masks[0]
-        return out
+        out = np.zeros((1, 2 * len(self.stance_at)), dtype=np.int8)
+        stance = np.array([self.stance_at[state.stance]], dtype=np.int64)
+        legal_actions(stance, np.array([state.masks], dtype=np.int64), self.tables, out)
+        allowed: BoolArray = out[0].view(np.bool_)
+        return allowed
 
     def take(self, state: State, action: int) -> State:
         """Where an action that a state allows leads."""
@@ -155,44 +147,34 @@ class TableMoves:
         s = int(self.stance_at[state.stance])
         begin, end = self._start[2 * s], self._start[2 * s + 2]
         step = begin + int(self._action[begin:end].searchsorted(action))
-        after = int(self.tables.after[step])
-        kept, landed = int(self.tables.kept[step]), self.tables.releasable[after].tolist()
-        a, b = self.tables.points[after].tolist()
-        if action < len(self.stance_at):
-            return State((a, b), (landed[0], state.masks[1] & kept))
-        return State((a, b), (state.masks[0] & kept, landed[1]))
+        limb, point = divmod(action, len(self.stance_at))
+        masks = self.tables.masks_after(step, limb, state.masks)
+        return State(state.stance_after(limb, point), masks)
 
-    def releasable_after(self, state: State, steps: Successors) -> NDArray[np.bool_]:
-        """Whether the limb that holds could let go after each step, shape (k,)."""
+    def releasable_after(self, state: State, steps: Successors) -> BoolArray:
+        """Whether the limb that holds could be released after each step, shape (k,)."""
         a, b = np.array(state.stance, dtype=np.int64)[:, None].repeat(len(steps.limb), axis=1)
         first = steps.limb == 0
         after = self.stance_at[np.where(first, steps.point, a), np.where(first, b, steps.point)]
-        held, k = 1 - steps.limb, np.arange(len(after))
-        free: NDArray[np.bool_] = (self.tables.releasable[after, held] & steps.masks[k, held]) != 0
-        return free
+        held = 1 - steps.limb
+        kept = np.take_along_axis(steps.masks, held[:, None], axis=1)[:, 0]
+        free = map(can_release, kept.tolist(), self.tables.releasable[after, held].tolist())
+        return np.fromiter(free, dtype=np.bool_, count=len(after))
 
-    def place_of(self, state: State) -> Place:
-        """What a robot looks like that stands in a state."""
-        return (
-            self.place(state.stance)
-            if state.pose is None
-            else self._from_given_pose.place_of(state)
-        )
-
-    def place(self, stance: tuple[int, ...]) -> Place:
-        """What a stance looks like, put together once."""
-        found = self._places.get(stance)
+    def place(self, state: State) -> Place:
+        """Where the robot is in a state."""
+        if state.pose is not None:
+            return self._from_given_pose.place(state)
+        found = self._places.get(state.stance)
         if found is None:
-            s, graph = int(self.stance_at[stance]), self.graph
-            observation = {name: rows[s] for name, rows in self.observations.items()}
-            position = tuple(self.tables.position[s].tolist())
-            found = Place(
-                graph.ids(stance), position, graph.w_m[s], float(graph.w_b[s]), observation
-            )
-            self._places[stance] = found
+            found = _place(self.graph, state.stance, self.graph.posture(state.stance))
+            self._places[state.stance] = found
         return found
 
 
-def branch_bits(masks: tuple[int, ...]) -> NDArray[np.int8]:
-    """The bits of 16-bit masks one after the other, shape (16 N,)."""
-    return np.concatenate([BITS[mask] for mask in masks])
+def action_mask(graph: StanceGraph, steps: Successors) -> BoolArray:
+    """Which actions take one of some steps, shape (N m,)."""
+    m = len(graph.grasp_map)
+    out = np.zeros(graph.limbs * m, dtype=np.bool_)
+    out[steps.limb * m + steps.point] = True
+    return out

@@ -24,19 +24,21 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.pair_steps import (
     ARC_BITS,
-    DIRECT,
     FOLD_BITS,
     KNOWN,
+    LINE,
     PAIR_BITS,
     edge_entry,
+    ensure_released,
     fill_points,
     fill_row,
     longest_step,
     pair_successors,
-    settle,
 )
 from mlivr_gym.stances.stance_graph import TOUCHED, Array, IntArray, StanceGraph, State, Successors
-from mlivr_gym.transitions.step_check import Way
+from mlivr_gym.transitions.rule import can_release, kept_on_edge
+from mlivr_gym.transitions.state import moving_limb
+from mlivr_gym.transitions.step_check import Edge
 from mlivr_gym.world.grasp_map import GraspMap
 
 REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
@@ -81,6 +83,8 @@ class PairGraph(StanceGraph):
             its point along the surface normal with `w_m` above `Settings.path_floor` and inside its
             joint limits. Without thresholds that floor is what remains, where steps are checked.
     """
+
+    has_tables = True
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Work out every stance."""
@@ -197,12 +201,18 @@ class PairGraph(StanceGraph):
         self.edges = self._edges()
         self.complete = False
 
+    @property
+    def releasable(self) -> IntArray:
+        """Answers of `release` for each stance and limb as far as they are known, shape (n, 2)."""
+        known: IntArray = self.edges[17][2]
+        return known
+
     def __len__(self) -> int:
         """Number of stances."""
         return len(self.points)
 
     @cached_property
-    def beyond_span(self) -> int:
+    def farther_than_span(self) -> int:
         """Ordered pairs of points within reach of two outstretched limbs that are not tried: farther apart than the span."""
         robot = self.robot
         reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
@@ -258,43 +268,51 @@ class PairGraph(StanceGraph):
             else super()._fault(points, posture, pose)
         )
 
-    def _stands(self, stance: Sequence[int], posture: Postures, k: int = 0) -> int:
-        """Index of a stance if row `k` of `posture` is its own, or -1: a robot may stand in another."""
+    def _node(self, stance: Sequence[int], posture: Postures, k: int = 0) -> int:
+        """Index of a stance if row `k` of `posture` is the one it has in the graph, else -1."""
         s = self.find((stance[0], stance[1]))
-        own = (
+        same = (
             s >= 0
             and (posture.position[k] == self.position[s]).all()
             and (posture.rotation[k] == self.rotation[s]).all()
         )
-        return s if own else -1
+        return s if same else -1
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can let go of a stance; see `StepChecks.released`."""
-        s = self._stands(stance, posture)
+        """On which branches a limb can be released at a stance; see `StepChecks.released`."""
+        s = self._node(stance, posture)
         if s < 0:
             return super().released(stance, posture, limb)
-        settle(s, limb, self.edges)
+        ensure_released(s, limb, self.edges)
         return int(self.edges[17][2][s, limb])
 
-    def way(
-        self,
-        before: Sequence[int],
-        after: Sequence[int],
-        limb: int,
-        posture: Postures,
-        masks: Sequence[int],
-    ) -> Way:
-        """How a step that is an edge is made; see `StepChecks.way`."""
-        s0, s1 = self._stands(before, posture), self._stands(after, posture, 1)
+    def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
+        """How a step that is an edge is made; see `StepChecks.edge`."""
+        s0, s1 = self._node(state.stance, posture), self._node(after, posture, 1)
         if not self.settings.collisions or s0 < 0 or s1 < 0:
-            return super().way(before, after, limb, posture, masks)
-        held = 1 - limb
+            return super().edge(state, after, posture)
+        held = 1 - moving_limb(state.stance, tuple(after))
         entry = int(edge_entry(held, s0, s1, self.edges))
-        kind = ARC if entry >> ARC_BITS & masks[held] else STRAIGHT
-        kept = {held: entry & masks[held] & 0xFFFF}
-        if entry & DIRECT:
-            return Way(kind, -1, entry >> PAIR_BITS & 63, kept)
-        return Way(kind, entry >> (FOLD_BITS + 2 * kind) & 3, -1, kept)
+        kind = ARC if entry >> ARC_BITS & state.masks[held] else STRAIGHT
+        kept = {held: int(kept_on_edge(state.masks[held], entry))}
+        if entry & LINE:
+            return Edge(kind, -1, entry >> PAIR_BITS & 63, kept)
+        return Edge(kind, entry >> (FOLD_BITS + 2 * kind) & 3, -1, kept)
+
+    def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
+        """The state after the step to a neighbouring stance, or None if it does not leave `state`."""
+        limb, steps = moving_limb(state.stance, after), self.successors(state)
+        k = steps.find(limb, after[limb])
+        return None if k < 0 else steps.after(state, k)
+
+    def releasable_after(self, state: State, steps: Successors) -> NDArray[np.bool_]:
+        """Whether the limb that holds could be released after each step, shape (k,)."""
+        out = np.empty(len(steps.limb), dtype=np.bool_)
+        for k, limb in enumerate(steps.limb.tolist()):
+            after = steps.after(state, k)
+            releasable = self.mask_after_grasp(after, 1 - limb)
+            out[k] = can_release(after.masks[1 - limb], releasable)
+        return out
 
     def row(self, held: int, s: int) -> IntArray:
         """The other stances that limb `held` of stance `s` shares its point with."""
@@ -323,12 +341,14 @@ class PairGraph(StanceGraph):
         return out
 
     @contextmanager
-    def without(self, steps: Collection[tuple[tuple[int, ...], tuple[int, ...]]]) -> Iterator[None]:
-        """Take steps, given as pairs of stances, out of the graph for a while."""
+    def without(self, steps: Collection[tuple[State, tuple[int, ...]]]) -> Iterator[None]:
+        """Take steps out of the graph for a while; see `StanceGraph.without`."""
         kept = []
         for before, after in steps:
-            held = 0 if before[0] == after[0] else 1
-            s0, s1, point = self.find(before), self.find(after), before[held]
+            if before.pose is not None:
+                continue
+            held = 1 - moving_limb(before.stance, after)
+            s0, s1, point = self.find(before.stance), self.find(after), after[held]
             entry = (
                 self.offset[held, point]
                 + self.local[held, s0] * self.degree[held, point]
@@ -337,7 +357,8 @@ class PairGraph(StanceGraph):
             kept.append((entry, int(self.table[entry])))
             self.table[entry] = KNOWN
         try:
-            yield
+            with super().without(steps):
+                yield
         finally:
             for entry, value in reversed(kept):
                 self.table[entry] = value

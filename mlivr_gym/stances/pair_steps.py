@@ -13,18 +13,19 @@ from mlivr_gym.compiled.stack_arrays import floats, integers
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.transitions.grasp_poses import place_branches
 from mlivr_gym.transitions.line_swings import TRIES, lifted_at, line_free, pairs_by_travel
-from mlivr_gym.transitions.release import TOGETHER, carried, holding, release
+from mlivr_gym.transitions.release import FOLDS_AT, folded_swing, holding, release
+from mlivr_gym.transitions.rule import can_release, kept_on_edge, mask_of_grasp
 
 KNOWN = 1 << 16
 """Bit of an edge entry: the entry is filled. Below it are the branches and flips on which the limb can hold."""
 ARC_BITS, FOLD_BITS = 17, 33
 """First bits of the branches and flips that need the arc, and of the folds on the line and on the arc (2 bits each)."""
-DIRECT, PAIR_BITS = 1 << 37, 38
+LINE, PAIR_BITS = 1 << 37, 38
 """Bit of an entry whose step only a direct swing makes, and first bits of its branches after and before the step (3 each)."""
 
 
 @kernel
-def settle(s, limb, edges):
+def ensure_released(s, limb, edges):
     """Work out, once, on which branches a limb can let go at a stance: its answer of `release`, 0 if on none."""
     points, position, rotation, mask = edges[0], edges[5], edges[6], edges[7]
     mount_rotations, mount_positions, lengths, pivots, limits = (
@@ -40,7 +41,7 @@ def settle(s, limb, edges):
         return
     point, other, grasp = points[s, limb], 1 - limb, points[s, 1 - limb]
     placed = floats(8, len(collision_model[0][0]), 2, 3)
-    own = (
+    with_robot = (
         len(mask) > 0
     )  # a variable: with literals the kernels would be compiled once for each value
     for layer in range(2):
@@ -66,7 +67,7 @@ def settle(s, limb, edges):
                 limb, wanted, pivots[point], normals[point], rails[point], tool_length, lift,
                 position[s], rotation[s],
                 placed[:count], folds, limits, mount_rotations, mount_positions, lengths,
-                collision_model if layer == 0 else obstacles, own if layer == 0 else not own, before,
+                collision_model if layer == 0 else obstacles, with_robot if layer == 0 else not with_robot, before,
             )  # fmt: skip
         if layer == 0:
             released0[s, limb], ready0[s, limb] = answer, True
@@ -79,7 +80,7 @@ def settle(s, limb, edges):
 def edge_entry(held, s0, s1, edges):
     """Branches that limb `held` can keep on the step from stance `s0` to `s1`, looked up or worked out.
 
-    The limb that moves must be on one of the branches on which it can let go, see `settle`, and
+    The limb that moves must be on one of the branches on which it can let go, see `ensure_released`, and
     lands on all on which it can let go again. Both directions of the step are entered.
 
     Args:
@@ -89,7 +90,7 @@ def edge_entry(held, s0, s1, edges):
         edges: `PairGraph.edges`.
 
     Returns:
-        The entry; see `KNOWN`, `ARC_BITS`, `FOLD_BITS`, `DIRECT` and `PAIR_BITS`.
+        The entry; see `KNOWN`, `ARC_BITS`, `FOLD_BITS`, `LINE` and `PAIR_BITS`.
     """
     points, local, degree, offset, table, _, _, mask = edges[:8]
     collide, released, collision_model = edges[17][0], edges[17][2], edges[17][8]
@@ -104,13 +105,13 @@ def edge_entry(held, s0, s1, edges):
         # Always from the same end, since which swing is found first may depend on it.
         s0, s1, here, there = s1, s0, there, here
     for limb in range(2):
-        settle(s0, limb, edges)
-        settle(s1, limb, edges)
-    own = len(table) > 0
+        ensure_released(s0, limb, edges)
+        ensure_released(s1, limb, edges)
+    with_robot = len(table) > 0
     if not table0[here] & KNOWN:
         wanted, entry = mask0[s0, held] & mask0[s1, held], np.int64(KNOWN)
         if released0[s0, mover] & 0xFFFF and released0[s1, mover] & 0xFFFF:
-            together = (released0[s0, mover] & released0[s1, mover]) >> TOGETHER & 15
+            folds_at_both = (released0[s0, mover] & released0[s1, mover]) >> FOLDS_AT & 15
             # First what serves a limb that landed before the step and lets go after it, then what
             # serves one of the two.
             both = wanted & released0[s0, held] & released0[s1, held]
@@ -118,11 +119,20 @@ def edge_entry(held, s0, s1, edges):
             for turn in range(3):
                 now = both if turn == 0 else some if turn == 1 else wanted & ~(both | some)
                 if now and not entry & 0xFFFF:
-                    entry = _carry(
-                        held, s0, s1, now, now & 0, together, together, edges, collision_model, own
+                    entry = _folded_entry(
+                        held,
+                        s0,
+                        s1,
+                        now,
+                        now & 0,
+                        folds_at_both,
+                        folds_at_both,
+                        edges,
+                        collision_model,
+                        with_robot,
                     )
             if collide and wanted and not entry & 0xFFFF:
-                entry = _direct(held, s0, s1, wanted, np.int64(0), edges, collision_model)
+                entry = _line_entry(held, s0, s1, wanted, np.int64(0), edges, collision_model)
         table0[here], table0[there] = entry, turned(entry)
     if boxes:
         entry = table0[here]
@@ -131,15 +141,15 @@ def edge_entry(held, s0, s1, edges):
             kept &= 0
         arc = entry >> ARC_BITS & kept
         kept &= ~arc
-        together = (released[s0, mover] & released[s1, mover]) >> TOGETHER & 15
+        folds_at_both = (released[s0, mover] & released[s1, mover]) >> FOLDS_AT & 15
         if not (near[s0] or near[s1]):
             entry = entry & ~np.int64(0xFFFF) | kept | arc
-        elif entry & DIRECT:
-            entry = _direct(held, s0, s1, kept | arc, entry, edges, obstacles)
+        elif entry & LINE:
+            entry = _line_entry(held, s0, s1, kept | arc, entry, edges, obstacles)
         else:
-            entry = _carry(
-                held, s0, s1, kept, arc, together & 1 << (entry >> FOLD_BITS & 3),
-                together & 1 << (entry >> (FOLD_BITS + 2) & 3), edges, obstacles, not own,
+            entry = _folded_entry(
+                held, s0, s1, kept, arc, folds_at_both & 1 << (entry >> FOLD_BITS & 3),
+                folds_at_both & 1 << (entry >> (FOLD_BITS + 2) & 3), edges, obstacles, not with_robot,
             )  # fmt: skip
         table[here], table[there] = entry, turned(entry)
     return table[there] if back else table[here]
@@ -148,14 +158,14 @@ def edge_entry(held, s0, s1, edges):
 @kernel
 def turned(entry):
     """The entry of the same step in the other direction."""
-    if not entry & DIRECT:
+    if not entry & LINE:
         return entry
     pair = entry >> PAIR_BITS & 63
     return entry & ~(np.int64(63) << PAIR_BITS) | ((pair & 7) << 3 | pair >> 3) << PAIR_BITS
 
 
 @kernel
-def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, collision_model, inside):
+def _folded_entry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, collision_model, inside):
     """An edge entry from the branches to look at on the line and on the arc and the folds to look at.
 
     With `inside` the limb that holds must also be shown to keep its branch, and what the line
@@ -166,7 +176,7 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, collision_mo
     determinant_floor, limits, full_turn = edges[14:17]
     collide, folds = edges[17][0], edges[17][7]
     point, mover = points[s0, held], 1 - held
-    entry, carry = np.int64(KNOWN), floats(6)
+    entry, folded = np.int64(KNOWN), floats(6)
     for kind in range(2):
         rest = wanted if kind == 0 else arc
         if collide and not (line_folds if kind == 0 else arc_folds):
@@ -182,15 +192,15 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, collision_mo
                 )  # fmt: skip
         if rest and collide:
             path = (position[s0], rotation[s0], position[s1], rotation[s1], kind, pivots[point])
-            fold = carried(
+            fold = folded_swing(
                 mover, line_folds if kind == 0 else arc_folds, path, folds, mount_rotations,
                 mount_positions, lengths, collision_model,
-                inside, carry,
+                inside, folded,
             )  # fmt: skip
             if fold < 0:
                 continue
             rest = holding(
-                held, rest, grips[point], tools[point], path, mover, carry, carry,
+                held, rest, grips[point], tools[point], path, mover, folded, folded,
                 mount_rotations, mount_positions, lengths, collision_model, inside, BOTH,
             )  # fmt: skip
             entry |= np.int64(fold) << (FOLD_BITS + 2 * kind)
@@ -199,7 +209,7 @@ def _carry(held, s0, s1, wanted, arc, line_folds, arc_folds, edges, collision_mo
 
 
 @kernel
-def _direct(held, s0, s1, wanted, before, edges, collision_model):
+def _line_entry(held, s0, s1, wanted, before, edges, collision_model):
     """An entry for a direct swing, on the branches to look at.
 
     `before` is the entry in the world without obstacles, whose swing alone is looked at, or 0.
@@ -255,7 +265,7 @@ def _direct(held, s0, s1, wanted, before, edges, collision_model):
                 if kept:
                     return (
                         KNOWN
-                        | DIRECT
+                        | LINE
                         | np.int64(pair) << PAIR_BITS
                         | kept
                         | (kept << ARC_BITS if kind == 1 else 0)
@@ -272,28 +282,41 @@ def fill_row(held, s0, row, out, edges):
 
 @kernel
 def pair_successors(s, mask0, mask1, check, rows, row_start, limb, stance, masks, edges):
-    """Steps that leave stance `s`: limb, stance reached and masks after the step, shape (k, 2); returns their number."""
+    """Steps that leave stance `s`, by the rule of `transitions.rule`; returns their number k.
+
+    Args:
+        s: Stance index.
+        mask0: Branches that limb 0 may be on.
+        mask1: Branches that limb 1 may be on.
+        check: Whether steps are checked.
+        rows: `PairGraph.rows`.
+        row_start: `PairGraph.row_start`.
+        limb: Limb that moves on each step, written.
+        stance: Stance reached, written.
+        masks: Masks after the step, shape (k, 2), written.
+        edges: `PairGraph.edges`.
+    """
     points, mask, released = edges[0], edges[7], edges[17][2]
     count = 0
     for moving in range(2):
         held = 1 - moving
-        mine, own = (mask1, mask0) if held else (mask0, mask1)
+        of_held, of_moving = (mask1, mask0) if held else (mask0, mask1)
         if check:
-            settle(s, moving, edges)
-            if not own & released[s, moving] & 0xFFFF:
+            ensure_released(s, moving, edges)
+            if not can_release(of_moving, released[s, moving]):
                 continue
         point = points[s, held]
         for k in range(row_start[held, point], row_start[held, point + 1]):
             s2 = rows[held, k]
             if s2 == s:
                 continue
-            after, landed = mine & mask[s2, held], mask[s2, moving]
-            if check and after:
-                after &= edge_entry(held, s, s2, edges)
-                landed = released[s2, moving] & 0xFFFF
-            if after and landed:
+            kept, grasped = kept_on_edge(of_held, mask[s2, held]), mask[s2, moving]
+            if check and kept:
+                kept = kept_on_edge(kept, edge_entry(held, s, s2, edges))
+                grasped = mask_of_grasp(released[s2, moving])
+            if kept and grasped:
                 limb[count], stance[count] = moving, s2
-                masks[count, held], masks[count, moving] = after, landed
+                masks[count, held], masks[count, moving] = kept, grasped
                 count += 1
     return count
 

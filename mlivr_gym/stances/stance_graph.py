@@ -7,8 +7,9 @@ more a `LazyGraph`, which works neighbours out when they are asked for.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,8 @@ from mlivr_gym.postures.given_pose import (
 from mlivr_gym.postures.solver import FIELDS, Postures, PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.transitions.step_check import State as State
+from mlivr_gym.transitions.state import State as State
+from mlivr_gym.transitions.state import Successors as Successors
 from mlivr_gym.transitions.step_check import StepChecks
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
@@ -50,24 +52,13 @@ TOUCHED = {
 """What a cause of a collision is called in a sentence."""
 
 
-class Successors(NamedTuple):
-    """The k steps that leave a state, ordered by limb and point."""
-
-    limb: IntArray
-    """Limb that moves, shape (k,)."""
-    point: IntArray
-    """Point it moves to, shape (k,)."""
-    position: Array
-    """Base position after the step [m], shape (k, 3)."""
-    masks: IntArray
-    """Masks of all limbs after the step, shape (k, N)."""
-
-
 class StanceGraph(StepChecks):
     """Stances and steps of one robot on one map under one set of thresholds."""
 
     solver_class: type[PostureSolver] = PostureSolver
     """What works postures out."""
+    has_tables: ClassVar[bool] = False
+    """Whether the graph holds all its stances, so that tables of steps and costs can be made."""
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Prepare the solver and the pairs of points close enough to be held at once."""
@@ -100,6 +91,7 @@ class StanceGraph(StepChecks):
         """What stands in the way at present, besides the map's own boxes."""
         self.occupied: frozenset[int] = frozenset()
         """Points that may not be grasped at present, by index."""
+        self._barred: frozenset[tuple[Any, ...]] = frozenset()
         self.version = 0
         """Number of changes of obstacles and occupied points."""
         self.obstacle_model = CollisionModel(self.solver.shapes, (), settings.clearance)
@@ -233,6 +225,11 @@ class StanceGraph(StepChecks):
         )
         return None if max(off) < 1e-9 else given_pose((position, quaternion))
 
+    def postures_of(self, states: Sequence[State]) -> Postures:
+        """Postures in which a robot stands in k states."""
+        found = [self.posture_of(state) for state in states]
+        return Postures(*(np.concatenate([getattr(p, name) for p in found]) for name in FIELDS))
+
     def _posture_at(self, points: tuple[int, ...], pose: tuple[float, ...]) -> Postures:
         """Posture of a stance at a base pose of the robot's own, present obstacles and occupied points heeded."""
         posture = self.solver.at(points, np.array(pose[:3]), rotation_of(pose))
@@ -321,6 +318,27 @@ class StanceGraph(StepChecks):
                 joints[i, 5] += np.pi
         return here[0], quaternion(here[1]), joints
 
+    @contextmanager
+    def without(self, steps: Collection[tuple[State, tuple[int, ...]]]) -> Iterator[None]:
+        """Take steps out of the graph for a while.
+
+        Args:
+            steps: The state before each step, of which the stance and a given pose count, and the
+                point index of each limb after it.
+        """
+        kept = self._barred
+        self._barred = kept | {(before.stance, before.pose, after) for before, after in steps}
+        try:
+            yield
+        finally:
+            self._barred = kept
+
+    def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
+        """The state after a step, or None if the step does not leave it; see `StepChecks`."""
+        if (state.stance, state.pose, tuple(after)) in self._barred:
+            return None
+        return super().transition(state, after, posture)
+
     @abstractmethod
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
         """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
@@ -329,21 +347,29 @@ class StanceGraph(StepChecks):
         """All steps that leave a state."""
         limb, point, postures = self.candidates(state.stance)
         here = self.posture_of(state)
-        keep, masks = [], []
+        kept, masks = [], []
         for k in range(len(limb)):
-            after = list(state.stance)
-            after[limb[k]] = int(point[k])
-            step = self.transition(state, after, join(here, postures.take(np.array([k]))))
-            if step is not None:
-                keep.append(k)
-                masks.append(step.masks)
-        chosen = np.array(keep, dtype=np.int64)
-        return Successors(
-            limb[chosen],
-            point[chosen],
-            postures.position[chosen],
-            np.array(masks, dtype=np.int64).reshape(-1, self.limbs),
-        )
+            stance = state.stance_after(int(limb[k]), int(point[k]))
+            both = join(here, postures.take(np.array([k])))
+            after = self.transition(state, stance, both)
+            if after is not None:
+                kept.append(k)
+                masks.append(after.masks)
+        chosen = np.array(kept, dtype=np.int64)
+        rows = np.array(masks, dtype=np.int64).reshape(-1, self.limbs)
+        return Successors(limb[chosen], point[chosen], postures.position[chosen], rows)
+
+    def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
+        """The state after the step to a neighbouring stance, or None if it does not leave `state`."""
+        both = join(self.posture_of(state), self.posture(after))
+        return self.transition(state, after, both) if self.is_node(both).all() else None
+
+    def releasable_after(self, state: State, steps: Successors) -> NDArray[np.bool_]:
+        """Whether a limb that holds could be released after each step, shape (k,).
+
+        Taken for granted with more than two limbs, where the answer takes long.
+        """
+        return np.ones(len(steps.limb), dtype=np.bool_)
 
     @property
     @abstractmethod

@@ -27,7 +27,10 @@ from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.stances import pair_graph
 from mlivr_gym.stances.pair_graph import PairGraph, fill_rows
-from mlivr_gym.stances.stance_graph import StanceGraph, State, Successors
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.table_steps import steps_of_state
+from mlivr_gym.transitions.rule import kept_on_edge
+from mlivr_gym.transitions.state import State, Successors
 
 Array = NDArray[np.float64]
 
@@ -49,7 +52,7 @@ class StepTables(NamedTuple):
     masks: NDArray[np.int32]
     """Branches and flips each limb of a stance may hold on, shape (n, 2)."""
     releasable: NDArray[np.int32]
-    """Those on which it can let go, and may be once it has landed, shape (n, 2)."""
+    """Those on which it can be released, and may be once it has grasped, shape (n, 2)."""
     start: NDArray[np.int64]
     """Where the steps begin, shape (2 n + 1,)."""
     after: NDArray[np.int32]
@@ -57,20 +60,28 @@ class StepTables(NamedTuple):
     kept: NDArray[np.int32]
     """Branches and flips that the limb that holds can keep on a step, never 0, shape (e,)."""
 
+    def masks_after(self, step: int, limb: int, masks: tuple[int, ...]) -> tuple[int, int]:
+        """Masks after a step that leaves a state: of the limb that moves, and of the one that holds.
+
+        Args:
+            step: Index of the step.
+            limb: The limb that moves.
+            masks: Those before.
+        """
+        kept = int(kept_on_edge(masks[1 - limb], int(self.kept[step])))
+        grasped = int(self.releasable[self.after[step], limb])
+        return (grasped, kept) if limb == 0 else (kept, grasped)
+
     def successors(self, s: int, masks: tuple[int, ...]) -> Successors:
         """The steps that leave a state of stance `s`, as `PairGraph.successors` gives them."""
-        begin, middle, end = self.start[2 * s], self.start[2 * s + 1], self.start[2 * s + 2]
-        after = self.after[begin:end].astype(np.int64)
-        moving = np.zeros(end - begin, dtype=np.int64)
-        moving[middle - begin :] = 1
-        kept = self.kept[begin:end].astype(np.int64)
-        leave = self.releasable[s] & masks
-        kept[: middle - begin] &= masks[1] if leave[0] else 0
-        kept[middle - begin :] &= masks[0] if leave[1] else 0
-        kept = np.flatnonzero(kept)
-        after, moving, kept = after[kept], moving[kept], kept[kept]
+        most = int(self.start[2 * s + 2] - self.start[2 * s])
+        steps, kept = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+        first, count = steps_of_state(s, masks[0], masks[1], self, steps, kept)
+        after, kept = self.after[steps[:count]].astype(np.int64), kept[:count]
+        moving = np.zeros(count, dtype=np.int64)
+        moving[first:] = 1
         both = self.releasable[after].astype(np.int64)
-        both[np.arange(len(kept)), 1 - moving] = kept
+        both[np.arange(count), 1 - moving] = kept
         return Successors(
             moving, self.points[after, moving].astype(np.int64), self.position[after], both
         )
@@ -107,9 +118,9 @@ def gather_steps(
                 s2 = rows[held, k]
                 if s2 == s or mask[s2, moving] == 0:
                     continue
-                branches = mask[s, held] & mask[s2, held] & 0xFFFF
+                branches = kept_on_edge(mask[s, held], mask[s2, held])
                 if check:
-                    branches &= table[first + local[held, s2]]
+                    branches = kept_on_edge(branches, table[first + local[held, s2]])
                 if branches:
                     if fill:
                         after[start[2 * s + moving] + count] = s2

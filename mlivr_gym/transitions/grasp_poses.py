@@ -23,7 +23,7 @@ def nearest_turn(angle, q, low, high):
 
 
 @kernel
-def fold_near(fold, q, limits, out):
+def fold_nearest_to(fold, q, limits, out):
     """A fold on the windings nearest to `q`, joint 6 as in `q`; whether it lies inside the limits."""
     inside = True
     for joint in range(5):
@@ -81,7 +81,7 @@ def flange_at(
 
 
 @kernel
-def raised(
+def elbow_up(
     limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions,
     lengths, shapes
 ):  # fmt: skip

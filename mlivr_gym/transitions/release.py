@@ -23,14 +23,14 @@ from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.stack_arrays import floats, integers
 from mlivr_gym.kinematics.base_path import STRAIGHT
 from mlivr_gym.transitions.grasp_poses import (
+    elbow_up,
     flange_at,
-    fold_near,
+    fold_nearest_to,
     lifted_branches,
     line_end,
-    raised,
 )
 
-TOGETHER, ROOT, VIA = 16, 20, 24
+FOLDS_AT, ROOT, VIA = 16, 20, 24
 """First bits of the parts of an answer of `release`, which has room for four folds."""
 
 
@@ -43,9 +43,9 @@ def release(
     """On which branches a limb can let go at a stance, all else at rest, and change from one to the other.
 
     The answer packs the branches and flips (bits 0 to 15, some of `mask`), the folds among which
-    the limb can change (4 bits from `TOGETHER`), the one through which it does (2 bits from `ROOT`)
+    the limb can change (4 bits from `FOLDS_AT`), the one through which it does (2 bits from `ROOT`)
     and, for each branch, the one that is reached first (2 bits each from `VIA`). A limb that cannot
-    fold has no bits from `TOGETHER` on. Raised elbows are preferred: of twins that differ in the
+    fold has no bits from `FOLDS_AT` on. Raised elbows are preferred: of twins that differ in the
     elbow alone the lower one is looked at if no raised one can fold.
 
     Args:
@@ -82,7 +82,7 @@ def release(
     )  # fmt: skip
     first = mask
     if before < 0:
-        first = raised(
+        first = elbow_up(
             limb, mask, point, normal, tool_length, position, rotation, mount_rotations,
             mount_positions, lengths, shapes
         )  # fmt: skip
@@ -102,7 +102,7 @@ def release(
                 if found != CLEAR:
                     rest &= ~(0x0101 << b)
         free |= rest
-        if rest and before >> TOGETHER & 15:
+        if rest and before >> FOLDS_AT & 15:
             answer = folding(
                 limb, rest, q, position, rotation, others, folds, limits, mount_rotation,
                 mount_position, lengths, collision_model,
@@ -112,7 +112,7 @@ def release(
                 return answer
     if not free:
         return free
-    return linked(
+    return joined_by_lines(
         limb, free, q, position, rotation, others, limits, mount_rotation, mount_position, lengths,
         collision_model, inside, before >= 0
     )  # fmt: skip
@@ -130,32 +130,32 @@ def folding(
     for root in range(len(folds)):
         if before >= 0 and before >> ROOT & 3 != root:
             continue
-        together = np.int64(1) << root
+        folds_at_both = np.int64(1) << root
         for k in range(6):
             start[k] = folds[root, k] if k < 5 else 0.0
-        if not fold_near(folds[root], start, limits, start):
+        if not fold_nearest_to(folds[root], start, limits, start):
             continue
         for other in range(len(folds)):
-            if other == root or (before >= 0 and not before >> (TOGETHER + other) & 1):
+            if other == root or (before >= 0 and not before >> (FOLDS_AT + other) & 1):
                 continue
-            if fold_near(folds[other], start, limits, target):
+            if fold_nearest_to(folds[other], start, limits, target):
                 found = swing_free(
                     limb, path, 0.0, 0.0, start, target, lengths, mount_rotation, mount_position,
                     others, shapes, fixed,
                     world, clearance, inside, body,
                 )  # fmt: skip
                 if found == CLEAR:
-                    together |= np.int64(1) << other
+                    folds_at_both |= np.int64(1) << other
         folded = via = np.int64(0)
         for b in range(8):
             if not free & (0x0101 << b):
                 continue
             for fold in range(len(folds)):
-                if not together >> fold & 1 or (
+                if not folds_at_both >> fold & 1 or (
                     before >= 0 and before >> (VIA + 2 * b) & 3 != fold
                 ):
                     continue
-                if fold_near(folds[fold], q[b], limits, target):
+                if fold_nearest_to(folds[fold], q[b], limits, target):
                     found = swing_free(
                         limb, path, 0.0, 0.0, q[b], target, lengths, mount_rotation, mount_position,
                         others, shapes, fixed,
@@ -166,12 +166,12 @@ def folding(
                         via |= np.int64(fold) << (2 * b)
                         break
         if folded & free:
-            return folded & free | together << TOGETHER | np.int64(root) << ROOT | via << VIA
+            return folded & free | folds_at_both << FOLDS_AT | np.int64(root) << ROOT | via << VIA
     return np.int64(0)
 
 
 @kernel
-def linked(
+def joined_by_lines(
     limb, free, q, position, rotation, others, limits, mount_rotation, mount_position, lengths,
     collision_model, inside, single
 ):  # fmt: skip
@@ -218,15 +218,15 @@ def linked(
 
 
 @kernel
-def carried(
-    limb, together, path, folds, mount_rotations, mount_positions, lengths, collision_model, inside, q
+def folded_swing(
+    limb, folds_at_both, path, folds, mount_rotations, mount_positions, lengths, collision_model, inside, q
 ):  # fmt: skip
     """The first fold of a set in which a limb can be carried along a base path, into `q`, -1 if there is none."""
     shapes, _, _, fixed, world, clearance, body = collision_model
     none = floats(0, len(shapes[0]), 2, 3)
     q[5] = 0.0
     for fold in range(len(folds)):
-        if together >> fold & 1:
+        if folds_at_both >> fold & 1:
             for joint in range(5):
                 q[joint] = folds[fold, joint]
             found = swing_free(
@@ -260,7 +260,7 @@ def holding(
 
 
 @kernel
-def together_apart(
+def both_apart(
     i, j, first, second, grip_i, tool_i, grip_j, tool_j, path, mount_rotations, mount_positions,
     lengths, collision_model
 ):  # fmt: skip

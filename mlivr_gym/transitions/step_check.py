@@ -1,20 +1,19 @@
-"""How one step of a stance graph is made, for any number of limbs.
+"""How one step of a stance graph is checked and made, for any number of limbs.
 
-The steps of two limbs are worked out row by row in `pair_kernels`; here is the same for one step at
-a time, which graphs of more limbs and plans ask for.
+The steps of two limbs are worked out row by row in `stances.pair_steps`; here is the same for one
+step at a time, which graphs of more limbs and plans ask for.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.swept_hold import BOTH, MOVER, STANDING
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
@@ -24,54 +23,55 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.transitions.grasp_poses import place_branches
 from mlivr_gym.transitions.line_swings import TRIES, lifted_at, line_free, pairs_by_travel
-from mlivr_gym.transitions.release import TOGETHER, carried, holding, release, together_apart
+from mlivr_gym.transitions.release import FOLDS_AT, both_apart, folded_swing, holding, release
+from mlivr_gym.transitions.rule import can_release, kept_on_edge, mask_of_grasp
+from mlivr_gym.transitions.state import State, moving_limb
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
-
-class State(NamedTuple):
-    """A stance and, for each limb, the branches and flips it may still be on.
-
-    A limb that holds keeps its branch, so every step takes branches away from the limbs that hold;
-    a limb that lands has all of them again.
-    """
-
-    stance: tuple[int, ...]
-    """Point index of each limb."""
-    masks: tuple[int, ...]
-    """16-bit mask of each limb, bit `branch + 8 * flip`."""
-    pose: tuple[float, ...] | None = None
-    """Base pose x, y, z [m] and quaternion w, x, y, z of a robot that does not stand in the stance's own posture."""
-
-
-@dataclass(frozen=True)
-class Transition:
-    """What one step leaves.
-
-    Attributes:
-        pivot: Centre of a base path that is an arc: the centroid of the held points [m], shape
-            (3,).
-        masks: Branches left to each limb after the step.
-    """
-
-    pivot: Array
-    masks: tuple[int, ...]
-
-
-class Way(NamedTuple):
-    """How a step is made."""
+class Edge(NamedTuple):
+    """What an edge of the graph is: base path, swing, and the branches that it leaves."""
 
     kind: int
-    """Kind of the base path."""
+    """Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`."""
     fold: int
-    """Fold in which the limb can be carried, -1 without collisions or if it swings directly."""
+    """Fold in which the limb can be moved, -1 without collisions or if it swings in a line."""
     pair: int
-    """Branches between which the limb can swing directly, `8 * before + after`, or -1."""
+    """Branches between which the limb can swing in a line, `8 * before + after`, or -1."""
     kept: dict[int, int]
-    """Branches on which the limbs that hold can do so."""
+    """Branches on which the limbs that hold can do so, by limb; none if it is no edge."""
+
+
+class Candidate(NamedTuple):
+    """A step that is to be checked."""
+
+    limb: int
+    """Limb that moves."""
+    before: tuple[int, ...]
+    """Point index of each limb before the step."""
+    after: tuple[int, ...]
+    """And after it."""
+    posture: Postures
+    """Postures of both stances."""
+    pivot: Array
+    """Centre of a base path that is an arc: the centroid of the held points [m], shape (3,)."""
+
+    @property
+    def held(self) -> list[int]:
+        """Limbs that hold."""
+        return [i for i in range(len(self.after)) if i != self.limb]
+
+    @property
+    def ends(self) -> tuple[tuple[tuple[int, ...], Postures], ...]:
+        """Stance and posture before the step and after it."""
+        first, second = (self.posture.take(slice(k, k + 1)) for k in range(2))
+        return (self.before, first), (self.after, second)
+
+    def path(self, kind: int) -> tuple[Any, ...]:
+        """The base path between the postures as the kernels take it."""
+        p, r = self.posture.position, self.posture.rotation
+        return (p[0], r[0], p[1], r[1], kind, self.pivot)
 
 
 class StepChecks(ABC):
@@ -83,9 +83,9 @@ class StepChecks(ABC):
     solver: PostureSolver
     """What works postures out."""
     obstacles: tuple[Box, ...]
-    """What stands in the way at present, besides the map's own boxes."""
+    """What stands in the way at present, besides the map's boxes."""
     obstacle_model: CollisionModel
-    """The obstacles in the form the compiled checks read."""
+    """The robot among the obstacles, as the compiled checks read it."""
 
     @property
     def limbs(self) -> int:
@@ -98,162 +98,156 @@ class StepChecks(ABC):
 
     @abstractmethod
     def posture_of(self, state: State) -> Postures:
-        """Posture in which a robot stands in a state: that of its stance, or one of its own."""
+        """Posture in which a robot stands in a state: that of its stance, or the one given."""
 
     @property
     def checks(self) -> list[tuple[tuple[Any, ...], bool]]:
-        """What motions are checked against: bodies, and whether with the robot's own shapes."""
+        """What motions are checked against: collision models, and whether with the robot itself."""
         if not self.settings.collisions:
             return []
-        found = [(self.solver.collision_model.arrays, True)]
-        return [*found, (self.obstacle_model.arrays, False)] if self.obstacles else found
+        models = [(self.solver.collision_model.arrays, True)]
+        return [*models, (self.obstacle_model.arrays, False)] if self.obstacles else models
 
-    def transition(
-        self, state: State, after: Sequence[int], posture: Postures
-    ) -> Transition | None:
-        """The base path from a state to a neighbouring stance, or None if the step cannot be carried out.
+    @property
+    def _mounts(self) -> tuple[Array, Array, Array]:
+        """Where the limbs are mounted on the base and how long their links are, for the kernels."""
+        return self.solver.mount_rotations, self.solver.mount_positions, self.solver.lengths
+
+    def candidate(
+        self, before: tuple[int, ...], after: tuple[int, ...], posture: Postures
+    ) -> Candidate:
+        """The step between two neighbouring stances, whose postures are given in this order."""
+        limb = moving_limb(before, after)
+        held = [p for i, p in enumerate(after) if i != limb]
+        return Candidate(limb, before, after, posture, self.grasp_map.positions[held].mean(axis=0))
+
+    def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
+        """The state after a step, or None if the step does not leave the state.
 
         Args:
-            state: Where the step departs.
+            state: The state before the step.
             after: Point index of each limb after the step.
             posture: Postures of the two stances, in this order.
         """
-        limb = next(i for i in range(self.limbs) if state.stance[i] != after[i])
-        held = [i for i in range(self.limbs) if i != limb]
-        pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
+        step = self.candidate(state.stance, tuple(after), posture)
         masks = [int(m) for m in posture.mask[1]]
         if not self.settings.transitions:
-            return Transition(pivot, tuple(masks))
+            return State(step.after, tuple(masks))
         before = [int(m) for m in state.masks]
         if not self.settings.collisions:
-            gained = self._gained(limb, held, pivot, after, posture, before, masks, 0)
+            kept = self._kept_folded(step, before, masks, 0)
         else:
-            # What holding limbs cannot follow need not be looked at for collisions, which takes
-            # longer.
-            if not any(
-                self._holds(k, pivot, held, after, posture, before, masks) for k in (STRAIGHT, ARC)
-            ):
-                return None
-            ends = (
-                (state.stance, posture.take(slice(0, 1))),
-                (tuple(after), posture.take(slice(1, 2))),
-            )
-            first, second = (self.released(*end, limb) for end in ends)
-            masks[limb] = second & 0xFFFF
-            if not before[limb] & first & 0xFFFF or not masks[limb]:
-                return None
-            stages = self._stages(before, held, ends)
-            gained = {}
-            for some in stages:
-                if all(some[i] for i in held):
-                    together = (first & second) >> TOGETHER & 15
-                    gained = self._gained(limb, held, pivot, after, posture, some, masks, together)
-                if gained:
-                    break
-            wanted = before if self.limbs == 2 else stages[0]
-            for kind in (STRAIGHT, ARC):
-                kept = (
-                    {} if gained else self._holds(kind, pivot, held, after, posture, wanted, masks)
-                )
-                if kept:
-                    between = (state.stance[limb], after[limb]), (first & 0xFFFF, masks[limb])
-                    kept = self._direct(kind, pivot, limb, after, posture, kept, *between).kept
-                    gained = kept if all(kept.values()) else {}
-        if not gained:
+            kept = self._kept(step, before, masks)
+        if not kept:
             return None
-        return Transition(pivot, tuple(gained.get(i, masks[i]) for i in range(self.limbs)))
+        return State(step.after, tuple(kept.get(i, masks[i]) for i in range(self.limbs)))
 
-    def _stages(
-        self, before: list[int], held: list[int], ends: tuple[tuple[tuple[int, ...], Postures], ...]
-    ) -> list[list[int]]:
+    def _kept(self, step: Candidate, before: list[int], masks: list[int]) -> dict[int, int]:
+        """Branches that the limbs that hold keep, none if the step does not leave the state.
+
+        Collisions are looked at. `masks` are those at the stance after the step; that of the limb
+        that moves is set to those on which it can be released there.
+        """
+        # What holding limbs cannot follow need not be looked at for collisions, which takes longer.
+        if not any(self._holds(step, k, before, masks) for k in (STRAIGHT, ARC)):
+            return {}
+        limb = step.limb
+        first, second = (self.released(*end, limb) for end in step.ends)
+        masks[limb] = mask_of_grasp(second)
+        if not can_release(before[limb], first) or not masks[limb]:
+            return {}
+        stages = self._stages(step, before)
+        for some in stages:
+            if all(some[i] for i in step.held):
+                kept = self._kept_folded(step, some, masks, (first & second) >> FOLDS_AT & 15)
+                if kept:
+                    return kept
+        wanted, kept = before if self.limbs == 2 else stages[0], {}
+        for kind in (STRAIGHT, ARC):
+            holding_limbs = {} if kept else self._holds(step, kind, wanted, masks)
+            if holding_limbs:
+                line = self._line(step, kind, holding_limbs, (mask_of_grasp(first), masks[limb]))
+                kept = line.kept if all(line.kept.values()) else {}
+        return kept
+
+    def _stages(self, step: Candidate, before: list[int]) -> list[list[int]]:
         """Branches of the limbs that hold in the order in which they are looked at.
 
-        First those on which a limb could let go before the step and after it, as one must that
-        landed just before or moves just after; for one limb that holds then the others. For more
-        the pairs of branches would be too many.
+        First those on which a limb can be released before the step and after it, as one must be
+        that grasped just before or moves just after; for one limb that holds then the others. For
+        more the pairs of branches would be too many.
         """
         both, some, rest = (list(before) for _ in range(3))
-        for i in held:
-            first, second = (self.released(*end, i) & 0xFFFF for end in ends)
+        for i in step.held:
+            first, second = (mask_of_grasp(self.released(*end, i)) for end in step.ends)
             both[i] &= first & second
             some[i] &= (first | second) & ~(first & second)
             rest[i] &= ~(first | second)
-        return [both, some, rest] if len(held) == 1 else [both]
+        return [both, some, rest] if len(step.held) == 1 else [both]
 
-    def _gained(
-        self, limb: int, held: list[int], pivot: Array, after: Sequence[int], posture: Postures,
-        before: list[int],
-        masks: list[int], together: int,
-    ) -> dict[int, int]:  # fmt: skip
-        """Branches left to the limbs that hold while `limb` is carried folded, empty if one has none."""
-        gained = dict.fromkeys(held, 0)
+    def _kept_folded(
+        self, step: Candidate, before: list[int], masks: list[int], folds: int
+    ) -> dict[int, int]:
+        """Branches that the limbs that hold keep while the other moves folded, none if one has none.
+
+        Args:
+            step: The step.
+            before: Branches of each limb to look at.
+            masks: Branches of each limb at the stance after the step.
+            folds: Folds that the limb that moves can take at both stances, as bits.
+        """
+        held, found = step.held, dict.fromkeys(step.held, 0)
         for kind in (STRAIGHT, ARC):
-            wanted = [b & ~gained.get(i, 0) for i, b in enumerate(before)]
-            kept = self._holds(kind, pivot, held, after, posture, wanted, masks)
+            wanted = [b & ~found.get(i, 0) for i, b in enumerate(before)]
+            kept = self._holds(step, kind, wanted, masks)
             if self.settings.collisions and kept:
-                kept = self._carry(kind, pivot, limb, after, posture, kept, together).kept
+                kept = self._folded(step, kind, kept, folds).kept
             if len(held) == 1:
                 # One limb may take some branches along the line and others along the arc.
-                gained[held[0]] |= kept.get(held[0], 0)
+                found[held[0]] |= kept.get(held[0], 0)
             elif kept and all(kept.values()):
                 return kept
-        return gained if all(gained.values()) else {}
+        return found if all(found.values()) else {}
 
     def _holds(
-        self, kind: int, pivot: Array, held: list[int], after: Sequence[int], posture: Postures,
-        before: Sequence[int],
-        masks: Sequence[int],
-    ) -> dict[int, int]:  # fmt: skip
-        """Branches on which each limb that holds can follow a base path, none at all if one limb cannot."""
+        self, step: Candidate, kind: int, before: Sequence[int], masks: Sequence[int]
+    ) -> dict[int, int]:
+        """Branches on which each limb that holds can follow a base path, none at all if one cannot."""
         kept: dict[int, int] = {}
-        for i in held:
-            kept[i] = self.hold(kind, pivot, after[i], i, posture, before[i] & masks[i])
+        for i in step.held:
+            kept[i] = self._hold(step, kind, i, kept_on_edge(before[i], masks[i]))
             if not kept[i]:
                 return {}
         return kept
 
-    def way(
-        self,
-        before: Sequence[int],
-        after: Sequence[int],
-        limb: int,
-        posture: Postures,
-        masks: Sequence[int],
-    ) -> Way:
+    def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
         """How a step that is an edge is made.
 
         Args:
-            before: Point index of each limb before the step.
-            after: And after it.
-            limb: The limb that moves.
+            state: Stance before the step, and the branch and flip each limb is on, as masks.
+            after: Point index of each limb after it.
             posture: Postures of the two stances.
-            masks: The branch and flip each limb is on, as a mask.
         """
-        held = [i for i in range(self.limbs) if i != limb]
-        pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
-        chances = []
+        step, chances = self.candidate(state.stance, tuple(after), posture), []
         for kind in (STRAIGHT, ARC):
-            kept = {i: self.hold(kind, pivot, after[i], i, posture, int(masks[i])) for i in held}
+            kept = {i: self._hold(step, kind, i, int(state.masks[i])) for i in step.held}
             if all(kept.values()):
                 if not self.settings.collisions:
-                    return Way(kind, -1, -1, kept)
+                    return Edge(kind, -1, -1, kept)
                 chances.append((kind, kept))
-        first = self.released(tuple(before), posture.take(slice(0, 1)), limb)
-        second = self.released(tuple(after), posture.take(slice(1, 2)), limb)
-        together = (first & second) >> TOGETHER & 15
+        first, second = (self.released(*end, step.limb) for end in step.ends)
         for kind, kept in chances:
-            found = self._carry(kind, pivot, limb, after, posture, dict(kept), together)
+            found = self._folded(step, kind, kept, (first & second) >> FOLDS_AT & 15)
             if all(found.kept.values()):
                 return found
-        between = (before[limb], after[limb]), (first & 0xFFFF, second & 0xFFFF)
         for kind, kept in chances:
-            found = self._direct(kind, pivot, limb, after, posture, dict(kept), *between)
+            found = self._line(step, kind, kept, (mask_of_grasp(first), mask_of_grasp(second)))
             if all(found.kept.values()):
                 return found
-        return Way(ARC, -1, -1, {})
+        return Edge(ARC, -1, -1, {})
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can let go of a stance, see `release_kernels.release`; 0 if on none."""
+        """On which branches a limb can be released at a stance, see `release.release`; 0 if on none."""
         solver, robot, limbs = self.solver, self.robot, self.limbs
         here = (
             np.ascontiguousarray(posture.position[0]),
@@ -286,63 +280,57 @@ class StepChecks(ABC):
                 return 0
         return answer
 
-    def landed(self, state: State, limb: int) -> int:
-        """Branches and flips on which a limb may be that has just taken hold where the robot stands in `state`."""
+    def mask_after_grasp(self, state: State, limb: int) -> int:
+        """Branches and flips on which a limb may be that has just grasped, in the state's posture."""
         posture = self.posture_of(state)
         if not self.settings.transitions:
             return int(posture.mask[0, limb])
-        return self.released(state.stance, posture, limb) & 0xFFFF
+        return int(mask_of_grasp(self.released(state.stance, posture, limb)))
 
-    def _carry(
-        self,
-        kind: int,
-        pivot: Array,
-        limb: int,
-        after: Sequence[int],
-        posture: Postures,
-        kept: dict[int, int],
-        together: int,
-    ) -> Way:
-        """The first fold in which `limb` can be carried along a base path, and the branches left to the limbs that hold."""
-        solver, path, swing = self.solver, _path(kind, pivot, posture), np.empty(6)
-        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
+    def _folded(self, step: Candidate, kind: int, kept: dict[int, int], folds: int) -> Edge:
+        """The edge on which the limb moves in the first fold in which it can, of those in `folds`.
+
+        `kept` are the branches of the limbs that hold that are looked at; none stay if there is no
+        such fold.
+        """
+        path, swing = step.path(kind), np.empty(6)
         fold = -1
         for collision_model, inside in self.checks:
             fold = (
                 int(
-                    carried(
-                        limb, together, path, solver.folds, *mounts, collision_model, inside, swing
+                    folded_swing(
+                        step.limb, folds, path, self.solver.folds, *self._mounts, collision_model,
+                        inside, swing,
                     )
                 )
-                if together
+                if folds
                 else -1
-            )
+            )  # fmt: skip
             if fold < 0:
-                return Way(kind, -1, -1, dict.fromkeys(kept, 0))
+                return Edge(kind, -1, -1, dict.fromkeys(kept, 0))
             # Another fold might serve the next world; the first must serve all.
-            together = 1 << fold
-        return Way(kind, fold, -1, self._hold_apart(limb, after, path, (swing, swing), kept, BOTH))
+            folds = 1 << fold
+        return Edge(kind, fold, -1, self._hold_apart(step, path, (swing, swing), kept, BOTH))
 
-    def _direct(
-        self,
-        kind: int,
-        pivot: Array,
-        limb: int,
-        after: Sequence[int],
-        posture: Postures,
-        kept: dict[int, int],
-        points: tuple[int, int],
-        masks: tuple[int, int],
-    ) -> Way:
-        """The first pair of branches between which `limb` can swing directly, and the branches left to those that hold."""
-        solver, robot, path = self.solver, self.robot, _path(kind, pivot, posture)
-        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
+    def _line(
+        self, step: Candidate, kind: int, kept: dict[int, int], masks: tuple[int, int]
+    ) -> Edge:
+        """The edge on which the limb swings in a line, between the first pair of branches that serves.
+
+        Args:
+            step: The step.
+            kind: Kind of the base path.
+            kept: Branches of the limbs that hold that are looked at; none stay if none serves.
+            masks: Branches on which the limb that moves can be released before the step and after.
+        """
+        solver, robot, path = self.solver, self.robot, step.path(kind)
         q, order, end = np.empty((2, 8, 6)), np.empty(64, dtype=np.int64), np.empty(6)
+        points = step.before[step.limb], step.after[step.limb]
         there = [
             lifted_at(
-                limb, mask, solver.points[p], solver.normals[p], solver.rails[p], robot.tool_length,
-                robot.lift, path[2 * k],
-                path[2 * k + 1], *mounts, solver.limits, angles,
+                step.limb, mask, solver.points[p], solver.normals[p], solver.rails[p],
+                robot.tool_length, robot.lift, path[2 * k], path[2 * k + 1], *self._mounts,
+                solver.limits, angles,
             )
             for k, (p, mask, angles) in enumerate(zip(points, masks, q, strict=True))
         ]  # fmt: skip
@@ -352,97 +340,70 @@ class StepChecks(ABC):
             start, goal = q[0, pair >> 3], q[1, pair & 7]
             if not all(
                 line_free(
-                    limb, start, goal, path, solver.limits, *mounts, collision_model, inside, end
+                    step.limb, start, goal, path, solver.limits, *self._mounts, collision_model,
+                    inside, end,
                 )
                 for collision_model, inside in self.checks
-            ):
+            ):  # fmt: skip
                 continue
             if standing is None:
                 # Whether the limbs that hold can stay does not depend on the swing, but for the
                 # limb that makes it.
-                standing = self._hold_apart(limb, after, path, (start, end), kept, STANDING)
+                standing = self._hold_apart(step, path, (start, end), kept, STANDING)
                 if not all(standing.values()):
                     break
-            found = self._hold_apart(limb, after, path, (start, end), standing, MOVER)
+            found = self._hold_apart(step, path, (start, end), standing, MOVER)
             if all(found.values()):
-                return Way(kind, -1, pair, found)
-        return Way(kind, -1, -1, dict.fromkeys(kept, 0))
+                return Edge(kind, -1, pair, found)
+        return Edge(kind, -1, -1, dict.fromkeys(kept, 0))
 
     def _hold_apart(
-        self, limb: int, after: Sequence[int], path: tuple[Any, ...], swing: tuple[Array, Array],
-        kept: dict[int, int], parts: int
+        self, step: Candidate, path: tuple[Any, ...], swing: tuple[Array, Array],
+        kept: dict[int, int], parts: int,
     ) -> dict[int, int]:  # fmt: skip
-        """Those of the branches in `kept` on which limbs can hold while `limb` swings, no two of them near each other.
+        """Those of the branches in `kept` on which limbs hold clear of each other and of the swing.
 
-        If one limb has none the rest is not looked at. `parts` as in `hold_kernels.hold_free`.
+        If one limb has none the rest is not looked at.
+
+        Args:
+            step: The step.
+            path: The base path, see `Candidate.path`.
+            swing: Joint angles of the limb that moves at both ends [rad].
+            kept: Branches of each limb that holds.
+            parts: As in `swept_hold.hold_free`.
         """
         solver, kept = self.solver, dict(kept)
-        mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
         for collision_model, inside in self.checks:
             for i, mask in kept.items():
-                point = after[i]
+                point = step.after[i]
                 kept[i] = int(
                     holding(
-                        i, mask, solver.flanges[point], solver.tools[point], path, limb, *swing,
-                        *mounts, collision_model, inside, parts
+                        i, mask, solver.flanges[point], solver.tools[point], path, step.limb,
+                        *swing, *self._mounts, collision_model, inside, parts,
                     )
                 )  # fmt: skip
                 if not kept[i]:
                     return kept
             for i, j in combinations(kept, 2) if inside and parts & STANDING else ():
-                a, b = after[i], after[j]
-                first, second = together_apart(
-                    i, j, kept[i], kept[j], solver.flanges[a], solver.tools[a], solver.flanges[b],
-                    solver.tools[b],
-                    path, *mounts, collision_model,
+                a, b = step.after[i], step.after[j]
+                first, second = both_apart(
+                    i, j, kept[i], kept[j], solver.flanges[a], solver.tools[a],
+                    solver.flanges[b], solver.tools[b], path, *self._mounts, collision_model,
                 )  # fmt: skip
                 kept[i], kept[j] = int(first), int(second)
                 if not (first and second):
                     return kept
         return kept
 
-    def hold(
-        self, kind: int, pivot: Array, point: int, limb: int, posture: Postures, mask: int
-    ) -> int:
-        """Those of the branches and flips in `mask` on which a limb can hold along a base path.
-
-        Args:
-            kind: `STRAIGHT` or `ARC`.
-            pivot: Centre of the arc [m], shape (3,).
-            point: Point index that the limb holds.
-            limb: The limb.
-            posture: Postures at both ends of the path.
-            mask: 16-bit mask.
-        """
-        solver, robot = self.solver, self.robot
+    def _hold(self, step: Candidate, kind: int, limb: int, mask: int) -> int:
+        """Those of the branches and flips in `mask` on which a limb can hold along a base path."""
+        solver, point = self.solver, step.after[limb]
+        t0, r0, t1, r1, _, pivot = step.path(kind)
+        floor = self.settings.path_floor * self.robot.characteristic_length**3
         return int(
             hold_mask(
-                kind,
-                pivot,
-                solver.flanges[point],
-                solver.tools[point],
-                posture.position[0],
-                posture.rotation[0],
-                posture.position[1],
-                posture.rotation[1],
-                solver.mount_rotations[limb],
-                solver.mount_positions[limb],
-                solver.lengths,
-                self.settings.path_floor * robot.characteristic_length**3,
-                solver.limits,
-                solver.full_turn,
-                mask,
-            )  # fmt: skip
-        )
-
-
-def _path(kind: int, pivot: Array, posture: Postures) -> tuple[Any, ...]:
-    """A base path between two postures as the kernels take it."""
-    return (
-        posture.position[0],
-        posture.rotation[0],
-        posture.position[1],
-        posture.rotation[1],
-        kind,
-        pivot,
-    )
+                kind, pivot, solver.flanges[point], solver.tools[point], t0, r0, t1, r1,
+                solver.mount_rotations[limb], solver.mount_positions[limb], solver.lengths,
+                floor, solver.limits, solver.full_turn, mask,
+            )
+        )  # fmt: skip

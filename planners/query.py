@@ -1,0 +1,164 @@
+"""Queries: what a planner is asked, with every argument checked."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.errors import SettingError, choice, nonnegative
+from mlivr_gym.motion.plan import Query
+from mlivr_gym.planners.costs import HEURISTICS, Cost
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+METHODS = ("astar", "dijkstra", "greedy", "algorithm1")
+"""Names of the search methods."""
+
+GOAL_TOLERANCE = 0.2
+"""Radius of the goal region in the paper [m]."""
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """How to search; None where the default depends on method and robot, see `Planner.plan`.
+
+    Attributes:
+        method: One of `METHODS`.
+        heuristic: One of `costs.HEURISTICS`.
+        inflation: Factor on the heuristic, at least 1.
+        limit: Most expansions.
+        progress: Called with the number of expansions now and then.
+    """
+
+    method: str = "astar"
+    heuristic: str | None = None
+    inflation: float | None = None
+    limit: int = 10_000_000
+    progress: Callable[[int], None] | None = None
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Where to go and at what cost.
+
+    Attributes:
+        target: Goal position of the base [m], shape (3,).
+        tolerance: Radius of the goal region [m].
+        cost: Cost of a step.
+    """
+
+    target: Array
+    tolerance: float
+    cost: Cost
+
+    @classmethod
+    def checked(
+        cls,
+        graph: StanceGraph,
+        goal: Sequence[float],
+        cost: str,
+        regrasp_price: float | None,
+        tolerance: float,
+    ) -> Goal:
+        """A goal from the arguments of a user.
+
+        Raises:
+            MlivrError: If one cannot be used; the message names it.
+        """
+        priced = Cost.named(cost, regrasp_price)
+        radius = nonnegative("goal_tolerance", tolerance)
+        return cls(graph.grasp_map.check_goal(goal), radius, priced)
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What tables of costs to this goal are kept under."""
+        return (*self.target.tolist(), self.tolerance, self.cost)
+
+    def distance(self, positions: Array) -> Array:
+        """Distances of base positions from the goal, shape (..., 3) -> (...) [m]."""
+        away: Array = np.linalg.norm(positions - self.target, axis=-1)
+        return away
+
+    def reached(self, positions: Array) -> BoolArray:
+        """Which base positions lie in the goal region, shape (..., 3) -> (...)."""
+        inside: BoolArray = self.distance(positions) <= self.tolerance
+        return inside
+
+
+@dataclass(frozen=True)
+class Search:
+    """A query of a search: the goal, and how to look for it.
+
+    Attributes:
+        goal: Where to go and at what cost.
+        method: One of `METHODS`.
+        heuristic: One of `costs.HEURISTICS`.
+        inflation: Factor on the heuristic, at least 1.
+        limit: Most expansions.
+        progress: Called with the number of expansions now and then.
+    """
+
+    goal: Goal
+    method: str
+    heuristic: str
+    inflation: float
+    limit: int
+    progress: Callable[[int], None] | None = None
+
+    @classmethod
+    def checked(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> Search:
+        """A search from the options of a user, with the defaults of method and robot.
+
+        Raises:
+            SettingError: If one cannot be used; the message names it.
+        """
+        method = choice("method", options.method, METHODS)
+        plain, tables = method == "algorithm1", graph.has_tables
+        heuristic = options.heuristic
+        if heuristic is None:
+            # Greedy search needs an estimate without plateaus, and loses nothing by overestimates.
+            estimate = "cost_to_go" if tables and not plain else "consistent"
+            heuristic = "paper" if method == "greedy" else estimate
+        choice("heuristic", heuristic, HEURISTICS)
+        if method == "dijkstra":
+            heuristic = "zero"
+        if method == "greedy" and heuristic == "zero":
+            raise SettingError("method 'greedy' needs a heuristic other than 'zero'")
+        if heuristic == "cost_to_go" and not tables:
+            name = graph.robot.name
+            raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {name!r} has more")
+        if heuristic == "cost_to_go" and plain:
+            raise SettingError("method 'algorithm1' needs a heuristic other than 'cost_to_go'")
+        if options.limit < 1:
+            raise SettingError(f"limit is {options.limit!r}; it must be at least 1")
+        limit = min(
+            options.limit, sys.maxsize
+        )  # no search is longer; the compiled one takes 64 bits
+        inflation = options.inflation
+        if inflation is None:
+            inflation = 1.0 if tables or plain else 2.0
+        if not 1.0 <= inflation < float("inf"):
+            raise SettingError(f"inflation is {inflation!r}; it must be finite and at least 1")
+        return cls(goal, method, heuristic, inflation, limit, options.progress)
+
+    @property
+    def g_weight(self) -> float:
+        """Weight of the cost so far in the order of the queue, which the ratio of weights decides."""
+        return 0.0 if self.method == "greedy" else 1.0 / self.inflation
+
+    def estimate(self, distance: Array, max_step: float) -> Array:
+        """Estimate of the cost to the goal at distances from it [m], see `Cost.heuristic`."""
+        goal = self.goal
+        return goal.cost.heuristic(self.heuristic, distance, goal.tolerance, max_step)
+
+    @property
+    def record(self) -> Query:
+        """The query as a plan tells it."""
+        x, y, z = self.goal.target.tolist()
+        cost = self.goal.cost
+        price = cost.step_weight if cost.name == "weighted" else None
+        return Query((x, y, z), self.goal.tolerance, cost.name, price, self.method, self.heuristic)

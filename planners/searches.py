@@ -1,0 +1,223 @@
+"""The searches that a planner chooses from: compiled for two limbs, batched for more, and Algorithm 1."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.planners.algorithm1 import algorithm1
+from mlivr_gym.planners.estimates import Estimates
+from mlivr_gym.planners.lazy_search import lazy_search
+from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT, search
+from mlivr_gym.planners.query import Search
+from mlivr_gym.postures.solver import Postures
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.rule import mask_of_grasp
+from mlivr_gym.transitions.state import State
+
+PATIENCE = 100
+"""States explored before the estimate is brought closer to the truth by a search backward.
+
+Four times as many each time.
+"""
+
+CHEAP = 10
+"""Times as many where steps are not checked for collisions: such a check takes a tenth as long."""
+
+LEARNING = 8
+"""Entries taken from the queue of the backward search for each state explored until then.
+
+Most need no new step checked.
+"""
+
+
+@dataclass(frozen=True)
+class Path:
+    """What a search found.
+
+    Attributes:
+        status: `FOUND`, `EXHAUSTED` or `LIMIT` of `pair_search`.
+        states: States from the start to the last one explored, the goal if it was found.
+        cost: Cost of the way to it.
+        expanded: States expanded.
+        generated: States generated.
+        tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+    """
+
+    status: int
+    states: tuple[State, ...]
+    cost: float
+    expanded: int
+    generated: int
+    tree: Array
+
+
+class Searcher(Protocol):
+    """A search over one stance graph."""
+
+    def find(self, search: Search, first: State, again: bool) -> Path | None:
+        """Search from a state; None if the goal is not connected with it.
+
+        `again` tells that steps were taken out of the graph for this query: what is learnt then is
+        not kept.
+        """
+
+
+class PairSearcher:
+    """The compiled search of two limbs."""
+
+    def __init__(self, graph: PairGraph, estimates: Estimates) -> None:
+        """Search `graph` with the help of `estimates`."""
+        self.graph, self.estimates = graph, estimates
+
+    def find(self, search: Search, first: State, again: bool) -> Path | None:
+        """See `Searcher.find`."""
+        graph, goal = self.graph, search.goal
+        origin = graph.posture_of(first)
+        seeds = _Seeds(graph, first, origin, search)
+        arrived = bool(goal.distance(origin.position[0]) <= goal.tolerance)
+        if seeds.beside and (arrived or not len(seeds.rows)):
+            status = FOUND if arrived else EXHAUSTED
+            return Path(status, (first,), 0.0, 1, 1, np.zeros((0, 2, 3)))
+        region = self.estimates.region(goal)
+        if not set(graph.components[1][seeds.rows[:, 0]].tolist()) & region.parts:
+            return None
+        found, explored, generated = self._search(search, seeds, origin, not again)
+        status, _, node, mask, parent, g = found
+        stance, moved = node // 3, node % 3
+        chain = _chain(parent)
+        states = tuple(self._state(int(stance[k]), int(moved[k]), int(mask[k])) for k in chain)
+        before = np.where(parent[:, None] >= 0, graph.position[stance[parent]], origin.position[0])
+        tree = np.stack([before, graph.position[stance]], axis=1)
+        if not seeds.beside:
+            return Path(int(status), states, float(g[-1]), explored, generated, tree[1:])
+        counts = explored + 1, generated + 1
+        return Path(int(status), (first, *states), float(g[-1]), *counts, tree)
+
+    def _search(
+        self, search_: Search, seeds: _Seeds, origin: Postures, keep: bool
+    ) -> tuple[tuple[int, int, IntArray, IntArray, IntArray, Array], int, int]:
+        """Search, and learn from the other end where the estimate misleads; counts of all rounds."""
+        graph, goal, estimates = self.graph, search_.goal, self.estimates
+        cost, region, learnt = goal.cost, estimates.region(goal), estimates.has(goal)
+        tables = search_.heuristic == "cost_to_go"
+        if tables:
+            h = estimates.table(goal, seeds.start)
+        else:
+            h = search_.estimate(region.distance, graph.max_step)
+        patience = search_.limit
+        if tables and graph.settings.transitions:
+            patience = PATIENCE * (1 if graph.settings.collisions else CHEAP)
+        bound, explored, generated = h, 0, 0
+        while True:
+            found = search(
+                seeds.rows, seeds.costs, region.goal, h, cost.base_weight, cost.step_weight,
+                search_.g_weight, min(search_.limit - explored, patience),
+                graph.settings.transitions, graph.rows, graph.row_start, graph.row_position,
+                graph.edges, np.zeros((len(graph), 2), dtype=np.int64),
+                np.full((len(graph), 2), np.inf),
+            )  # fmt: skip
+            explored, generated = explored + len(found[2]), generated + int(found[1])
+            if found[0] != LIMIT or explored >= search_.limit:
+                return found, explored, generated
+            # Many steps that the estimate counts on are no edges: learn from the other end.
+            h, bound = estimates.learn(
+                goal, seeds.start, origin.position[0], bound, LEARNING * patience, learnt=learnt
+            )
+            if keep:
+                estimates.keep(goal, bound)
+            patience *= 4
+
+    def _state(self, s: int, moved: int, mask: int) -> State:
+        """A state as the search has it: stance, limb that moved last (2 if none), other's mask."""
+        graph = self.graph
+        masks = graph.mask[s].tolist()
+        if moved < 2:
+            masks[1 - moved] = mask
+            if graph.settings.transitions:
+                masks[moved] = int(mask_of_grasp(int(graph.releasable[s, moved])))
+        a, b = graph.points[s].tolist()
+        return State((a, b), (masks[0], masks[1]))
+
+
+class _Seeds:
+    """Where a search of two limbs begins.
+
+    Attributes:
+        start: Index of the start stance, -1 if the robot stands in a given pose.
+        rows: Stance index, limb that moved there and branches of the other limb, shape (k, 3).
+        costs: What it cost to get to each, shape (k,).
+        beside: Whether the start is beside the graph, in a pose or on branches that are given: the
+            seeds are then the stances that a first step leads to.
+    """
+
+    def __init__(self, graph: PairGraph, first: State, origin: Postures, search: Search) -> None:
+        self.start = graph.find(first.stance) if first.pose is None else -1
+        self.beside = self.start < 0 or first.masks != tuple(graph.mask[self.start].tolist())
+        if not self.beside:
+            self.rows, self.costs = np.array([[self.start, 2, 0]]), np.zeros(1)
+            return
+        cost, steps = search.goal.cost, graph.successors(first)
+        rows = []
+        for k, limb in enumerate(steps.limb.tolist()):
+            after = steps.after(first, k)
+            rows.append((graph.find(after.stance), limb, after.masks[1 - limb]))
+        self.rows = np.array(rows, dtype=np.int64).reshape(-1, 3)
+        away = [float(np.linalg.norm(p - origin.position[0])) for p in steps.position]
+        self.costs = np.array([cost.base_weight * d + cost.step_weight for d in away])
+
+
+class LazySearcher:
+    """The search of any number of limbs."""
+
+    def __init__(self, graph: LazyGraph) -> None:
+        """Search `graph`."""
+        self.graph = graph
+
+    def find(self, search: Search, first: State, again: bool) -> Path | None:
+        """See `Searcher.find`."""
+        found = lazy_search(self.graph, first, search)
+        position = np.concatenate([p.position for p in found.postures])
+        states = tuple(found.states[k] for k in _chain(np.array(found.parents)))
+        counts = len(found.states), found.generated
+        return Path(found.status, states, found.costs[-1], *counts, _tree(position, found.parents))
+
+
+class Algorithm1Searcher:
+    """Algorithm 1 in plain Python."""
+
+    def __init__(self, graph: StanceGraph) -> None:
+        """Search `graph`."""
+        self.graph = graph
+
+    def find(self, search: Search, first: State, again: bool) -> Path | None:
+        """See `Searcher.find`."""
+        goal = search.goal
+        found = algorithm1(
+            self.graph, first, goal.target, goal.tolerance, goal.cost, search.heuristic,
+            inflation=search.inflation, limit=search.limit, progress=search.progress,
+        )  # fmt: skip
+        states = tuple(found.states[k] for k in _chain(np.array(found.parents)))
+        tree = _tree(np.array(found.positions), found.parents)
+        counts = len(found.states), found.generated
+        return Path(found.status, states, found.costs[-1], *counts, tree)
+
+
+def _tree(position: Array, parents: Sequence[int]) -> Array:
+    """Base positions at both ends of each explored step, shape (e, 2, 3) [m]."""
+    above = np.array(parents[1:], dtype=np.int64)
+    return np.stack([position[above], position[1:]], axis=1)
+
+
+def _chain(parent: IntArray) -> list[int]:
+    """Indices from the first to the last entry along the parents."""
+    chain = [len(parent) - 1]
+    while parent[chain[-1]] >= 0:
+        chain.append(int(parent[chain[-1]]))
+    return chain[::-1]
