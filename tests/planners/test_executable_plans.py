@@ -101,7 +101,6 @@ def test_narrow_joint_limits_are_kept_along_the_plan(jem):
 
 def test_a_hold_that_would_leave_the_joint_limits_is_planned_round(jem):
     """On this task the first path turns a joint of a holding limb by more than its limits allow."""
-
     graph = stance_graph(jem, "mlivr3", NO_COLLISIONS)
     start, _ = sample_task(graph, np.random.default_rng(0), 0.2)
     plan = (
