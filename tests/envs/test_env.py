@@ -28,7 +28,7 @@ def masked(env, info, rng):
     [("mlivr2", True), ("mlivr2", False), ("mlivr3", False), ("mlivr4", False)],
 )
 def test_both_checkers_pass_without_a_warning(robot, collisions, small_map):
-    """Every warning is an error here; only the window of render_mode='human' is left out."""
+    """Every warning is an error; the window of render_mode='human' alone is not opened."""
     from stable_baselines3.common.env_checker import check_env as sb3_check
 
     world = small_map if collisions else None

@@ -26,7 +26,7 @@ def test_a_walk_makes_a_plan(small_map):
 
 
 def test_steps_that_thresholds_forbid_are_found(small_map):
-    """Plans without manipulability, checked with the thresholds on the planner's own graph."""
+    """Plans without manipulability, checked with the thresholds on the graph of the planner."""
     free = stance_graph(small_map, settings=Settings(manipulability=False, collisions=False))
     strict = stance_graph(small_map, settings=Settings(collisions=False))
     env, world = (
