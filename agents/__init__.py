@@ -1,4 +1,4 @@
-"""Policies that act in the environment, and one way to evaluate them all.
+"""Policies that act in the environment, and one evaluation for them all.
 
 What learns needs PyTorch and is imported from its own module: `mlivr_gym.agents.learned`,
 `mlivr_gym.agents.training`.

@@ -18,13 +18,18 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 
 NEEDED = ("minari", "h5py", "jax")
-"""Packages of the extra [data]: Minari, its file format, and what it puts episodes together with."""
+"""Packages of the extra [data]: Minari, its file format, and what joins its episodes."""
 
 EXAMPLE = "mlivr/jem/astar-v0"
 """Id of a data set as it should be."""
 
 RULES = "graph_rules"
 """Name in the metadata of the number of the stance graph's rules."""
+
+DESCRIPTION = (
+    "Optimal walks of a two-limb robot through the Japanese Experiment Module, with action masks."
+)
+"""What the metadata say of every data set."""
 
 
 def write_dataset(
@@ -53,28 +58,12 @@ def write_dataset(
             [data] is not installed; all before the first episode.
     """
     _need_minari()
-    import minari
-
     if episodes < 1:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
     _check_id(dataset_id)
-    masked = ActionMaskObservation(
-        gymnasium.make("mlivr_gym:MLIVR-JEM-v0", **(env_arguments or {}))
-    )
-    env = masked.unwrapped
-    assert isinstance(env, MlivrEnv)
-    expert = ExpertPolicy()
-    try:
-        collector = minari.DataCollector(masked, record_infos=False)
-    except OSError as error:
-        raise SettingError(f"data set {dataset_id!r} cannot be written: {error}") from None
+    collector, expert = _collector(dataset_id, env_arguments or {}), ExpertPolicy()
     for k in range(episodes):
-        observation, _ = collector.reset(seed=seed + k)
-        done = False
-        while not done:
-            action = expert.act(env, observation, env.action_masks())
-            observation, _, terminated, truncated, _ = collector.step(np.int64(action))
-            done = terminated or truncated
+        _collect_episode(collector, expert, seed + k)
         if progress is not None:
             progress(k + 1)
     with warnings.catch_warnings():
@@ -87,13 +76,36 @@ def write_dataset(
         dataset = collector.create_dataset(
             dataset_id=dataset_id,
             algorithm_name="optimal expert (exact cost-to-go: the costs of A*)",
-            description="Optimal walks of a two-limb robot through the Japanese Experiment Module, with action masks.",
+            description=DESCRIPTION,
             requirements=[f"mlivr-gym=={__version__}"],
         )
         dataset.storage.update_metadata({RULES: GRAPH_RULES})
         collector.close()
         del collector
     return dataset
+
+
+def _collector(dataset_id: str, env_arguments: dict[str, Any]) -> Any:
+    """A `minari.DataCollector` around a new environment with action masks in its observations."""
+    import minari
+
+    masked = ActionMaskObservation(gymnasium.make("mlivr_gym:MLIVR-JEM-v0", **env_arguments))
+    try:
+        return minari.DataCollector(masked, record_infos=False)
+    except OSError as error:
+        raise SettingError(f"data set {dataset_id!r} cannot be written: {error}") from None
+
+
+def _collect_episode(collector: Any, expert: ExpertPolicy, seed: int) -> None:
+    """Record one episode of the expert."""
+    env = collector.unwrapped
+    assert isinstance(env, MlivrEnv)
+    observation, _ = collector.reset(seed=seed)
+    done = False
+    while not done:
+        action = expert.act(env, observation, env.action_masks())
+        observation, _, terminated, truncated, _ = collector.step(np.int64(action))
+        done = terminated or truncated
 
 
 def load_dataset(dataset_id: str) -> Any:

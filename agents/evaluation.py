@@ -1,4 +1,4 @@
-"""One way to measure everything that acts: planners, baselines and learned policies alike."""
+"""One measure for everything that acts: planners, baselines and learned policies alike."""
 
 from __future__ import annotations
 
@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.agents.policies import Policy
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.stance_graph import State
-
-Array = NDArray[np.float64]
 
 
 class Task(NamedTuple):
@@ -42,16 +40,16 @@ class Evaluation:
             shape (k,).
         decision: Mean time of the policy alone for an action [s], shape (k,).
         failed_grasps: Attempts that failed, shape (k,).
-        carried_out: 1 where `execute` carried the walk out, 0 where it did not, NaN where it was
-            not executed, shape (k,).
+        executed: 1 where the walk could be executed, 0 where it could not, NaN where it was not
+            tried, shape (k,).
     """
 
-    success: NDArray[np.bool_]
-    steps: NDArray[np.int64]
+    success: BoolArray
+    steps: IntArray
     base_translation: Array
     first_decision: Array
     decision: Array
-    failed_grasps: NDArray[np.int64]
+    failed_grasps: IntArray
     executed: Array
 
     @property
@@ -60,12 +58,25 @@ class Evaluation:
         return float(self.success.mean())
 
 
+class _Episode(NamedTuple):
+    """What happened in one episode, in the order of the fields of `Evaluation`."""
+
+    success: bool
+    steps: int
+    base_translation: float
+    first_decision: float
+    decision: float
+    failed_grasps: int
+    executed: float
+
+
 def evaluate(
     env: MlivrEnv,
     policy: Policy,
     episodes: int | Sequence[Task],
     seed: int = 0,
     max_steps: int = 100,
+    *,
     progress: Callable[[int], None] | None = None,
     execute: Callable[[MlivrEnv, tuple[State, ...]], bool | None] | None = None,
 ) -> Evaluation:
@@ -81,8 +92,8 @@ def evaluate(
             that is not possible counts as failed at once (the policy would only repeat it), and so
             does one in which a simulated step fails.
         progress: Called with the number of episodes done.
-        execute: Carries a walk out, for example in MuJoCo; given the environment and the states of
-            each successful episode, tells whether it could be, None if it was not tried.
+        execute: Executes a walk, for example in MuJoCo; given the environment and the states of
+            each successful episode, tells whether it could be executed, None if it was not tried.
 
     Raises:
         SettingError: If there is no episode.
@@ -90,7 +101,8 @@ def evaluate(
     tasks = [None] * episodes if isinstance(episodes, int) else list(episodes)
     if not tasks:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
-    rows, before = [], env.graph.ids(sorted(env.graph.occupied))
+    rows: list[_Episode] = []
+    before = env.graph.ids(sorted(env.graph.occupied))
     for k, task in enumerate(tasks):
         if task is not None:
             _occupy(env, task.occupied)
@@ -98,24 +110,25 @@ def evaluate(
         if progress is not None:
             progress(k + 1)
     _occupy(env, before)
-    success, steps, translation, first, decision, failed, carried = zip(*rows, strict=True)
-    return Evaluation(
-        np.array(success), np.array(steps), np.array(translation), np.array(first),
-        np.array(decision),
-        np.array(failed), np.array(carried, dtype=np.float64),
-    )  # fmt: skip
+    return Evaluation(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _occupy(env: MlivrEnv, points: Sequence[str]) -> None:
+    """Have exactly these points occupied."""
     if {env.graph.grasp_map.index(point) for point in points} != env.graph.occupied:
         env.graph.vacate()
         env.graph.occupy(points)
 
 
 def _episode(
-    env: MlivrEnv, policy: Policy, task: Task | None, seed: int, max_steps: int,
+    env: MlivrEnv,
+    policy: Policy,
+    task: Task | None,
+    seed: int,
+    max_steps: int,
     execute: Callable[[MlivrEnv, tuple[State, ...]], bool | None] | None,
-) -> tuple[bool, int, float, float, float, int, float]:  # fmt: skip
+) -> _Episode:
+    """Run one episode; the arguments are those of `evaluate`."""
     began = time.perf_counter()
     options = {} if task is None else {"start": task.start, "goal": task.goal}
     observation, info = env.reset(seed=seed, options=options)
@@ -134,23 +147,28 @@ def _episode(
         if not (info["grasp_failed"] or info["invalid_action"] or info.get("failure")):
             states.append(env.state)
     answer = execute(env, tuple(states)) if success and execute is not None else None
-    carried = math.nan if answer is None else float(answer)
     steps = int(info["steps"])
-    return (
+    return _Episode(
         success,
         steps,
         float(info["base_translation"]),
         first,
         spent / max(steps, 1),
         failed,
-        carried,
+        math.nan if answer is None else float(answer),
     )
 
 
 def bootstrap(
     values: Array, statistic: Callable[[Array], float] = np.mean, seed: int = 0
 ) -> tuple[float, float]:
-    """95 % percentile bootstrap interval of a statistic of independent values, shape (k,); NaN without values."""
+    """95 % percentile bootstrap interval of a statistic of independent values; NaN without values.
+
+    Args:
+        values: The values, shape (k,).
+        statistic: What is computed from k values.
+        seed: Seed of the resampling.
+    """
     if not len(values):
         return float("nan"), float("nan")
     rng = np.random.default_rng(seed)

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.batch import legal_places
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph, State
 from mlivr_gym.stances.step_tables import StepTables
 
-Array = NDArray[np.float64]
 Features = dict[str, NDArray[np.float32]]
+"""Observations of the point-wise policy by name, as `point_features` returns them."""
 
 DEPTH = 3
 """Steps that the reach of a point looks ahead."""
@@ -29,30 +30,49 @@ FAR = 10.0
 """Reach of points that no stance has [m]."""
 
 
-def point_features(
-    positions: Array, normals: Array, free: NDArray[np.bool_], risk: Array, base: Array,
-    rotation: Array, stance: NDArray[np.int64],
-    goal: Array, tolerance: float, legal: NDArray[np.bool_], after: Array, reach: Array,
-    releasable_after: NDArray[np.bool_],
-) -> Features:  # fmt: skip
-    """Features of k states with N limbs on m points, all in the robot's frame.
+class Points(NamedTuple):
+    """The m points of a map."""
 
-    Args:
-        positions: Positions of the points [m], shape (m, 3).
-        normals: Surface normals, shape (m, 3).
-        free: Which points may be grasped, shape (m,) or (k, m).
-        risk: Probability that an attempt at each point fails, shape (m,).
-        base: Base positions [m], shape (k, 3).
-        rotation: Base rotations, shape (k, 3, 3).
-        stance: Point indices, shape (k, N).
-        goal: Goal positions [m], shape (k, 3).
-        tolerance: Radius of the goal region [m].
-        legal: Which actions are possible, shape (k, N, m).
-        after: Base position after each possible action [m], shape (k, N, m, 3); anything for the
-            others.
-        reach: What `reach_of_points` returns [m], shape (k, N, m, DEPTH).
-        onward: Whether a limb that holds could let go after each possible action, shape (k, N, m);
-            anything for the others.
+    positions: Array
+    """Positions [m], shape (m, 3)."""
+    normals: Array
+    """Surface normals, shape (m, 3)."""
+    free: BoolArray
+    """Which points may be grasped, shape (m,), or (k, m) where it differs between k states."""
+    risk: Array
+    """Probability that an attempt at each point fails, shape (m,)."""
+
+
+class Situations(NamedTuple):
+    """Where the robot with N limbs is in k states, and what its actions do."""
+
+    base: Array
+    """Base positions [m], shape (k, 3)."""
+    rotation: Array
+    """Base rotations, shape (k, 3, 3)."""
+    stance: IntArray
+    """Point indices, shape (k, N)."""
+    legal: BoolArray
+    """Which actions are possible, shape (k, N, m)."""
+    after: Array
+    """Base position after each possible action [m], shape (k, N, m, 3); else anything."""
+    releasable_after: BoolArray
+    """Whether a limb that holds could let go after each possible action, shape (k, N, m)."""
+
+
+class Aims(NamedTuple):
+    """Where k states shall lead."""
+
+    goal: Array
+    """Goal positions [m], shape (k, 3)."""
+    tolerance: float
+    """Radius of the goal region [m]."""
+    reach: Array
+    """What `reach_of_points` returns [m], shape (k, N, m, DEPTH), or (1, N, m, DEPTH) for all."""
+
+
+def point_features(points: Points, states: Situations, aims: Aims) -> Features:
+    """Features of k states with N limbs on m points, all in the robot's frame.
 
     Returns:
         `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6 + DEPTH):
@@ -60,33 +80,32 @@ def point_features(
         does, whether a limb that holds could let go then, and the reach. `goal` (k, 5): where the
         goal lies, its distance, and the tolerance.
     """
-    k, limbs = stance.shape
-    m = len(positions)
-    points = np.empty((k, m, POINT), dtype=np.float32)
-    points[:, :, :3] = np.matmul(positions[None] - base[:, None], rotation)
-    points[:, :, 3:6] = np.matmul(normals[None], rotation)
-    points[:, :, 6], points[:, :, 7] = free, risk
+    base, rotation, legal = states.base, states.rotation, states.legal
+    k, limbs = states.stance.shape
+    m = len(points.positions)
+    looks = np.empty((k, m, POINT), dtype=np.float32)
+    looks[:, :, :3] = np.matmul(points.positions[None] - base[:, None], rotation)
+    looks[:, :, 3:6] = np.matmul(points.normals[None], rotation)
+    looks[:, :, 6], looks[:, :, 7] = points.free, points.risk
     seen = np.zeros((k, limbs, m, LIMB), dtype=np.float32)
-    seen[np.arange(k)[:, None], np.arange(limbs), stance, 0] = 1.0
+    seen[np.arange(k)[:, None], np.arange(limbs), states.stance, 0] = 1.0
     seen[..., 1] = legal
     state, limb, point = np.nonzero(legal)
-    moved = after[state, limb, point] - base[state]
-    seen[..., 5], seen[..., 6:] = legal & releasable_after, reach
+    moved = states.after[state, limb, point] - base[state]
+    seen[..., 5], seen[..., 6:] = legal & states.releasable_after, aims.reach
     seen[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
-    toward = np.einsum("ij,ijk->ik", goal - base, rotation)
+    toward = np.einsum("ij,ijk->ik", aims.goal - base, rotation)
     distance = np.linalg.norm(toward, axis=1, keepdims=True)
-    ahead = np.concatenate([toward, distance, np.full_like(distance, tolerance)], axis=1)
-    return {"points": points, "limbs": seen, "goal": ahead.astype(np.float32)}
+    ahead = np.concatenate([toward, distance, np.full_like(distance, aims.tolerance)], axis=1)
+    return {"points": looks, "limbs": seen, "goal": ahead.astype(np.float32)}
 
 
-def reach_of_points(
-    graph: StanceGraph, goal: Array, held: NDArray[np.bool_] | None = None
-) -> Array:
-    """Least distance to the goal that the base can have 1 to `DEPTH` steps after a limb took hold of a point [m], at most `FAR`.
+def reach_of_points(graph: StanceGraph, goal: Array, held: BoolArray | None = None) -> Array:
+    """Least distance to the goal that the base can have within the steps after a grasp [m].
 
-    Over all stances that can be held, whether steps lead there or not, the limbs moving in turns.
-    For more than two limbs the stances are not known beforehand; it is then the distance of the
-    point itself.
+    It is told for 1 to `DEPTH` steps, over all stances that can be held, whether steps lead there
+    or not, the limbs moving in turns; at most `FAR`. For more than two limbs the stances are not
+    known beforehand; it is then the distance of the point itself.
 
     Args:
         graph: The stance graph.
@@ -133,13 +152,13 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
         releasable_after[row, steps.limb, steps.point] = env.moves.releasable_after(state, steps)
     free = np.ones(m, dtype=np.bool_)
     free[list(graph.occupied)] = False
+    stance = np.array([state.stance for state in states])
+    reach = reach_of_points(graph, env.goal)[None]
     return point_features(
-        graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability, base,
-        rotation,
-        np.array([state.stance for state in states]), np.tile(env.goal, (k, 1)), env.goal_tolerance,
-        legal, after,
-        reach_of_points(graph, env.goal)[None], releasable_after,
-    )  # fmt: skip
+        Points(graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability),
+        Situations(base, rotation, stance, legal, after, releasable_after),
+        Aims(np.tile(env.goal, (k, 1)), env.goal_tolerance, reach),
+    )
 
 
 class TableFeatures:
@@ -153,11 +172,11 @@ class TableFeatures:
     def __call__(
         self,
         tables: StepTables,
-        stances: NDArray[np.int64],
-        masks: NDArray[np.int64],
+        stances: IntArray,
+        masks: IntArray,
         goals: Array,
         reach: Array,
-        free: NDArray[np.bool_] | None = None,
+        free: BoolArray | None = None,
     ) -> Features:
         """Features of k states.
 
@@ -175,13 +194,19 @@ class TableFeatures:
         legal_places(stances, masks, tables, legal, after, releasable_after)
         free = np.ones(m, dtype=np.bool_) if free is None else free
         legal &= free[..., None, :]
-        return point_features(
-            self.grasp_map.positions, self.grasp_map.normals, free, self.risk,
+        states = Situations(
             tables.position[stances],
-            self.rotation[stances], tables.points[stances].astype(np.int64), goals, self.tolerance,
+            self.rotation[stances],
+            tables.points[stances].astype(np.int64),
             legal.view(np.bool_),
-            after, reach, releasable_after.view(np.bool_),
-        )  # fmt: skip
+            after,
+            releasable_after.view(np.bool_),
+        )
+        return point_features(
+            Points(self.grasp_map.positions, self.grasp_map.normals, free, self.risk),
+            states,
+            Aims(goals, self.tolerance, reach),
+        )
 
 
 class PointObservation(
@@ -203,9 +228,9 @@ class PointObservation(
         assert isinstance(inner, MlivrEnv)
         return {name: array[0] for name, array in env_features(inner).items()}
 
-    def action_masks(self) -> NDArray[np.bool_]:
+    def action_masks(self) -> BoolArray:
         """Which actions are possible, for sb3-contrib."""
-        mask: NDArray[np.bool_] = self.env.get_wrapper_attr("action_masks")()
+        mask: BoolArray = self.env.get_wrapper_attr("action_masks")()
         return mask
 
 

@@ -1,9 +1,10 @@
-"""Imitation of the planner: behaviour cloning and DAgger (Ross et al., 2011) on sets of optimal actions.
+"""Imitation of the planner: behaviour cloning and DAgger on sets of optimal actions.
 
-The expert is a table of the cost-to-go of every state to a goal, from one backward search. It knows
-the cost of all actions, not one of them, and optimal actions come in ties: the loss is minus the
-logarithm of the summed probability of the optimal set. Points are taken out at random, layout by
-layout, so that the policy learns maps that it will never see.
+DAgger is the method of Ross et al. (2011). The expert is a table of the cost-to-go of every state
+to a goal, from one backward search. It knows the cost of all actions, not of one only, and optimal
+actions come in ties: the loss is minus the logarithm of the summed probability of the optimal set.
+Points are taken out at random, layout by layout, so that the policy learns maps that it will never
+see.
 """
 
 from __future__ import annotations
@@ -20,15 +21,13 @@ from torch import Tensor
 
 from mlivr_gym.agents.features import TableFeatures, reach_of_points
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.batch import advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.table_values import TableValues
 from mlivr_gym.stances.moves import BITS
-from mlivr_gym.stances.step_tables import without_points
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from mlivr_gym.stances.step_tables import StepTables, without_points
 
 
 @dataclass(frozen=True)
@@ -94,6 +93,32 @@ class Samples(NamedTuple):
     """Least cost to the goal, shape (k,)."""
 
 
+class _Layout(NamedTuple):
+    """A choice of the points of the map, with goals on it."""
+
+    free: BoolArray
+    """Which points there are, shape (m,)."""
+    goals: Array
+    """Goal positions [m], shape (g, 3)."""
+    values: TableValues
+    """Cost-to-go of these goals."""
+    first: int
+    """Index of the first of these goals among all goals so far."""
+
+
+class _Walks(NamedTuple):
+    """Walks under way; a step changes the arrays in place."""
+
+    stances: IntArray
+    """Stance indices, shape (k,)."""
+    masks: IntArray
+    """Branches each limb may be on, shape (k, 2)."""
+    which: IntArray
+    """Index of each walk's goal on this layout, shape (k,)."""
+    streams: NDArray[np.uint64]
+    """State of each walk's random numbers, shape (k,)."""
+
+
 def optimal_set_loss(scores: Tensor, legal: Tensor, optimal: Tensor) -> Tensor:
     """Minus the mean logarithm of the summed probability of the optimal actions.
 
@@ -130,7 +155,7 @@ class Imitation:
         Args:
             env: The environment, two limbs.
             policy: The policy, changed in place.
-            plain: Whether the policy sees the environment's own observations.
+            plain: Whether the policy sees the observations of the environment itself.
             settings: How to imitate.
             seed: Seed of layouts, goals, walks and batches.
             held_out: Goals that must not be learnt from [m], shape (g, 3).
@@ -149,7 +174,11 @@ class Imitation:
         self._streams = self.rng.integers(2**63, size=settings.goals).astype(np.uint64)
 
     def run(self, progress: Callable[[int, int, dict[str, float]], None] | None = None) -> None:
-        """Gather and learn for all rounds; `progress` gets gradient steps done, in all, and figures."""
+        """Gather and learn for all rounds.
+
+        Args:
+            progress: Called with the gradient steps done, those in all, and figures.
+        """
         for k in range(self.settings.rounds):
             began = time.perf_counter()
             expert = k == 0 or not self.settings.dagger
@@ -170,7 +199,7 @@ class Imitation:
             for parameter, average in zip(self.policy.parameters(), self._average, strict=True):
                 parameter.copy_(average)
 
-    def _layout(self, number: int) -> NDArray[np.bool_]:
+    def _layout(self, number: int) -> BoolArray:
         """Which points there are, shape (m,)."""
         free = np.ones(self.m, dtype=np.bool_)
         if number % 3:
@@ -178,77 +207,93 @@ class Imitation:
             free[self.rng.permutation(self.m)[: int(share * self.m)]] = False
         return free
 
-    def gather(self, free: NDArray[np.bool_], expert: bool) -> tuple[Samples, float]:
+    def gather(self, free: BoolArray, expert: bool) -> tuple[Samples, float]:
         """States of walks on one layout, and the share of walks that reach their goal."""
-        settings, env, rng = self.settings, self.env, self.rng
         tables = without_points(self.moves.tables, ~free)
-        goals = np.zeros((settings.goals, 3))
-        drawn = (
-            np.zeros(settings.goals, dtype=np.int64),
-            np.zeros((settings.goals, 2), dtype=np.int64),
-        )
-        grasp_map, cost = env.graph.grasp_map, Cost.named(env.reward)
-        every = np.ones(settings.goals, dtype=np.bool_)
-        missing = draw_tasks(
-            every, ~every, grasp_map.positions, grasp_map.cabin, env.goal_tolerance, tables,
-            self._streams, *drawn, goals,
-        )  # fmt: skip
-        if missing >= 0:
+        goals = self._draw_goals(tables)
+        if not len(goals):
             return _nothing(self.m), 1.0
-        if len(self._held_out):
-            goals = goals[
-                np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1) > SAME_GOAL
-            ]
-            if not len(goals):
-                return _nothing(self.m), 1.0
-        risk = env.failure_probability
+        env = self.env
+        cost, risk = Cost.named(env.reward), env.failure_probability
         values = TableValues(tables, goals, env.goal_tolerance, cost, risk)
         which, stances = self._starts(values)
-        first, held = sum(map(len, self._reach)), (tables.masks != 0).all(axis=1)
-        self._reach.append(
-            np.array(
-                [reach_of_points(self.moves.graph, goal, held) for goal in goals], dtype=np.float32
-            )
-        )
-        masks = tables.masks[stances].astype(np.int64)
-        streams = rng.integers(2**63, size=len(stances)).astype(np.uint64)
-        rows = [_nothing(self.m)]
-        count = len(stances)
-        for _ in range(settings.longest):
-            if not len(stances):
+        layout = _Layout(free, goals, values, sum(map(len, self._reach)))
+        held = (tables.masks != 0).all(axis=1)
+        reach = [reach_of_points(self.moves.graph, goal, held) for goal in goals]
+        self._reach.append(np.array(reach, dtype=np.float32))
+        streams = self.rng.integers(2**63, size=len(stances)).astype(np.uint64)
+        walks = _Walks(stances, tables.masks[stances].astype(np.int64), which, streams)
+        rows, count = [_nothing(self.m)], len(stances)
+        for _ in range(self.settings.longest):
+            if not len(walks.stances):
                 break
-            costs = values.of_actions(stances, masks, which, 2 * self.m)
-            least = costs.min(axis=1)
-            legal, optimal = np.isfinite(costs), costs <= least[:, None] + 1e-6
-            optimal &= legal
-            here = Samples(
-                stances.copy(), masks.copy(), goals[which], first + which,
-                np.tile(np.packbits(free), (len(stances), 1)),
-                np.packbits(optimal, axis=1), least.astype(np.float32),
-            )  # fmt: skip
+            here, legal, optimal = self._label(walks, layout)
             rows.append(here)
-            likely = optimal if expert else self._chosen(here)
-            likely = np.where((rng.random(len(stances)) < settings.noise)[:, None], legal, likely)
-            actions = (rng.random(likely.shape, dtype=np.float32) * likely).argmax(axis=1)
-            moved, outcome = np.zeros(len(stances)), np.zeros(len(stances), dtype=np.int64)
-            advance(
-                actions, np.zeros(len(stances), np.bool_), risk, 0.0, self.moves.stance_at, tables,
-                streams, stances, masks,
-                moved, outcome,
-            )  # fmt: skip
-            going = ~values.goals[which, stances]
-            stances, masks, which, streams = (
-                stances[going],
-                masks[going],
-                which[going],
-                streams[going],
-            )
+            walks = self._step(walks, legal, optimal if expert else self._chosen(here), values)
         samples = Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
-        known = np.isfinite(samples.cost)
-        return Samples(*(column[known] for column in samples)), 1.0 - len(stances) / max(count, 1)
+        known, going = np.isfinite(samples.cost), len(walks.stances)
+        return Samples(*(column[known] for column in samples)), 1.0 - going / max(count, 1)
+
+    def _draw_goals(self, tables: StepTables) -> Array:
+        """Goals on a layout that can be reached and are not held out [m], shape (g, 3)."""
+        env, count = self.env, self.settings.goals
+        goals = np.zeros((count, 3))
+        stances, masks = np.zeros(count, dtype=np.int64), np.zeros((count, 2), dtype=np.int64)
+        every, grasp_map = np.ones(count, dtype=np.bool_), env.graph.grasp_map
+        missing = draw_tasks(
+            every, ~every, grasp_map.positions, grasp_map.cabin, env.goal_tolerance, tables,
+            self._streams, stances, masks, goals,
+        )  # fmt: skip
+        if missing >= 0:
+            return np.zeros((0, 3))
+        if not len(self._held_out):
+            return goals
+        away = np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1)
+        kept: Array = goals[away > SAME_GOAL]
+        return kept
+
+    def _label(self, walks: _Walks, layout: _Layout) -> tuple[Samples, BoolArray, BoolArray]:
+        """The states of k walks with what is best there.
+
+        Returns:
+            The samples, which actions are possible and which are optimal, both of shape (k, 2 m).
+        """
+        costs = layout.values.of_actions(walks.stances, walks.masks, walks.which, 2 * self.m)
+        least = costs.min(axis=1)
+        legal = np.isfinite(costs)
+        optimal = legal & (costs <= least[:, None] + 1e-6)
+        samples = Samples(
+            walks.stances.copy(),
+            walks.masks.copy(),
+            layout.goals[walks.which],
+            layout.first + walks.which,
+            np.tile(np.packbits(layout.free), (len(walks.stances), 1)),
+            np.packbits(optimal, axis=1),
+            least.astype(np.float32),
+        )
+        return samples, legal, optimal
+
+    def _step(
+        self, walks: _Walks, legal: BoolArray, preferred: BoolArray, values: TableValues
+    ) -> _Walks:
+        """Take a step on each walk, by chance any possible one; walks at their goal end."""
+        rng, count = self.rng, len(walks.stances)
+        noisy = rng.random(count) < self.settings.noise
+        likely = np.where(noisy[:, None], legal, preferred)
+        actions = (rng.random(likely.shape, dtype=np.float32) * likely).argmax(axis=1)
+        moved, outcome = np.zeros(count), np.zeros(count, dtype=np.int64)
+        advance(
+            actions, np.zeros(count, np.bool_), self.env.failure_probability, 0.0,
+            self.moves.stance_at, values.tables, walks.streams, walks.stances, walks.masks,
+            moved, outcome,
+        )  # fmt: skip
+        going = ~values.goals[walks.which, walks.stances]
+        return _Walks(
+            walks.stances[going], walks.masks[going], walks.which[going], walks.streams[going]
+        )
 
     def _starts(self, values: TableValues) -> tuple[IntArray, IntArray]:
-        """Goals and stances where walks begin, at most `longest` steps from the goal and not at it."""
+        """Goals and stances where walks begin; the goal can be reached, and is not yet."""
         which, stances = [], []
         for g in range(len(values.goals)):
             cost = values.of_stances(g)
@@ -260,7 +305,7 @@ class Imitation:
         nothing = [np.zeros(0, dtype=np.int64)]
         return np.concatenate(which or nothing), np.concatenate(stances or nothing).astype(np.int64)
 
-    def _chosen(self, samples: Samples) -> NDArray[np.bool_]:
+    def _chosen(self, samples: Samples) -> BoolArray:
         """The best action of each state in the policy's eyes, shape (k, 2 m)."""
         chosen = np.zeros((len(samples.stances), 2 * self.m), dtype=np.bool_)
         for at in range(0, len(chosen), 512):
@@ -285,9 +330,8 @@ class Imitation:
         if self.plain:
             looks = {name: rows[samples.stances] for name, rows in self.moves.observations.items()}
             bits = np.concatenate([BITS[samples.masks[:, 0]], BITS[samples.masks[:, 1]]], axis=1)
-            return as_tensors(
-                self.policy, {**looks, "goal": samples.goals.astype(np.float32), "branches": bits}
-            ), legal  # fmt: skip
+            looks |= {"goal": samples.goals.astype(np.float32), "branches": bits}
+            return as_tensors(self.policy, looks), legal
         return as_tensors(self.policy, seen), legal
 
     def _learn(
@@ -296,6 +340,7 @@ class Imitation:
         figures: dict[str, float],
         progress: Callable[[int, int, dict[str, float]], None] | None,
     ) -> None:
+        """The gradient steps of a round, on all data so far; `number` counts the rounds from 0."""
         settings = self.settings
         data = Samples(*(np.concatenate(column) for column in zip(*self.data, strict=True)))
         self.data = [data]
@@ -318,7 +363,7 @@ class Imitation:
                 cost = (1.0 - settings.discount**cost) / (1.0 - settings.discount)
             error = (value + cost).square().mean()
             self._optimizer.zero_grad()
-            (loss + settings.value_weight * error).backward()
+            torch.autograd.backward(loss + settings.value_weight * error)
             torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 1.0)
             self._optimizer.step()
             with torch.no_grad():
@@ -333,9 +378,8 @@ class Imitation:
 
 
 def _nothing(m: int) -> Samples:
+    """No states, on a map of m points."""
     whole = np.zeros(0, dtype=np.int64)
     free, optimal = (np.zeros((0, -(-size // 8)), dtype=np.uint8) for size in (m, 2 * m))
-    return Samples(
-        whole, np.zeros((0, 2), np.int64), np.zeros((0, 3)), whole, free, optimal,
-        np.zeros(0, np.float32)
-    )  # fmt: skip
+    masks, goals = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3))
+    return Samples(whole, masks, goals, whole, free, optimal, np.zeros(0, dtype=np.float32))

@@ -1,4 +1,4 @@
-"""Learned policies at work, and their files: weights beside the exact configuration they were trained with."""
+"""Learned policies at work, and their files: weights beside the configuration of the training."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mlivr_gym.agents.features import env_features
 from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
 from mlivr_gym.agents.policies import PlanPolicy
+from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError
@@ -30,10 +31,10 @@ class CheckpointError(MlivrError):
 
 
 class LearnedPolicy:
-    """Takes the action with the best score among those that lead to a stance not yet visited in this episode.
+    """Takes the action with the best score among those that lead to a stance not yet visited.
 
-    Where all have been visited it takes the best of all. Without this rule a deterministic policy
-    that steps back once steps back and forth for ever.
+    Visited are the stances of this episode; where all have been visited it takes the best of all.
+    Without this rule a deterministic policy that steps back once steps back and forth for ever.
 
     Attributes:
         policy: The policy of sb3-contrib.
@@ -48,9 +49,7 @@ class LearnedPolicy:
         self.policy, self.network, self.config, self.memory = policy, network, config or {}, memory
         self._visited: set[tuple[int, ...]] = set()
 
-    def act(
-        self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]
-    ) -> int:
+    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: BoolArray) -> int:
         """The action to take."""
         seen = (
             env_features(env)
@@ -81,7 +80,7 @@ class LearnedPolicy:
 def beam_walk(
     policy: LearnedPolicy, env: MlivrEnv, width: int, longest: int = 60
 ) -> list[int] | None:
-    """Actions from the present state to the goal, by a beam search that a pointer policy guides; None if none is found.
+    """Actions from the present state to the goal, by a beam search that a pointer policy guides.
 
     Each of the `width` most probable walks goes on by its most probable actions, and the first that
     arrives is taken. Walks never return to a stance that any of them has visited.
@@ -91,6 +90,9 @@ def beam_walk(
         env: The environment.
         width: Walks kept.
         longest: Most steps.
+
+    Returns:
+        The actions, None if no walk to the goal is found.
     """
     m, tolerance = len(env.graph.grasp_map), env.goal_tolerance
     beam: list[tuple[float, State, list[int]]] = [(0.0, env.state, [])]
@@ -104,14 +106,18 @@ def beam_walk(
             chances = torch.log_softmax(scores, dim=1).numpy()
         found: list[tuple[float, State, list[int]]] = []
         arrived: list[tuple[float, list[int]]] = []
-        for (chance, state, actions), own in zip(beam, chances, strict=True):
+        for (chance, state, actions), logs in zip(beam, chances, strict=True):
             steps = env.moves.successors(state)
             numbers = steps.limb * m + steps.point
             there = np.linalg.norm(steps.position - env.goal, axis=1) <= tolerance
-            arrived += [(chance + float(own[a]), [*actions, int(a)]) for a in numbers[there]]
-            for action in numbers[np.argsort(-own[numbers], kind="stable")[: 2 * width]].tolist():
+            arrived += [(chance + float(logs[a]), [*actions, int(a)]) for a in numbers[there]]
+            for action in numbers[np.argsort(-logs[numbers], kind="stable")[: 2 * width]].tolist():
                 found.append(
-                    (chance + float(own[action]), env.moves.take(state, action), [*actions, action])
+                    (
+                        chance + float(logs[action]),
+                        env.moves.take(state, action),
+                        [*actions, action],
+                    )
                 )
         if arrived:
             return max(arrived, key=lambda pair: pair[0])[1]

@@ -1,4 +1,4 @@
-"""The two policies of sb3-contrib that are trained here, by name, and what learning needs of them."""
+"""The two policies of sb3-contrib that are trained here, and what learning needs of them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import choice
 
 NETWORKS = ("pointer", "mlp")
-"""`PointerPolicy`, or the plain multilayer perceptron of stable-baselines3 on the environment's own observation."""
+"""`PointerPolicy`, or a multilayer perceptron on the observation of the environment itself."""
 
 
 def policy_class(network: str) -> type[Any]:
@@ -34,7 +34,7 @@ def make_policy(
         env: The environment.
         network: One of `NETWORKS`.
         sizes: Further arguments of the policy's class.
-        learning_rate: Rate of its own optimiser.
+        learning_rate: Rate of the policy's optimiser.
     """
     space = point_space(env) if network == "pointer" else env.observation_space
     return policy_class(network)(space, env.action_space, lambda _: learning_rate, **sizes)

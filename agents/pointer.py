@@ -8,6 +8,7 @@ of the points.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import torch
@@ -24,17 +25,19 @@ IMPOSSIBLE = -1e8
 SHARPNESS = 0.005
 """Width of the step from 0 to 1 at the goal tolerance in what tells that an action arrives [m]."""
 
+AHEAD = 0.8
+"""Distance of the second centre of the summary towards the goal [m]."""
+
+SPREAD = 1.4
+"""Standard deviation of the weights of points about each centre of the summary [m]."""
+
 
 def mlp(sizes: list[int]) -> nn.Sequential:
     """Linear layers with ReLU in between."""
     layers: list[nn.Module] = []
-    for before, after in zip(sizes, sizes[1:], strict=False):
+    for before, after in pairwise(sizes):
         layers += [nn.Linear(before, after), nn.ReLU()]
     return nn.Sequential(*layers[:-1])
-
-
-AHEAD, NEAR = 0.8, 1.4
-"""Distance of the second centre of the summary towards the goal, and width of both [m]."""
 
 
 class PointerNetwork(nn.Module):
@@ -73,19 +76,23 @@ class PointerNetwork(nn.Module):
         return code * points[..., 6:7]
 
     def summarise(self, observation: dict[str, Tensor], codes: Tensor) -> tuple[Tensor, Tensor]:
-        """Summary of the points, shape (k, 4 summary), and the points each limb holds, shape (k, N, 8 + 2 DEPTH).
+        """Summary of the points, and the points that the limbs hold.
 
         The points count by their distance from the base, and once more by their distance from a
         place `AHEAD` towards the goal.
+
+        Returns:
+            The summary, shape (k, 4 summary), and for each limb the features of the point it holds,
+            its reach and whether that arrives, shape (k, N, 8 + 2 DEPTH).
         """
         points, goal = observation["points"], observation["goal"]
         ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))
         parts = []
         for centre in (torch.zeros_like(ahead), ahead):
             away = (points[..., :3] - centre[:, None]).square().sum(dim=-1, keepdim=True)
-            near = torch.exp(-away / (2.0 * NEAR**2))
-            weighted = codes * near
-            count = (near * points[..., 6:7]).sum(dim=1)
+            weights = torch.exp(-away / (2.0 * SPREAD**2))
+            weighted = codes * weights
+            count = (weights * points[..., 6:7]).sum(dim=1)
             parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
         limbs = observation["limbs"]
         held = torch.einsum("knm,kmf->knf", limbs[..., 0], points)
@@ -104,6 +111,7 @@ class PointerNetwork(nn.Module):
         return self._scores(observation, *self.summarise(observation, codes))
 
     def _scores(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
+        """Score of each action from what `summarise` returns, shape (k, N m)."""
         points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
         count = limbs.shape[1]
         others = (held.sum(dim=1, keepdim=True) - held) / (count - 1)
@@ -111,13 +119,10 @@ class PointerNetwork(nn.Module):
         context = self.of_limb(torch.cat([held, others, whole], dim=-1))
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
         action = limbs[state, limb, point, 2:]
-        left = (action[:, :3] - goal[state, :3]).norm(dim=-1, keepdim=True)
-        near = torch.cat([left, action[:, 4:]], dim=-1)
-        seen = self.of_action(
-            torch.cat(
-                [points[state, point], action, left, self._arrives(goal[state], near)], dim=-1
-            )
-        )
+        remaining = (action[:, :3] - goal[state, :3]).norm(dim=-1, keepdim=True)
+        distances = torch.cat([remaining, action[:, 4:]], dim=-1)
+        arrives = self._arrives(goal[state], distances)
+        seen = self.of_action(torch.cat([points[state, point], action, remaining, arrives], dim=-1))
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
         scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
         return scores.flatten(1)
@@ -127,6 +132,7 @@ class PointerNetwork(nn.Module):
         return self._assessment(observation, *self.summarise(observation, self.codes(observation)))
 
     def _assessment(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
+        """What the value is read from, from what `summarise` returns, shape (k, width)."""
         code: Tensor = self.assess(
             torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1)
         )
@@ -136,9 +142,8 @@ class PointerNetwork(nn.Module):
         """Scores and assessment."""
         codes = self.codes(observation)
         summary, held = self.summarise(observation, codes)
-        return self._scores(observation, summary, held), self._assessment(
-            observation, summary, held
-        )
+        scores = self._scores(observation, summary, held)
+        return scores, self._assessment(observation, summary, held)
 
 
 class _AsItIs(BaseFeaturesExtractor):
@@ -152,7 +157,7 @@ class _AsItIs(BaseFeaturesExtractor):
 
 
 class PointerPolicy(MaskableActorCriticPolicy):
-    """`PointerNetwork` as a policy of sb3-contrib's `MaskablePPO`, for observations of `PointObservation`."""
+    """`PointerNetwork` as a policy of sb3-contrib's `MaskablePPO`, on `PointObservation`."""
 
     def __init__(self, *args: Any, width: int = 96, summary: int = 32, **kwargs: Any) -> None:
         """Take the network's widths beside the arguments of `MaskableActorCriticPolicy`."""

@@ -1,4 +1,4 @@
-"""Policies that need no training: random legal actions, the optimal expert, and planners whose plans are followed."""
+"""Policies that need no training: random actions, the optimal expert, and followers of plans."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
@@ -19,16 +20,14 @@ from mlivr_gym.planners.table_values import TableValues
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.pair_graph import PairGraph
 
-MOST_LEFT_OUT = 20
-"""Steps that `planner_policy` leaves out of one query, at most, because the present state does not allow them."""
+MOST_EXCLUDED = 20
+"""Most steps that `planner_policy` excludes from one query since the state does not allow them."""
 
 
 class Policy(Protocol):
     """Chooses actions in a `MlivrEnv`."""
 
-    def act(
-        self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]
-    ) -> int:
+    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: BoolArray) -> int:
         """The action to take; `mask` tells which are possible, shape (N m,)."""
         ...
 
@@ -40,15 +39,16 @@ class RandomPolicy:
         """Seed the draws."""
         self._rng = np.random.default_rng(seed)
 
-    def act(
-        self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]
-    ) -> int:
+    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: BoolArray) -> int:
         """A possible action, each as likely as the others."""
         return int(self._rng.choice(np.flatnonzero(mask)))
 
 
 class ExpertPolicy:
-    """Takes the first step of an optimal plan, by the exact cost-to-go table of the goal. Two limbs only."""
+    """Takes the first step of an optimal plan, by the exact cost-to-go of the goal.
+
+    For two limbs only.
+    """
 
     def __init__(self, expect_failures: bool = True) -> None:
         """Start without tables; each is worked out when its goal first comes up.
@@ -61,9 +61,7 @@ class ExpertPolicy:
         self._moves: TableMoves | None = None
         self._goal: tuple[bytes, float] = b"", 0.0
 
-    def act(
-        self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]
-    ) -> int:
+    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: BoolArray) -> int:
         """An optimal action for the environment's reward; the first of equal ones."""
         graph = env.graph
         if not isinstance(graph, PairGraph):
@@ -92,7 +90,7 @@ class ExpertPolicy:
 
 
 class PlanPolicy:
-    """Follows the plan of a method, and plans again wherever it is not where the plan would have it.
+    """Follows the plan of a method, and plans again where the state is not the plan's.
 
     Attributes:
         plans: Plans made so far.
@@ -106,9 +104,7 @@ class PlanPolicy:
         self._goal: bytes = b""
         self.plans = 0
 
-    def act(
-        self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: NDArray[np.bool_]
-    ) -> int:
+    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: BoolArray) -> int:
         """The next action of the plan; one that is not possible where there is no plan."""
         if env.state.stance != self._expected or env.goal.tobytes() != self._goal or env.steps == 0:
             self._actions = (self._find(env) or [])[::-1]
@@ -124,10 +120,10 @@ class PlanPolicy:
 
 
 def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -> PlanPolicy:
-    """Follows plans of `Planner`, made on the environment's own stance graph.
+    """Follows plans of `Planner`, made on the stance graph of the environment.
 
     A query starts from a stance with every branch it has. After a grasp that failed the limb that
-    held may be on some of them only: steps of a plan that this forbids are left out and the plan is
+    held may be on some of them only: steps of a plan that this forbids are excluded and the plan is
     made anew.
 
     Args:
@@ -142,9 +138,9 @@ def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -
         if id(graph) not in planners:
             planners.clear()
             planners[id(graph)] = Planner(graph)
-        planner, left_out = planners[id(graph)], list[tuple[tuple[int, ...], tuple[int, ...]]]()
+        planner, excluded = planners[id(graph)], list[tuple[tuple[int, ...], tuple[int, ...]]]()
         while True:
-            with graph.without(left_out) if isinstance(graph, PairGraph) else nullcontext():
+            with graph.without(excluded) if isinstance(graph, PairGraph) else nullcontext():
                 result = planner.plan(
                     env.state.stance,
                     env.goal.tolist(),
@@ -161,18 +157,20 @@ def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -
                 for limb, point in result.plan.actions
             ]
             step = _forbidden(env, actions)
-            if step is None or not isinstance(graph, PairGraph) or len(left_out) == MOST_LEFT_OUT:
+            if step is None or not isinstance(graph, PairGraph) or len(excluded) == MOST_EXCLUDED:
                 return actions
-            left_out.append(step)
-            planner = Planner(
-                graph
-            )  # what a planner learns without these steps does not hold with them
+            excluded.append(step)
+            # What a planner learns without these steps does not hold with them.
+            planner = Planner(graph)
 
     return PlanPolicy(find)
 
 
 def _forbidden(env: MlivrEnv, actions: list[int]) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
-    """Stances before and after the first of some actions that is not possible from the present state on, if there is one."""
+    """Stances before and after the first action that is not possible, if there is one.
+
+    The actions are taken one after the other, from the present state on.
+    """
     state = env.state
     for action in actions:
         limb, point = divmod(action, len(env.graph.grasp_map))
@@ -183,13 +181,19 @@ def _forbidden(env: MlivrEnv, actions: list[int]) -> tuple[tuple[int, ...], tupl
 
 
 def foreign_plan_policy(planner: Planner, cost: str = "steps") -> PlanPolicy:
-    """Follows plans made on another stance graph of the same map, possible or not: A* without manipulability."""
+    """Follows plans made on another stance graph of the same map, whether possible or not.
+
+    One such graph is that of A* without manipulability.
+    """
 
     def find(env: MlivrEnv) -> list[int] | None:
         result = planner.plan(
-            env.state.stance, env.goal.tolist(), cost, goal_tolerance=env.goal_tolerance,
+            env.state.stance,
+            env.goal.tolist(),
+            cost,
+            goal_tolerance=env.goal_tolerance,
             start_pose=env.state.pose,
-        )  # fmt: skip
+        )
         if result.plan is None:
             return None
         grasp_map = planner.graph.grasp_map

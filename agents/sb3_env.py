@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from mlivr_gym.agents.features import DEPTH, TableFeatures, point_space, reach_of_points
+from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import SettingError, choice
 
 OBSERVATIONS = ("points", "plain")
-"""`point_features`, or the environment's own observation."""
+"""`point_features`, or the observation of the environment itself."""
 
 
 class TableVecEnv(VecEnv):
@@ -51,9 +52,10 @@ class TableVecEnv(VecEnv):
         space = env.observation_space if self.plain else point_space(env)
         super().__init__(num_envs, space, env.action_space)
 
-    def _see(self, own: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    def _see(self, plain: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """Observations of all copies as the policy sees them."""
         if self.plain:
-            return own
+            return plain
         copies = self.copies
         free = np.ones(len(self.features.grasp_map), dtype=np.bool_)
         free[list(copies.env.graph.occupied)] = False
@@ -72,11 +74,11 @@ class TableVecEnv(VecEnv):
     def reset(self) -> dict[str, NDArray[Any]]:
         """Start all copies anew."""
         seed = self._seeds[0]
-        own, self._info = self.copies.reset(seed=None if seed is None else int(seed))
+        plain, self._info = self.copies.reset(seed=None if seed is None else int(seed))
         self._reset_seeds()
         self._reset_options()
         self._return[:] = 0.0
-        return self._see(own)
+        return self._see(plain)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for `step_wait`."""
@@ -86,11 +88,11 @@ class TableVecEnv(VecEnv):
         self,
     ) -> tuple[dict[str, NDArray[Any]], NDArray[Any], NDArray[Any], list[dict[str, Any]]]:
         """Take the actions; copies whose episode has ended start anew at once."""
-        own, reward, terminated, truncated, self._info = self.copies.step(self._actions)
+        plain, reward, terminated, truncated, self._info = self.copies.step(self._actions)
         done = terminated | truncated
         self._return += reward
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        seen = self._see(own)
+        seen = self._see(plain)
         if done.any():
             for k in np.flatnonzero(done):
                 infos[k] = {
@@ -104,11 +106,11 @@ class TableVecEnv(VecEnv):
                     "is_success": bool(self._info["is_success"][k]),
                 }
             self._return[done] = 0.0
-            own, self._info = self.copies.reset(options={"reset_mask": done})
-            seen = self._see(own)
+            plain, self._info = self.copies.reset(options={"reset_mask": done})
+            seen = self._see(plain)
         return seen, reward.astype(np.float32), done, infos
 
-    def action_masks(self) -> NDArray[np.bool_]:
+    def action_masks(self) -> BoolArray:
         """Which actions are possible, shape (k, N m).
 
         Raises:

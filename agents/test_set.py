@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.agents.evaluation import Task
+from mlivr_gym.arrays import Array
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.envs_assets import asset_path
@@ -20,7 +20,7 @@ from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
 SPLITS = ("same", "half", "dense", "occupied")
-"""The map of the training; half of its points; points every 0.1 m; a fifth of the points newly occupied."""
+"""The map of the training, half of its points, points every 0.1 m, and a fifth of them occupied."""
 
 FAR = 2.0
 """Least distance between the bases at start and goal [m]: an easy walk tells little."""
@@ -36,7 +36,7 @@ class World(NamedTuple):
     spacing: float
     """Spacing of the points [m]."""
     sparse_seed: int | None
-    """Seed of `GraspMap.sparse`, if half of the points are left out."""
+    """Seed of `GraspMap.sparse`, if half of the points are taken out."""
     tasks: tuple[Task, ...]
 
     def map(self) -> GraspMap:
@@ -58,18 +58,23 @@ def load_test_set(path: str | Path | None = None) -> list[World]:
         rules = data.get("rules")
         worlds = [
             World(
-                w["split"], w["spacing"], w["sparse_seed"],
-                tuple(Task(tuple(t["start"]), tuple(t["goal"]), tuple(t["occupied"])) for t in w["tasks"]),
+                w["split"],
+                w["spacing"],
+                w["sparse_seed"],
+                tuple(
+                    Task(tuple(t["start"]), tuple(t["goal"]), tuple(t["occupied"]))
+                    for t in w["tasks"]
+                ),
             )
             for w in data["worlds"]
-        ]  # fmt: skip
+        ]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise MlivrError(f"cannot read test set {str(file)!r}: {error}") from None
     check_rules(f"test set {str(file)!r}", rules, "draw it anew with freeze_test_set")
     return worlds
 
 
-def held_out_goals() -> NDArray[np.float64]:
+def held_out_goals() -> Array:
     """Goals of the shipped test set [m], shape (g, 3): training leaves them out."""
     return np.array([task.goal for world in load_test_set() for task in world.tasks])
 
@@ -96,7 +101,7 @@ def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[
 
 
 def _draw(world: World, count: int, rng: np.random.Generator, groups: int = 0) -> World:
-    """Fill a world with tasks; with `groups`, each group has points of its own occupied."""
+    """Fill a world with tasks; with `groups`, other points are occupied in each group of tasks."""
     env = MlivrEnv(map=world.map())
     tasks: list[Task] = []
     for group in range(max(groups, 1)):

@@ -1,4 +1,4 @@
-"""Training of the policies by name: behaviour cloning, DAgger, masked PPO, and PPO from a checkpoint.
+"""Training of the policies: behaviour cloning, DAgger, masked PPO, and PPO from a checkpoint.
 
 Hyperparameters are data: `envs_assets/training.json`.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ METHODS = ("bc", "dagger", "ppo", "finetune")
 """Names of the training methods; `finetune` is PPO in small steps from a checkpoint."""
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
+"""Called with the phase, the steps done, the steps in all and figures."""
 
 
 def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, Any]:
@@ -76,7 +78,7 @@ def train(
         init: Checkpoint without suffix to start from; `"finetune"` needs one.
         out: Where to write the checkpoint, without suffix.
         command: The command to repeat it, for the configuration.
-        progress: Called with the phase, steps done, steps in all and figures.
+        progress: Called with the phase, the steps done, the steps in all and figures.
         logs: Folder for TensorBoard logs; needs the package `tensorboard`.
 
     Raises:
@@ -87,111 +89,159 @@ def train(
     settings = hyperparameters(method) if settings is None else settings
     if method == "finetune" and init is None:
         raise SettingError("method 'finetune' needs a checkpoint to start from")
-    arguments = dict(env_arguments or {})
-    if env is None:
-        made = gymnasium.make(
-            "MLIVR-JEM-v0", disable_env_checker=True, **(arguments | {"precompute": True})
-        ).unwrapped
-        assert isinstance(made, MlivrEnv)
-        env = made
+    request = _Request(method, network, seed, dict(env_arguments or {}), settings, init, command)
+    env = request.make_env() if env is None else env
     env.table_moves()
-    writer = _writer(logs)
-    began = time.perf_counter()
-    learned = interrupted = False
+    return _train(request, env, _Report(progress, logs), out)
 
-    def tell(phase: str, done: int, total: int, figures: dict[str, float]) -> None:
-        nonlocal learned
-        learned = True
-        if writer is not None:
+
+@dataclass(frozen=True)
+class _Request:
+    """What shall be trained and how: the arguments of `train`."""
+
+    method: str
+    network: str
+    seed: int
+    env_arguments: dict[str, Any]
+    settings: dict[str, Any]
+    init: str | Path | None
+    command: str
+
+    @property
+    def sizes(self) -> dict[str, Any]:
+        """Sizes of the network, as arguments of its class."""
+        return dict(self.settings["networks"].get(self.network, {}))
+
+    def make_env(self) -> MlivrEnv:
+        """The environment, with the steps of its whole map worked out."""
+        arguments = self.env_arguments | {"precompute": True}
+        env = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **arguments).unwrapped
+        assert isinstance(env, MlivrEnv)
+        return env
+
+    def config(self, env: MlivrEnv, seconds: float) -> dict[str, Any]:
+        """What a checkpoint says of its training."""
+        return {
+            "network": self.network,
+            "sizes": self.sizes,
+            "method": self.method,
+            "seed": self.seed,
+            "env": self.env_arguments,
+            "init": None if self.init is None else Path(self.init).name,
+            "settings": {k: value for k, value in self.settings.items() if k != "networks"},
+            "map": env.graph.grasp_map.fingerprint,
+            "robot": env.graph.robot.fingerprint,
+            "version": __version__,
+            "command": self.command,
+            "seconds": round(seconds, 1),
+            "versions": {
+                "python": platform.python_version(),
+                "torch": torch.__version__,
+                "numpy": np.__version__,
+            },
+        }
+
+
+class _Report:
+    """Tells the caller and TensorBoard how a training goes.
+
+    Attributes:
+        learned: Whether anything was learned yet.
+    """
+
+    def __init__(self, progress: Progress | None, logs: str | Path | None) -> None:
+        """Tell whom there is: a function, or a folder for TensorBoard logs."""
+        self._progress, self._writer = progress, _writer(logs)
+        self.learned = False
+
+    def __call__(self, phase: str, done: int, total: int, figures: dict[str, float]) -> None:
+        """Tell the figures of a phase of the training."""
+        self.learned = True
+        if self._writer is not None:
             for name, value in figures.items():
-                writer.add_scalar(f"{phase}/{name}", value, done)
-        if progress is not None:
-            progress(phase, done, total, figures)
+                self._writer.add_scalar(f"{phase}/{name}", value, done)
+        if self._progress is not None:
+            self._progress(phase, done, total, figures)
 
-    torch.manual_seed(seed)
-    sizes = settings["networks"][network] if network in settings["networks"] else {}
-    policy = make_policy(env, network, sizes)
-    if init is not None:
-        policy.load_state_dict(load_policy(init, env).policy.state_dict())
+    def close(self) -> None:
+        """Finish the logs."""
+        if self._writer is not None:
+            self._writer.close()
+
+
+def _train(
+    request: _Request, env: MlivrEnv, report: _Report, out: str | Path | None
+) -> LearnedPolicy:
+    """Train, and write the checkpoint also where it is interrupted after something was learned."""
+    began = time.perf_counter()
+    torch.manual_seed(request.seed)
+    policy = make_policy(env, request.network, request.sizes)
+    if request.init is not None:
+        policy.load_state_dict(load_policy(request.init, env).policy.state_dict())
+    interrupted = False
     try:
-        if "imitation" in settings:
-            imitation = Imitation(
-                env,
-                policy,
-                network == "mlp",
-                ImitationSettings(**settings["imitation"]),
-                seed,
-                held_out_goals(),
-            )
-            imitation.run(lambda done, total, figures: tell("imitation", done, total, figures))
-        if "ppo" in settings:
-            _improve(env, network, policy, sizes, settings, seed, tell)
+        if "imitation" in request.settings:
+            _imitate(request, env, policy, report)
+        if "ppo" in request.settings:
+            _improve(request, env, policy, report)
     except KeyboardInterrupt:
         interrupted = True
-    if writer is not None:
-        writer.close()
-    config = {
-        "network": network, "sizes": sizes, "method": method, "seed": seed, "env": arguments,
-        "init": None if init is None else Path(init).name,
-        "settings": {name: value for name, value in settings.items() if name != "networks"},
-        "map": env.graph.grasp_map.fingerprint, "robot": env.graph.robot.fingerprint,
-        "version": __version__,
-        "command": command, "seconds": round(time.perf_counter() - began, 1),
-        "versions": {"python": platform.python_version(), "torch": torch.__version__, "numpy": np.__version__},
-    }  # fmt: skip
+    report.close()
+    config = request.config(env, time.perf_counter() - began)
     if interrupted:
         config["interrupted"] = True
     policy.set_training_mode(False)
     kept = "nothing was written"
-    if out is not None and (learned or not interrupted):
+    if out is not None and (report.learned or not interrupted):
         save_policy(out, policy, config)
         kept = f"{Path(out).with_suffix('.pt')} and .json hold what was learned so far"
     if interrupted:
         raise KeyboardInterrupt(f"training interrupted after {config['seconds']:.0f} s: {kept}")
-    return LearnedPolicy(policy, network, config)
+    return LearnedPolicy(policy, request.network, config)
 
 
-def _improve(
-    env: MlivrEnv,
-    network: str,
-    policy: Any,
-    sizes: dict[str, Any],
-    settings: dict[str, Any],
-    seed: int,
-    tell: Progress,
-) -> None:
+def _imitate(request: _Request, env: MlivrEnv, policy: Any, report: _Report) -> None:
+    """Imitation of the planner by a policy, which is changed; also if it is interrupted."""
+    settings = ImitationSettings(**request.settings["imitation"])
+    plain = request.network == "mlp"
+    imitation = Imitation(env, policy, plain, settings, request.seed, held_out_goals())
+    imitation.run(lambda done, total, figures: report("imitation", done, total, figures))
+
+
+def _improve(request: _Request, env: MlivrEnv, policy: Any, report: _Report) -> None:
     """PPO from a policy's weights, which are changed; also if it is interrupted."""
     from sb3_contrib import MaskablePPO
     from stable_baselines3.common.callbacks import BaseCallback
 
+    settings, plain = request.settings, request.network == "mlp"
     total = int(settings["timesteps"])
 
-    class Report(BaseCallback):
+    class Rollouts(BaseCallback):
         def _on_step(self) -> bool:
             return True
 
         def _on_rollout_end(self) -> None:
             ended = [episode["r"] for episode in self.model.ep_info_buffer or ()]
             figures = {"mean_return": float(np.mean(ended))} if ended else {}
-            tell("ppo", min(self.num_timesteps, total), total, figures)
+            report("ppo", min(self.num_timesteps, total), total, figures)
 
-    copies = TableVecEnv(env, settings["copies"], "plain" if network == "mlp" else "points")
     model = MaskablePPO(
-        policy_class(network),
-        copies,
-        policy_kwargs=dict(sizes),
-        seed=seed,
+        policy_class(request.network),
+        TableVecEnv(env, settings["copies"], "plain" if plain else "points"),
+        policy_kwargs=request.sizes,
+        seed=request.seed,
         device="cpu",
         **settings["ppo"],
     )
     model.policy.load_state_dict(policy.state_dict())
     try:
-        model.learn(total, callback=Report())
+        model.learn(total, callback=Rollouts())
     finally:
         policy.load_state_dict(model.policy.state_dict())
 
 
 def _writer(logs: str | Path | None) -> Any:
+    """A writer of TensorBoard logs, None without a folder for them."""
     if logs is None:
         return None
     try:

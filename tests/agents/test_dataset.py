@@ -4,15 +4,17 @@ import importlib.util
 import json
 import sys
 
+import numpy as np
 import pytest
 
 from mlivr_gym.agents import dataset
 from mlivr_gym.agents.dataset import load_dataset, write_dataset
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import SettingError
+from mlivr_gym.planners import Planner
 from mlivr_gym.settings import GRAPH_RULES
 
-pytest.importorskip("minari", reason="needs the extra [data]")
+minari = pytest.importorskip("minari", reason="needs the extra [data]")
 pytest.importorskip("jax", reason="needs the extra [data]")
 
 
@@ -36,8 +38,8 @@ def nothing_collected(monkeypatch):
 
 @pytest.mark.parametrize(
     "name",
-    ["foo", "", "foo-v", "foo-v1.2", "mlivr jem-v0", "../foo-v0", "/foo-v0", "a//b/foo-v0", "foo-v0\n", "foo-v-1", None, 3,
-     "n" * 300 + "-v0"],
+    ["foo", "", "foo-v", "foo-v1.2", "mlivr jem-v0", "../foo-v0", "/foo-v0", "a//b/foo-v0",
+     "foo-v0\n", "foo-v-1", None, 3, "n" * 300 + "-v0"],
 )  # fmt: skip
 def test_ids_that_minari_would_refuse_in_the_end_are_refused_first(folder, nothing_collected, name):
     with pytest.raises(SettingError, match="data set") as caught:
@@ -113,8 +115,31 @@ def test_a_data_set_of_other_rules_is_refused(folder, arguments):
         with pytest.raises(SettingError) as caught:
             load_dataset("foo-v0")
         assert str(caught.value) == (
-            f"data set 'foo-v0' was made by rules {said} of the stance graph, and this version has rules "
-            f"{GRAPH_RULES}: write it anew with write_dataset"
+            f"data set 'foo-v0' was made by rules {said} of the stance graph, and this version has "
+            f"rules {GRAPH_RULES}: write it anew with write_dataset"
         )
     with pytest.raises(SettingError, match="cannot load data set 'bar-v0'"):
         load_dataset("bar-v0")
+
+
+def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(
+    ladder_file, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    arguments = {"map": str(ladder_file), "collisions": False}
+    write_dataset("mlivr/jem/test-v0", 2, seed=3, env_arguments=arguments)
+    dataset = minari.load_dataset("mlivr/jem/test-v0")
+    rebuilt = dataset.recover_environment()
+    planner = Planner(rebuilt.unwrapped.graph)
+    for episode in dataset.iterate_episodes():
+        observation, info = rebuilt.reset(seed=3 + int(episode.id))
+        plan = planner.plan(info["stance"], rebuilt.unwrapped.goal, "steps").unwrap()
+        assert len(episode.actions) == len(plan.steps) == -episode.rewards.sum()
+        assert episode.terminations[-1]
+        for k, action in enumerate(episode.actions):
+            for name, rows in episode.observations.items():
+                np.testing.assert_array_equal(rows[k], observation[name])
+            assert episode.observations["action_mask"][k][action]
+            observation, *_ = rebuilt.step(action)
+    with pytest.raises(SettingError, match="already"):
+        write_dataset("mlivr/jem/test-v0", 1)

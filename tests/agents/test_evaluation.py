@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from mlivr_gym.agents import RandomPolicy, Task, evaluate
+from mlivr_gym.agents import ExpertPolicy, RandomPolicy, Task, evaluate
+from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.dynamics import Physics
@@ -21,7 +22,13 @@ class First:
 
 @pytest.fixture(scope="module")
 def env(small_map):
+    """The small map without collisions; every step is asked of the graph."""
     return MlivrEnv(map=small_map, collisions=False)
+
+
+@pytest.fixture(scope="module")
+def table_env(small_map):
+    return MlivrEnv(map=small_map, collisions=False, precompute=True)
 
 
 def test_an_episode_that_is_cut_off_is_no_success(env):
@@ -49,7 +56,7 @@ def test_an_action_that_is_not_possible_is_no_success(env):
 
 
 def test_a_simulated_step_that_fails_is_no_success(small_map):
-    """Grippers that must be on their points to a nanometre miss them: the episode ends, far from its goal."""
+    """Grippers that must be on their points to a nanometre miss them, and the episode ends."""
     env = MlivrEnv(
         map=small_map,
         collisions=False,
@@ -85,3 +92,43 @@ def test_reaching_the_goal_is_a_success_and_the_walk_is_told(env):
     assert result.success.all()
     assert result.steps.tolist() == [len(plan.steps)]
     assert [env.graph.ids(state.stance) for state in walks[0]] == list(plan.stances)
+
+
+def test_tasks_are_evaluated_with_their_points_occupied(table_env):
+    planner = Planner(table_env.graph)
+    for seed in range(20):
+        table_env.reset(seed=seed)
+        start, goal = table_env.graph.ids(table_env.state.stance), table_env.goal
+        plan = planner.plan(start, goal, "steps").unwrap()
+        taken = plan.actions[0][1]
+        table_env.graph.occupy([taken])
+        other = planner.plan(start, goal, "steps").plan
+        table_env.graph.vacate()
+        if other is not None:
+            break
+    assert other is not None
+    tasks = [Task(start, tuple(goal)), Task(start, tuple(goal), (taken,))]
+    seen = []
+    result = evaluate(
+        table_env,
+        ExpertPolicy(),
+        tasks,
+        execute=lambda world, states: bool(seen.append(states) or len(seen) == 1),
+    )
+    assert result.success.all()
+    assert result.executed.tolist() == [1.0, 0.0]
+    assert table_env.graph.occupied == frozenset()
+    assert result.steps.tolist() == [
+        len(plan.steps),
+        len(other.steps),
+    ]
+    point = table_env.graph.grasp_map.index(taken)
+    assert all(point not in state.stance for state in seen[1])
+
+
+def test_bootstrap_interval_of_a_mean():
+    """Against the normal approximation."""
+    values = np.random.default_rng(0).normal(5.0, 2.0, 400)
+    low, high = bootstrap(values)
+    assert low == pytest.approx(values.mean() - 1.96 * 0.1, abs=0.05)
+    assert high == pytest.approx(values.mean() + 0.196, abs=0.05)

@@ -1,4 +1,4 @@
-"""Actions in every form that policies return: the environment takes what its action space contains."""
+"""Actions in every form that policies return: what the action space contains is taken."""
 
 import gymnasium
 import numpy as np
@@ -51,7 +51,7 @@ def test_what_the_action_space_does_not_contain_is_refused(env, action):
         isinstance(action, (int, np.generic, np.ndarray)) and env.action_space.contains(action)
     )
     before = env.unwrapped.steps
-    with pytest.raises(SettingError, match="action .* is not a whole number from 0 to") as caught:
+    with pytest.raises(SettingError, match=r"action .* is not a whole number from 0 to") as caught:
         env.unwrapped.step(action)
     assert "\n" not in str(caught.value)
     assert env.unwrapped.steps == before

@@ -23,7 +23,7 @@ def env():
 
 
 class TestInterface(test_utils.EnvironmentTestMixin, absltest.TestCase):
-    """dm_env's own tests, with an episode that reaches its end."""
+    """The tests of dm_env, with an episode that reaches its end."""
 
     def make_object_under_test(self):
         return MlivrDmEnvironment(env(), seed=0, max_episode_steps=8)

@@ -68,7 +68,7 @@ def test_failure_probabilities_paths_and_wrappers_survive(ladder, tmp_path):
     assert again.spec.max_episode_steps == 7
 
 
-def test_a_robot_with_shapes_of_its_own_survives():
+def test_a_robot_with_further_shapes_survives():
     shapes = (
         Capsule("forearm", (0.0, 0.0, 0.1), (0.1, 0.0, 0.2), 0.05),
         Capsule("gripper", (0, 0, 0), (0, 0, 0.04), 0.03),
@@ -147,7 +147,7 @@ def test_faulty_plain_arguments_are_named(ladder):
     with pytest.raises(MlivrError, match="unknown robot field 'arms'"):
         MlivrEnv(robot={"arms": 2})
     physical = {"map": ladder, "collisions": False, "dynamics": "mujoco"}
-    with pytest.raises(SettingError, match="unknown figure of physics 'gain'.*kp"):
+    with pytest.raises(SettingError, match=r"unknown figure of physics 'gain'.*kp"):
         MlivrEnv(physics={"gain": 2.0}, **physical)
     with pytest.raises(SettingError, match="kp is 'high'"):
         MlivrEnv(physics={"kp": "high"}, **physical)

@@ -1,4 +1,4 @@
-"""Rewards, and what a failed grasp leaves, by the formulas of the environment's docstring: alone and in copies."""
+"""Rewards, and what a failed grasp changes, by the formulas of the environment's docstring."""
 
 import numpy as np
 import pytest
@@ -78,7 +78,7 @@ def test_an_action_that_is_not_possible_costs_the_largest_step(make):
 
 @pytest.mark.parametrize("discount", [0.9, 1.0])
 def test_shaping_keeps_the_discounted_return_but_for_the_start(make, plan, discount):
-    """The sum of discounted shaped rewards is that of the plain ones plus the distance at the start."""
+    """The discounted sum of shaped rewards is the plain one plus the distance at the start."""
     returns = []
     for shaping in (False, True):
         env = make(shaping=shaping, discount=discount, success_bonus=2.0)
@@ -95,10 +95,8 @@ def test_shaping_keeps_the_discounted_return_but_for_the_start(make, plan, disco
     assert returns[1] - returns[0] == pytest.approx(away, abs=1e-9)
 
 
-def test_a_failed_grasp_costs_the_way_there_and_back_and_keeps_the_branches_that_went(
-    make, small_map
-):
-    """The limb that moved is where it was; the holder lost the branches that the step does not allow."""
+def test_a_failed_grasp_costs_both_displacements_and_keeps_the_branches_that_went(make, small_map):
+    """The limb that moved is where it was; the holder has but the branches that the step allows."""
     risk = np.full(len(small_map), 0.95)
     env = make(reward="base", grasp_failure=risk, goal_tolerance=0.0)
     graph, rng, failures, narrowed = env.graph, np.random.default_rng(0), 0, 0

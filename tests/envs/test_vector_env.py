@@ -1,34 +1,20 @@
+"""The vector environment against single ones, its tables, and what it refuses."""
+
 import gymnasium
 import numpy as np
 import pytest
 import torch
 from gymnasium.vector import AutoresetMode
-from scipy.stats import ks_2samp
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.grasp_failure import failure_probabilities
-from mlivr_gym.envs.tasks import random_state, sample_task
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import GoalError, SettingError, StanceError, UnknownPointError
-from mlivr_gym.planners import Planner
 from mlivr_gym.stances.pair_graph import fill_rows
 from mlivr_gym.stances.step_tables import cache_file, step_tables, without_points
 
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory):
-    """A cache directory of the tests' own."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
-@pytest.fixture(scope="module")
-def single(small_map, cache):
-    """The small map with collisions; every step is asked of the graph."""
-    return MlivrEnv(map=small_map)
+pytestmark = pytest.mark.usefixtures("cache")
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +28,7 @@ def same(ours, theirs):
 
 @pytest.mark.parametrize(("reward", "collisions"), [("steps", True), ("base", False)])
 def test_vector_environment_equals_single_environments(small_map, reward, collisions):
-    """Step by step on random walks, some actions not possible: observation, reward, end, masks and info."""
+    """Step by step on random walks with some impossible actions: all that a step returns."""
     options = {
         "map": small_map,
         "collisions": collisions,
@@ -190,78 +176,6 @@ def test_bad_input_is_named(small_map):
         copies.reset(options={"begin": 1})
 
 
-class SplitMix:
-    """splitmix64 (Steele, Lea and Flood, 2014) in whole numbers of Python, with the interface of a generator."""
-
-    def __init__(self, seed):
-        self.state = int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
-
-    def integers(self, bound):
-        self.state = (self.state + 0x9E3779B97F4A7C15) % 2**64
-        z = self.state
-        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 % 2**64
-        z = (z ^ z >> 27) * 0x94D049BB133111EB % 2**64
-        return (z ^ z >> 31) * bound // 2**64
-
-
-@pytest.mark.parametrize("given", [False, True])
-def test_tasks_are_drawn_as_the_single_environment_draws_them(small_map, given):
-    """Number for number: `sample_task` over the graph, fed with the stream of each copy."""
-    copies = MlivrVectorEnv(200, map=small_map, collisions=False)
-    graph, m = copies.env.graph, len(small_map)
-    starts = None
-    if given:
-        copies.reset(seed=1000)
-        starts = copies.tables.points[copies.stances].tolist()
-    observations, infos = copies.reset(seed=7, options={"start": starts} if given else None)
-    for k in range(200):
-        start = graph.state(starts[k]) if given else None
-        state, goal = sample_task(graph, SplitMix(7 + k), copies.env.goal_tolerance, start)
-        assert tuple(observations["stance"][k].tolist()) == state.stance
-        assert tuple(copies.masks[k].tolist()) == state.masks
-        np.testing.assert_allclose(copies.goals[k], goal, atol=1e-12)
-        away = np.linalg.norm(infos["base_position"][k] - copies.goals[k])
-        assert away > copies.env.goal_tolerance
-        assert not infos["is_success"][k]
-    assert len({tuple(row) for row in observations["stance"].tolist()}) > 100
-    assert m > 30
-
-
-def test_goals_can_be_reached_from_the_starts_that_are_given(single):
-    """A plan of the planner joins each pair; without a start the goal alone may be given."""
-    copies = MlivrVectorEnv(60, env=single)
-    graph, rng = single.graph, np.random.default_rng(3)
-    starts = [graph.ids(random_state(graph, rng).stance) for _ in range(60)]
-    _, infos = copies.reset(seed=11, options={"start": starts})
-    planner = Planner(graph)
-    assert [tuple(row) for row in infos["stance"]] == starts
-    for k in range(60):
-        assert tuple(copies.masks[k].tolist()) == graph.state(starts[k]).masks
-        assert planner.plan(starts[k], copies.goals[k].tolist(), "steps").plan is not None
-    goals = copies.goals[::-1].copy()
-    observations, infos = copies.reset(options={"goal": goals})
-    np.testing.assert_array_equal(copies.goals, goals)
-    assert infos["action_mask"].any(axis=1).all()
-    assert not (infos["stance"] == np.array(starts)).all()
-    both = {"start": np.array(starts), "goal": goals.tolist()}
-    _, infos = copies.reset(options=both)
-    assert [tuple(row) for row in infos["stance"]] == starts
-    assert (copies.goals == goals).all()
-
-
-def test_tasks_are_as_far_as_those_of_the_single_environment(small_map):
-    """Distances of 400 tasks each: the two-sample Kolmogorov-Smirnov test does not tell them apart."""
-    copies = MlivrVectorEnv(400, map=small_map, collisions=False)
-    _, infos = copies.reset(seed=0)
-    ours = np.linalg.norm(infos["base_position"] - copies.goals, axis=1)
-    single, theirs = copies.env, []
-    for seed in range(400):
-        _, info = single.reset(seed=seed)
-        theirs.append(np.linalg.norm(info["base_position"] - single.goal))
-    assert ks_2samp(ours, theirs).pvalue > 0.001
-    assert ks_2samp(ours, np.array(theirs) * 1.3).pvalue < 0.001
-
-
 def test_info_names_the_stance_as_the_single_environment_does(small_map):
     copies = MlivrVectorEnv(3, map=small_map, collisions=False)
     observations, infos = copies.reset(seed=2)
@@ -399,56 +313,3 @@ def test_a_batch_holds_integers_of_the_action_space(small_map, actions):
         copies.action_space.sample(),
     ):
         copies.step(good)
-
-
-@pytest.mark.parametrize("vector", [False, True])
-def test_grasps_fail_as_often_as_said(small_map, vector):
-    """Shares of failed attempts against their probabilities; a failed attempt leaves the stance and costs a step."""
-    options = {
-        "map": small_map,
-        "collisions": False,
-        "goal_tolerance": 0.0,
-        "grasp_failure": 0.3,
-        "grasp_failure_seed": 4,
-    }
-    rng = np.random.default_rng(0)
-    expected, failed, attempts = 0.0, 0, 0
-    if vector:
-        copies = MlivrVectorEnv(64, None, **options)
-        before, infos = copies.reset(seed=0)
-        risk, m = copies.env.failure_probability, len(small_map)
-        for _ in range(60):
-            actions = (rng.random(infos["action_mask"].shape) * infos["action_mask"]).argmax(axis=1)
-            after, _, _, _, infos = copies.step(actions)
-            stayed = (after["stance"] == before["stance"]).all(axis=1)
-            np.testing.assert_array_equal(stayed, infos["grasp_failed"])
-            expected, failed = expected + risk[actions % m].sum(), failed + stayed.sum()
-            attempts, before = attempts + 64, after
-    else:
-        env = MlivrEnv(**options)
-        _, info = env.reset(seed=0)
-        for _ in range(1500):
-            before, moved = info["stance"], info["base_translation"]
-            action = int(rng.choice(np.flatnonzero(info["action_mask"])))
-            expected += env.failure_probability[action % len(small_map)]
-            _, reward, _, _, info = env.step(action)
-            assert info["grasp_failed"] == (info["stance"] == before)
-            assert info["action_mask"].any()
-            assert reward == -1.0
-            assert info["action_mask"][action] or not info["grasp_failed"]
-            assert info["base_translation"] >= moved
-            failed, attempts = failed + info["grasp_failed"], attempts + 1
-    assert abs(failed - expected) < 4.0 * np.sqrt(expected)
-    assert attempts > 1000
-
-
-def test_failure_probabilities():
-    drawn = failure_probabilities(20_000, 0.2, seed=1)
-    assert drawn.mean() == pytest.approx(0.2, abs=0.005)
-    assert drawn.min() >= 0.0
-    assert drawn.max() <= 0.4
-    np.testing.assert_array_equal(
-        failure_probabilities(3, np.array([0.0, 0.5, 0.9])), [0.0, 0.5, 0.9]
-    )
-    with pytest.raises(SettingError, match="3 numbers"):
-        failure_probabilities(3, np.array([0.0, 1.0, 0.5]))

@@ -48,8 +48,8 @@ def reachable(graph, start, cost):
 
 def least_cost(truth, positions, start, goal, tolerance=0.2):
     lengths = nx.single_source_dijkstra_path_length(truth, start)
-    near = [lengths[s] for s, p in positions.items() if np.linalg.norm(p - goal) <= tolerance]
-    return min(near, default=np.inf)
+    found = [lengths[s] for s, p in positions.items() if np.linalg.norm(p - goal) <= tolerance]
+    return min(found, default=np.inf)
 
 
 def compiled_cost(graph, start, goal, cost):
@@ -65,7 +65,7 @@ def compiled_cost(graph, start, goal, cost):
     return costs[-1] if status == FOUND else np.inf
 
 
-def way(explored):
+def path_of(explored):
     """The states from the first to the last of a tree."""
     chain = [len(explored.states) - 1]
     while explored.parents[chain[-1]] >= 0:
@@ -108,7 +108,7 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(tiny_map, limbs, nam
                 assert explored.status == (FOUND if np.isfinite(expected) else EXHAUSTED)
                 if explored.status == FOUND:
                     assert explored.costs[-1] == pytest.approx(expected, abs=1e-9)
-                longer += len(way(explored)) > 2
+                longer += len(path_of(explored)) > 2
                 missing += explored.status == EXHAUSTED
     assert longer >= 2
     assert missing >= 2
@@ -125,7 +125,7 @@ def test_costs_and_existence_are_those_of_the_compiled_search(small_checked_grap
         assert (ours.status == FOUND) == np.isfinite(compiled)
         if ours.status == FOUND:
             assert ours.costs[-1] == pytest.approx(compiled, abs=1e-9)
-            several += len(way(ours)) > 2
+            several += len(path_of(ours)) > 2
         none += ours.status == EXHAUSTED
     assert several > 40
     assert none > 1
@@ -191,14 +191,14 @@ def test_steps_that_are_blocked_are_not_taken(small_checked_graph):
         state, blocked = graph.state(start), []
         free = before = algorithm1(graph, state, goal, 0.2, cost)
         for _ in range(3):
-            if before.status != FOUND or len(way(before)) < 2:
+            if before.status != FOUND or len(path_of(before)) < 2:
                 break
-            taken = [s.stance for s in way(before)]
+            taken = [s.stance for s in path_of(before)]
             blocked.append((taken[-2], taken[-1]))
             after = algorithm1(graph, state, goal, 0.2, cost, blocked=blocked)
             with graph.without(blocked):
                 truth = algorithm1(graph, state, goal, 0.2, cost)
-            assert not set(pairwise(s.stance for s in way(after))) & set(blocked)
+            assert not set(pairwise(s.stance for s in path_of(after))) & set(blocked)
             assert after.status == truth.status
             assert after.costs[-1] == pytest.approx(truth.costs[-1], abs=1e-9)
             before = after

@@ -1,0 +1,115 @@
+"""Features of the point-wise policy: frames, tables, and the reach of points."""
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from mlivr_gym.agents.features import (
+    DEPTH,
+    PointObservation,
+    TableFeatures,
+    env_features,
+    reach_of_points,
+)
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.stances.moves import GraphMoves
+
+
+def test_point_observation_is_an_environment(env):
+    wrapped = PointObservation(
+        gymnasium.make("MLIVR-JEM-v0", map=env.graph.grasp_map, collisions=False)
+    )
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        wrapped.action_masks()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*is different from the unwrapped version")
+        check_env(wrapped, skip_render_check=True)
+
+
+def test_features_are_positions_seen_from_the_robot(env):
+    """Back in the world they are the points, the goal and the places the base moves to."""
+    env.reset(seed=0)
+    seen = {name: rows[0].astype(float) for name, rows in env_features(env).items()}
+    posture, grasp_map = env.graph.posture(env.state.stance), env.graph.grasp_map
+    base, rotation = posture.position[0], posture.rotation[0]
+    np.testing.assert_allclose(
+        seen["points"][:, :3] @ rotation.T + base, grasp_map.positions, atol=1e-5
+    )
+    np.testing.assert_allclose(seen["points"][:, 3:6] @ rotation.T, grasp_map.normals, atol=1e-5)
+    np.testing.assert_allclose(rotation @ seen["goal"][:3] + base, env.goal, atol=1e-5)
+    assert seen["goal"][3] == pytest.approx(np.linalg.norm(env.goal - base), abs=1e-5)
+    assert seen["goal"][4] == pytest.approx(0.2)
+    assert [int(row.argmax()) for row in seen["limbs"][:, :, 0]] == list(env.state.stance)
+    np.testing.assert_array_equal(seen["limbs"][:, :, 1].ravel() > 0, env.action_masks())
+    steps = env.successors()
+    for limb, point, position in zip(steps.limb, steps.point, steps.position, strict=True):
+        np.testing.assert_allclose(
+            rotation @ seen["limbs"][limb, point, 2:5] + base, position, atol=1e-5
+        )
+
+
+def test_features_from_tables_are_those_of_the_environment(env):
+    features, moves = TableFeatures(env), env.table_moves()
+    for seed in range(4):
+        env.reset(seed=seed)
+        s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
+        batch = features(
+            moves.tables,
+            s,
+            np.array([env.state.masks]),
+            env.goal[None],
+            reach_of_points(env.graph, env.goal)[None],
+        )
+        for name, rows in env_features(env).items():
+            np.testing.assert_array_equal(batch[name], rows)
+
+
+def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
+    """After one step any stance with the point, then any that keeps the point of the other limb."""
+    graph, goal = env.graph, np.array([1.5, 0.0, 0.0])
+    reach, held = reach_of_points(graph, goal), (graph.mask > 0).all(axis=1)
+    distance = np.linalg.norm(graph.position - goal, axis=1)
+    for limb in range(2):
+        for point in range(0, len(graph.grasp_map), 3):
+            stances, kept = held & (graph.points[:, limb] == point), limb
+            for depth in range(DEPTH):
+                assert reach[limb, point, depth] == pytest.approx(
+                    distance[stances].min(initial=10.0), abs=1e-12
+                )
+                kept = 1 - kept
+                stances = held & np.isin(graph.points[:, kept], graph.points[stances, kept])
+
+
+def test_features_tell_points_that_are_taken_and_their_risk(small_map):
+    risk = np.linspace(0.0, 0.5, len(small_map))
+    world = MlivrEnv(map=small_map, collisions=False, grasp_failure=risk)
+    world.graph.occupy([3, 8])
+    world.reset(seed=0)
+    points = env_features(world)["points"][0]
+    assert np.flatnonzero(points[:, 6] == 0.0).tolist() == [3, 8]
+    assert (np.delete(points[:, 6], [3, 8]) == 1.0).all()
+    np.testing.assert_allclose(points[:, 7], risk, atol=1e-6)
+
+
+def test_tables_and_graph_agree_on_who_may_let_go_next(small_map):
+    """From states of walks among racks, where some limbs that hold cannot depart."""
+    env = MlivrEnv(map=small_map, precompute=True)
+    rng, graph_moves, differ = np.random.default_rng(0), GraphMoves(env.graph), 0
+    for seed in range(10):
+        env.reset(seed=seed)
+        for _ in range(6):
+            steps = env.moves.successors(env.state)
+            ours = env.table_moves().releasable_after(env.state, steps)
+            np.testing.assert_array_equal(ours, graph_moves.releasable_after(env.state, steps))
+            for k, (limb, point) in enumerate(
+                zip(steps.limb.tolist(), steps.point.tolist(), strict=True)
+            ):
+                after = env.moves.take(env.state, limb * len(env.graph.grasp_map) + point)
+                lets_go = env.graph.successors(after).limb != limb
+                assert ours[k] or not lets_go.any()
+            differ += not ours.all()
+            env.step(int(rng.choice(np.flatnonzero(env.action_masks()))))
+    assert differ > 0

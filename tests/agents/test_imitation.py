@@ -1,0 +1,130 @@
+"""Imitation of the planner: its loss, its labels, whose walks it sees, and that it learns."""
+
+import numpy as np
+import pytest
+import torch
+
+from mlivr_gym.agents import evaluate
+from mlivr_gym.agents.imitation import Imitation, ImitationSettings, optimal_set_loss
+from mlivr_gym.agents.learned import LearnedPolicy
+from mlivr_gym.agents.networks import make_policy, scores_and_value
+from mlivr_gym.planners import Planner
+from mlivr_gym.stances.stance_graph import State
+
+
+def test_loss_on_sets_against_brute_force():
+    rng = np.random.default_rng(0)
+    scores = rng.normal(size=(5, 7))
+    legal = rng.random((5, 7)) < 0.7
+    legal[:, 0] = True
+    optimal = legal & (rng.random((5, 7)) < 0.4)
+    optimal[:, 0] = True
+    expected = 0.0
+    for k in range(5):
+        weights = [np.exp(scores[k, a]) if legal[k, a] else 0.0 for a in range(7)]
+        expected -= np.log(sum(weights[a] for a in range(7) if optimal[k, a]) / sum(weights)) / 5
+    loss = optimal_set_loss(*map(torch.as_tensor, (scores, legal, optimal)))
+    assert loss.item() == pytest.approx(expected, abs=1e-12)
+
+
+def test_labels_are_the_steps_of_optimal_plans(env, short):
+    """Costs are those of the planner's plans, and optimal actions those of its cost-to-go."""
+    imitation = Imitation(env, make_policy(env, "mlp", {}), True, ImitationSettings(**short), 0)
+    samples, _ = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), expert=True)
+    planner, tables = Planner(env.graph), env.table_moves().tables
+    m = len(env.graph.grasp_map)
+    fresh = [
+        k
+        for k in range(len(samples.cost))
+        if (samples.masks[k] == tables.masks[samples.stances[k]]).all()
+    ]
+    assert len(fresh) >= 10
+    for k in fresh[:10]:
+        stance, goal = tables.points[samples.stances[k]].tolist(), samples.goals[k]
+        plan = planner.plan(stance, goal.tolist(), "steps").unwrap()
+        assert samples.cost[k] == len(plan.steps)
+    labels = []
+    for k in range(len(samples.cost)):
+        state = State(
+            tuple(tables.points[samples.stances[k]].tolist()), tuple(samples.masks[k].tolist())
+        )
+        steps = env.graph.successors(state)
+        costs = planner.cost_to_go(samples.goals[k].tolist(), "steps").action_values(state, steps)
+        assert samples.cost[k] == pytest.approx(costs.min())
+        expected = set((steps.limb * m + steps.point)[costs < costs.min() + 0.5].tolist())
+        assert (
+            set(np.flatnonzero(np.unpackbits(samples.optimal[k], count=2 * m)).tolist()) == expected
+        )
+        labels.append((len(expected), len(costs)))
+    assert sum(most > 1 for most, _ in labels) > 10
+    assert sum(most < least for most, least in labels) > 10
+
+
+@pytest.mark.parametrize("dagger", [True, False])
+def test_dagger_lets_the_policy_walk_after_the_first_round(env, dagger, monkeypatch, short):
+    settings = ImitationSettings(**(short | {"rounds": 3, "updates": 1, "dagger": dagger}))
+    imitation, walks, rounds = (
+        Imitation(env, make_policy(env, "mlp", {}), True, settings, 0),
+        [],
+        [],
+    )
+    chosen, learn = imitation._chosen, imitation._learn
+    monkeypatch.setattr(
+        imitation, "_chosen", lambda samples: walks.append(len(rounds)) or chosen(samples)
+    )
+    monkeypatch.setattr(imitation, "_learn", lambda *given: rounds.append(learn(*given)))
+    imitation.run()
+    assert set(walks) == ({1, 2} if dagger else set())
+
+
+def test_imitation_teaches_the_value(env):
+    """Of states it has not seen: the farther from the goal, the lower."""
+    torch.manual_seed(0)
+    policy = make_policy(env, "pointer", {"width": 32, "summary": 16})
+    settings = ImitationSettings(
+        rounds=1,
+        layouts=3,
+        goals=8,
+        walks=6,
+        updates=80,
+        batch=64,
+        learning_rate=3e-3,
+        value_weight=0.5,
+    )
+    imitation = Imitation(env, policy, False, settings, 0)
+    imitation.run()
+    samples, _ = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), expert=True)
+    with torch.no_grad():
+        value = scores_and_value(policy, imitation.observe(samples)[0])[1].numpy()
+    assert np.corrcoef(value, -samples.cost)[0, 1] > 0.5
+
+
+def test_held_out_goals_are_not_learnt_from(env, short):
+    settings = ImitationSettings(**short)
+    free = np.ones(len(env.graph.grasp_map), dtype=bool)
+    first, _ = Imitation(env, make_policy(env, "mlp", {}), True, settings, 3).gather(free, True)
+    goal = first.goals[:1]
+    second, _ = Imitation(env, make_policy(env, "mlp", {}), True, settings, 3, goal).gather(
+        free, True
+    )
+    assert (np.linalg.norm(first.goals - goal, axis=1) < 0.01).any()
+    assert len(second.goals)
+    assert not (np.linalg.norm(second.goals - goal, axis=1) < 0.01).any()
+
+
+def test_imitation_lowers_its_loss_and_arrives(env):
+    torch.manual_seed(0)
+    policy = make_policy(env, "pointer", {"width": 32, "summary": 16})
+    settings = ImitationSettings(
+        rounds=2, layouts=3, goals=8, walks=6, updates=80, batch=64, learning_rate=3e-3
+    )
+    losses = []
+    Imitation(env, policy, False, settings, 0).run(
+        lambda done, total, figures: losses.append(figures["loss"])
+    )
+    assert len(losses) == 160
+    assert np.mean(losses[-20:]) < 0.75 * np.mean(losses[:20])
+    assert (
+        evaluate(env, LearnedPolicy(policy, "pointer"), 20, seed=100, max_steps=30).success_rate
+        >= 0.8
+    )

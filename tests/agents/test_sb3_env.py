@@ -1,0 +1,58 @@
+"""Copies of the environment for stable-baselines3 against single environments."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+from mlivr_gym.agents import ExpertPolicy
+from mlivr_gym.agents.features import env_features
+from mlivr_gym.agents.sb3_env import TableVecEnv
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.errors import SettingError
+
+
+def test_one_copy_alone_cannot_be_changed(env):
+    with pytest.raises(SettingError, match=r"'reward'.*share one world"):
+        TableVecEnv(env, 2, "points").set_attr("reward", "base")
+
+
+def test_copies_for_stable_baselines3_go_like_single_environments(env, small_map):
+    copies = TableVecEnv(env, 3, "points", max_episode_steps=6)
+    copies.seed(0)
+    observations = copies.reset()
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        TableVecEnv(env, 3).action_masks()
+    singles = [MlivrEnv(map=small_map, collisions=False) for _ in range(3)]
+
+    def follow(k):
+        stance = copies.copies.tables.points[copies.copies.stances[k]].tolist()
+        singles[k].reset(options={"start": stance, "goal": copies.copies.goals[k].copy()})
+
+    for k in range(3):
+        follow(k)
+    rng, expert = np.random.default_rng(0), ExpertPolicy()
+    ended, arrived = 0, 0
+    for _ in range(60):
+        masks = np.stack(copies.env_method("action_masks"))
+        np.testing.assert_array_equal(masks, observations["limbs"][..., 1].reshape(3, -1) > 0)
+        actions = (rng.random(masks.shape) * masks).argmax(axis=1)
+        actions[0] = expert.act(singles[0], {}, masks[0])
+        observations, rewards, dones, infos = copies.step(actions)
+        assert (rewards == -1.0).all()
+        for k, single in enumerate(singles):
+            _, _, success, _, info = single.step(int(actions[k]))
+            assert dones[k] == (success or info["steps"] == 6)
+            if not dones[k]:
+                assert infos[k] == {}
+                continue
+            ended, arrived = ended + 1, arrived + success
+            assert infos[k]["episode"]["l"] == -infos[k]["episode"]["r"] == info["steps"]
+            assert infos[k]["is_success"] is success
+            assert infos[k]["TimeLimit.truncated"] is not success
+            for name, rows in env_features(single).items():
+                np.testing.assert_array_equal(rows[0], infos[k]["terminal_observation"][name])
+            follow(k)
+        for k, single in enumerate(singles):
+            assert single.state.masks == tuple(copies.copies.masks[k].tolist())
+    assert ended >= 25
+    assert 3 <= arrived < ended

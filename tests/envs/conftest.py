@@ -1,0 +1,27 @@
+"""Fixtures of the tests of environments."""
+
+import gymnasium
+import pytest
+
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
+from mlivr_gym.envs.env import MlivrEnv
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """An empty cache directory for the tests of a file."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def single(small_map, cache):
+    """The small map with collisions; every step is asked of the graph."""
+    return MlivrEnv(map=small_map)
+
+
+@pytest.fixture(scope="module")
+def env():
+    """The paper's world: where thousands of steps are taken, collisions would only cost time."""
+    return gymnasium.make("MLIVR-JEM-v0", collisions=False).unwrapped

@@ -1,0 +1,54 @@
+"""Costs and their heuristics: which are lower bounds, and what a price of a regrasp does."""
+
+import itertools
+
+import numpy as np
+
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.costs import Cost
+
+
+def test_heuristics_never_overestimate_and_the_papers_does(graph, weight):
+    goal = np.array([6.0, 0.0, 0.42])
+    distance = np.linalg.norm(graph.position - goal, axis=1)
+    over = 0
+    for name in ("base", "steps"):
+        truth = Planner(graph).cost_to_go(goal, name).values
+        ours = Cost.named(name).heuristic("consistent", distance, 0.2, graph.max_step)
+        assert (ours <= truth + 1e-9).all()
+        steps = [np.random.default_rng(0).integers(0, len(graph)) for _ in range(50)]
+        for s in steps:
+            for t in graph.row(0, s):
+                edge = weight(
+                    name, None, float(np.linalg.norm(graph.position[s] - graph.position[t]))
+                )
+                assert ours[s] <= edge + ours[t] + 1e-9
+        over += (
+            Cost.named(name).heuristic("paper", distance, 0.2, graph.max_step) > truth + 1e-9
+        ).sum()
+    assert over > 0
+
+
+def test_the_papers_heuristic_loses_optimality_on_some_task(graph):
+    planner = Planner(graph)
+    lost = []
+    for seed in range(5):
+        start, goal = sample_task(graph, np.random.default_rng(seed), 0.2)
+        best = planner.plan(start.stance, goal).unwrap().cost
+        lost.append(planner.plan(start.stance, goal, heuristic="paper").unwrap().cost - best)
+    assert min(lost) > -1e-9
+    assert max(lost) > 1e-3
+
+
+def test_moving_a_limb_pays_its_price(graph):
+    planner, start, goal = Planner(graph), ("D1a:7", "D1b:0"), (5.9, -0.1, 0.35)
+    plans = [
+        planner.plan(start, goal, "weighted", regrasp_price=price).unwrap()
+        for price in (0.0, 0.05, 0.5, 5.0)
+    ]
+    assert all(len(a.steps) >= len(b.steps) for a, b in itertools.pairwise(plans))
+    assert all(
+        a.base_translation <= b.base_translation + 1e-9 for a, b in itertools.pairwise(plans)
+    )
+    assert len(plans[-1].steps) == len(planner.plan(start, goal, "steps").unwrap().steps)

@@ -1,0 +1,128 @@
+"""Plans can be executed: grasps, base paths, thresholds and joint limits."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from paper import NO_COLLISIONS
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Limb, Settings, robot_spec, stance_graph
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.kinematics.holding import base_path
+from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
+from mlivr_gym.planners import Planner
+
+
+@pytest.mark.parametrize("limbs", [2, 3, 4])
+def test_a_plan_can_be_executed(jem, limbs):
+    """Grasps are met, holding joints follow the base path, thresholds and limits hold."""
+    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
+    robot = graph.robot
+
+    start, goal = sample_task(graph, np.random.default_rng(limbs), 0.2)
+    plan = Planner(graph).plan(start.stance, goal).unwrap()
+    assert len(plan.steps) > 0
+    assert np.linalg.norm(plan.base_positions[-1] - goal) <= 0.2
+    assert plan.w_m_min >= graph.limb_threshold
+    assert plan.w_b_min >= graph.base_threshold
+    assert np.abs(plan.joint_positions).max() <= 2 * np.pi + 1e-6 + 1e-12
+    for k, stance in enumerate(plan.stances):
+        base = Rotation.from_quat(plan.base_quaternions[k], scalar_first=True).as_matrix()
+        for i, point in enumerate(stance):
+            frame = forward_kinematics(plan.joint_positions[k, i], robot.limb.lengths)[6]
+            tip = robot.mount_positions[i] + robot.mount_rotations[i] @ (
+                frame[:3, 3] + 0.05 * frame[:3, 2]
+            )
+            index = jem.index(point)
+            np.testing.assert_allclose(
+                plan.base_positions[k] + base @ tip, jem.positions[index], atol=1e-6
+            )
+            axis = base @ robot.mount_rotations[i] @ frame[:3, 2]
+            np.testing.assert_allclose(axis, -jem.normals[index], atol=1e-6)
+    for k, step in enumerate(plan.steps):
+        ends = []
+        for j in (k, k + 1):
+            ends += [
+                plan.base_positions[j],
+                Rotation.from_quat(plan.base_quaternions[j], scalar_first=True).as_matrix(),
+            ]
+        kind = {"straight": 0, "arc": 1}[step.path]
+        positions, rotations = base_path(*ends, kind, np.array(step.pivot), np.linspace(0, 1, 200))
+        for i in range(limbs):
+            if i == step.limb:
+                assert plan.stances[k][i] == step.from_point
+                assert plan.stances[k + 1][i] == step.to_point
+                continue
+            assert plan.stances[k][i] == plan.stances[k + 1][i]
+            q = track(
+                plan.joint_positions[k, i],
+                positions,
+                rotations,
+                jem,
+                robot,
+                i,
+                jem.index(plan.stances[k][i]),
+            )
+            np.testing.assert_allclose(q, plan.joint_positions[k + 1, i], atol=1e-5)
+
+
+def track(q, positions, rotations, jem, robot, limb, point):
+    """Joint angles after a base path, by Newton steps on the grasp error, not in closed form."""
+    x, z = jem.rotations[point][:, 0], -jem.normals[point]
+    grip = jem.positions[point] + robot.tool_length * jem.normals[point]
+    q = q.copy()
+    sign = None
+    for position, rotation in zip(positions, rotations, strict=True):
+        mount = rotation @ robot.mount_rotations[limb]
+        for _ in range(6):
+            frame = forward_kinematics(q, robot.limb.lengths)[6]
+            sign = sign or float(np.sign((mount @ frame[:3, 0]) @ x))
+            want = mount.T @ np.column_stack([sign * x, np.cross(z, sign * x), z])
+            place = mount.T @ (grip - position - rotation @ robot.mount_positions[limb])
+            spin = 0.5 * sum(np.cross(frame[:3, c], want[:, c]) for c in range(3))
+            q += np.linalg.solve(
+                jacobian(q, robot.limb.lengths), np.concatenate([place - frame[:3, 3], spin])
+            )
+    return q
+
+
+def test_narrow_joint_limits_are_kept_along_the_plan(jem):
+    limits = ((-np.pi, np.pi),) * 6
+    robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=limits))
+    plan = (
+        Planner(stance_graph(jem, robot, NO_COLLISIONS))
+        .plan(("D1a:4", "D1b:4"), (4.0, 0.0, 0.0), "steps")
+        .unwrap()
+    )
+    assert np.abs(plan.joint_positions).max() <= np.pi + 1e-6 + 1e-12
+
+
+def test_a_hold_that_would_leave_the_joint_limits_is_planned_round(jem):
+    """On this task the first path turns a joint of a holding limb by more than its limits allow."""
+    graph = stance_graph(jem, "mlivr3", NO_COLLISIONS)
+    start, _ = sample_task(graph, np.random.default_rng(0), 0.2)
+    plan = (
+        Planner(graph).plan(start.stance, (2.5, -0.4, -0.3), "weighted", regrasp_price=0.1).unwrap()
+    )
+    assert np.abs(plan.joint_positions).max() <= 2 * np.pi + 1e-6 + 1e-12
+    for a, b in itertools.pairwise(range(len(plan.stances))):
+        held = [i for i in range(3) if plan.stances[a][i] == plan.stances[b][i]]
+        assert (
+            np.abs(plan.joint_positions[b, held] - plan.joint_positions[a, held]).max()
+            < np.pi * 1.5
+        )
+
+
+def test_unchecked_plans_do_without_joint_limits(small_map):
+    """Where steps are not checked, limits over a hold are not either, and nothing fails for it."""
+    robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=((-1.0, 1.0),) * 6))
+    graph = stance_graph(small_map, robot, Settings(collisions=False, transitions=False))
+    plan = (
+        Planner(graph)
+        .plan(graph.points[0].tolist(), graph.position[-1], goal_tolerance=0.3)
+        .unwrap()
+    )
+    assert np.isfinite(plan.joint_positions).all()
+    assert {step.path for step in plan.steps} == {"unchecked"}
