@@ -11,11 +11,12 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.envs.batch import legal_places
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.observations import Observation
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph, State
 from mlivr_gym.stances.step_tables import StepTables
+from mlivr_gym.stances.table_steps import legal_positions
 
 Features = dict[str, NDArray[np.float32]]
 """Observations of the point-wise policy by name, as `point_features` returns them."""
@@ -191,7 +192,7 @@ class TableFeatures:
         k, m = len(stances), len(self.grasp_map)
         legal, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
         releasable_after = np.zeros((k, 2, m), dtype=np.int8)
-        legal_places(stances, masks, tables, legal, after, releasable_after)
+        legal_positions(stances, masks, tables, legal, after, releasable_after)
         free = np.ones(m, dtype=np.bool_) if free is None else free
         legal &= free[..., None, :]
         states = Situations(
@@ -222,7 +223,7 @@ class PointObservation(
         assert isinstance(inner, MlivrEnv)
         self.observation_space = point_space(inner)
 
-    def observation(self, observation: dict[str, NDArray[Any]]) -> Features:
+    def observation(self, observation: Observation) -> Features:
         """The features, without a batch axis."""
         inner = self.env.unwrapped
         assert isinstance(inner, MlivrEnv)

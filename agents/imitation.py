@@ -21,12 +21,13 @@ from torch import Tensor
 
 from mlivr_gym.agents.features import TableFeatures, reach_of_points
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
+from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.batch import advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.planners.costs import Cost
+from mlivr_gym.envs.observations import observations, stance_observations
+from mlivr_gym.envs.rewards import StepReward
 from mlivr_gym.planners.table_values import TableValues
-from mlivr_gym.stances.moves import BITS
 from mlivr_gym.stances.step_tables import StepTables, without_points
 
 
@@ -162,6 +163,7 @@ class Imitation:
         """
         self.env, self.policy, self.plain, self.settings = env, policy, plain, settings
         self.moves = env.table_moves()
+        self._rows = stance_observations(self.moves.graph)
         self.features = TableFeatures(env)
         self.rng = np.random.default_rng(seed)
         self.m = len(env.graph.grasp_map)
@@ -214,7 +216,7 @@ class Imitation:
         if not len(goals):
             return _nothing(self.m), 1.0
         env = self.env
-        cost, risk = Cost.named(env.reward), env.failure_probability
+        cost, risk = cost_of(env), env.failure_probability
         values = TableValues(tables, goals, env.goal_tolerance, cost, risk)
         which, stances = self._starts(values)
         layout = _Layout(free, goals, values, sum(map(len, self._reach)))
@@ -328,9 +330,7 @@ class Imitation:
         )
         legal = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
         if self.plain:
-            looks = {name: rows[samples.stances] for name, rows in self.moves.observations.items()}
-            bits = np.concatenate([BITS[samples.masks[:, 0]], BITS[samples.masks[:, 1]]], axis=1)
-            looks |= {"goal": samples.goals.astype(np.float32), "branches": bits}
+            looks = observations(self._rows, samples.stances, samples.masks, samples.goals)
             return as_tensors(self.policy, looks), legal
         return as_tensors(self.policy, seen), legal
 
@@ -358,7 +358,7 @@ class Imitation:
             scores, value = scores_and_value(self.policy, observation)
             loss = optimal_set_loss(scores, legal, optimal)
             cost = torch.as_tensor(batch.cost)
-            if self.env.reward == "steps":
+            if isinstance(self.env.reward.reward, StepReward):
                 # The return of an agent that discounts.
                 cost = (1.0 - settings.discount**cost) / (1.0 - settings.discount)
             error = (value + cost).square().mean()

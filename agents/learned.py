@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from mlivr_gym.agents.features import env_features
 from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
 from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.files import read_json, write_whole
@@ -49,12 +49,12 @@ class LearnedPolicy:
         self.policy, self.network, self.config, self.memory = policy, network, config or {}, memory
         self._visited: set[tuple[int, ...]] = set()
 
-    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: BoolArray) -> int:
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """The action to take."""
         seen = (
             env_features(env)
             if self.network == "pointer"
-            else {k: v[None] for k, v in observation.items()}
+            else {k: np.asarray(v)[None] for k, v in observation.items()}
         )
         with torch.no_grad():
             scores = scores_and_value(self.policy, as_tensors(self.policy, seen))[0][0].numpy()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from sb3_contrib.common.maskable.policies import MaskableMultiInputActorCriticPolicy
 from torch import Tensor
 
@@ -40,7 +40,7 @@ def make_policy(
     return policy_class(network)(space, env.action_space, lambda _: learning_rate, **sizes)
 
 
-def as_tensors(policy: Any, observation: dict[str, NDArray[Any]]) -> dict[str, Tensor]:
+def as_tensors(policy: Any, observation: Mapping[str, Any]) -> dict[str, Tensor]:
     """A batch of observations as tensors on the policy's device."""
     return {
         name: torch.as_tensor(np.ascontiguousarray(array)).to(policy.device)

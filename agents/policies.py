@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.observations import Observation
+from mlivr_gym.envs.rewards import BaseReward, StepReward
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
@@ -19,6 +19,7 @@ from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.table_values import TableValues
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.transitions.state import State
 
 MOST_EXCLUDED = 20
 """Most steps that `planner_policy` excludes from one query since the state does not allow them."""
@@ -27,7 +28,7 @@ MOST_EXCLUDED = 20
 class Policy(Protocol):
     """Chooses actions in a `MlivrEnv`."""
 
-    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: BoolArray) -> int:
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """The action to take; `mask` tells which are possible, shape (N m,)."""
         ...
 
@@ -39,7 +40,7 @@ class RandomPolicy:
         """Seed the draws."""
         self._rng = np.random.default_rng(seed)
 
-    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: BoolArray) -> int:
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """A possible action, each as likely as the others."""
         return int(self._rng.choice(np.flatnonzero(mask)))
 
@@ -61,7 +62,7 @@ class ExpertPolicy:
         self._moves: TableMoves | None = None
         self._goal: tuple[bytes, float] = b"", 0.0
 
-    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: BoolArray) -> int:
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """An optimal action for the environment's reward; the first of equal ones."""
         graph = env.graph
         if not isinstance(graph, PairGraph):
@@ -72,13 +73,13 @@ class ExpertPolicy:
         goal = (env.goal.tobytes(), env.goal_tolerance)
         if self._moves is not moves or self._goal != goal:
             risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
-            cost = Cost.named(env.reward)
+            cost = cost_of(env)
             self._moves, self._goal = moves, goal
             self._values = TableValues(moves.tables, env.goal[None], env.goal_tolerance, cost, risk)
         if env.state.pose is not None:
             # No stance of the table; a first grasp that fails is not expected.
             steps = moves.successors(env.state)
-            exact = CostToGo(graph, env.goal, env.goal_tolerance, Cost.named(env.reward))
+            exact = CostToGo(graph, env.goal, env.goal_tolerance, cost_of(env))
             best = exact.best(env.state, steps)
             return int(steps.limb[best] * len(graph.grasp_map) + steps.point[best])
         s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
@@ -87,6 +88,18 @@ class ExpertPolicy:
         )[0]
         # Where nothing leads to the goal any possible action will do.
         return int(np.flatnonzero(mask & (costs <= costs.min() + 1e-9))[0])
+
+
+def cost_of(env: MlivrEnv) -> Cost:
+    """The cost whose negative is the reward of an environment, shaping and bonus aside.
+
+    Raises:
+        SettingError: If the reward is an object of a user, whose cost is not known.
+    """
+    reward = env.reward.reward
+    if isinstance(reward, StepReward | BaseReward):
+        return Cost.named("steps" if isinstance(reward, StepReward) else "base")
+    raise SettingError(f"the expert knows the rewards 'steps' and 'base', not {reward!r}")
 
 
 class PlanPolicy:
@@ -104,7 +117,7 @@ class PlanPolicy:
         self._goal: bytes = b""
         self.plans = 0
 
-    def act(self, env: MlivrEnv, observation: dict[str, NDArray[Any]], mask: BoolArray) -> int:
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """The next action of the plan; one that is not possible where there is no plan."""
         if env.state.stance != self._expected or env.goal.tobytes() != self._goal or env.steps == 0:
             self._actions = (self._find(env) or [])[::-1]
@@ -113,9 +126,7 @@ class PlanPolicy:
             self._expected = None
             return int(np.flatnonzero(~mask)[0])
         action = self._actions.pop()
-        limb, point = divmod(action, len(env.graph.grasp_map))
-        stance = env.state.stance
-        self._expected = (*stance[:limb], point, *stance[limb + 1 :])
+        self._expected = env.state.stance_after(*divmod(action, len(env.graph.grasp_map)))
         return action
 
 
@@ -138,9 +149,9 @@ def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -
         if id(graph) not in planners:
             planners.clear()
             planners[id(graph)] = Planner(graph)
-        planner, excluded = planners[id(graph)], list[tuple[tuple[int, ...], tuple[int, ...]]]()
+        planner, excluded = planners[id(graph)], list[tuple[State, tuple[int, ...]]]()
         while True:
-            with graph.without(excluded) if isinstance(graph, PairGraph) else nullcontext():
+            with graph.without(excluded):
                 result = planner.plan(
                     env.state.stance,
                     env.goal.tolist(),
@@ -157,7 +168,7 @@ def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -
                 for limb, point in result.plan.actions
             ]
             step = _forbidden(env, actions)
-            if step is None or not isinstance(graph, PairGraph) or len(excluded) == MOST_EXCLUDED:
+            if step is None or not graph.has_tables or len(excluded) == MOST_EXCLUDED:
                 return actions
             excluded.append(step)
             # What a planner learns without these steps does not hold with them.
@@ -166,8 +177,8 @@ def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -
     return PlanPolicy(find)
 
 
-def _forbidden(env: MlivrEnv, actions: list[int]) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
-    """Stances before and after the first action that is not possible, if there is one.
+def _forbidden(env: MlivrEnv, actions: list[int]) -> tuple[State, tuple[int, ...]] | None:
+    """State before and stance after the first action that is not allowed, if there is one.
 
     The actions are taken one after the other, from the present state on.
     """
@@ -175,7 +186,7 @@ def _forbidden(env: MlivrEnv, actions: list[int]) -> tuple[tuple[int, ...], tupl
     for action in actions:
         limb, point = divmod(action, len(env.graph.grasp_map))
         if not env.moves.mask(state)[action]:
-            return state.stance, (*state.stance[:limb], point, *state.stance[limb + 1 :])
+            return state, state.stance_after(limb, point)
         state = env.moves.take(state, action)
     return None
 

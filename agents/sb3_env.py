@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from mlivr_gym.agents.features import DEPTH, TableFeatures, point_space, reach_of_points
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import SettingError, choice
 
@@ -52,10 +53,10 @@ class TableVecEnv(VecEnv):
         space = env.observation_space if self.plain else point_space(env)
         super().__init__(num_envs, space, env.action_space)
 
-    def _see(self, plain: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    def _see(self, plain: Observation) -> dict[str, NDArray[Any]]:
         """Observations of all copies as the policy sees them."""
         if self.plain:
-            return plain
+            return dict[str, Any](**plain)
         copies = self.copies
         free = np.ones(len(self.features.grasp_map), dtype=np.bool_)
         free[list(copies.env.graph.occupied)] = False

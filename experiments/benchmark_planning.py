@@ -177,7 +177,7 @@ def libraries(grasp_map: GraspMap, tasks: Tasks, advance: Callable[[str], None])
     build_seconds, _ = timed(lambda: nodes_only_graph(grasp_map))
     array_mb = sum(a.nbytes for a in vars(graph).values() if isinstance(a, np.ndarray)) / 1e6
     out: dict[str, Any] = {"ours": {"build_seconds": build_seconds, "memory_mb": array_mb, **ours}}
-    least = [Planner(graph).plan(start.stance, goal).unwrap().cost for start, goal in tasks]
+    least = [Planner(graph).plan(start.stance, goal).unwrap().statistics.cost for start, goal in tasks]
     for name, build, query in (
         ("rustworkx", rustworkx_build, rustworkx_query),
         ("networkx", networkx_build, networkx_query),

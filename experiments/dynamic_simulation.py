@@ -151,8 +151,8 @@ def time_steps(graph: Any, plan: Plan) -> dict[str, Any]:
 
 def impulse_error(graph: Any, plan: Plan, timestep: float) -> float:
     """Largest difference of momentum and impulse of the only grasp in the first step, as a share of the largest momentum."""
-    simulation = Simulation(graph.grasp_map, plan.robot, Physics(timestep=timestep), plan.obstacles)
-    start = (plan.base_positions[0], plan.base_quaternions[0], plan.joint_positions[0])
+    simulation = Simulation(graph.grasp_map, plan.world.robot, Physics(timestep=timestep), plan.world.obstacles)
+    start = (plan.motion.base_positions[0], plan.motion.base_quaternions[0], plan.motion.joint_positions[0])
     simulation.reset(*start, graph.indices(plan.stances[0]))
     trajectory = step_trajectory(graph, plan, 0, Durations.of_step(20.0), timestep)
     recording = simulation.carry_out(trajectory).recording
@@ -167,16 +167,16 @@ def impulse_error(graph: Any, plan: Plan, timestep: float) -> float:
 
 def overhead(graph: Any, plan: Plan, repeats: int = 5) -> dict[str, float]:
     """Processor time of one step, trajectory and measurements included, against a bare loop of `mj_step`, one after the other."""
-    simulation, ratios, bare_times = Simulation(graph.grasp_map, plan.robot), [], []
+    simulation, ratios, bare_times = Simulation(graph.grasp_map, plan.world.robot), [], []
     for _ in range(repeats):
-        start = (plan.base_positions[0], plan.base_quaternions[0], plan.joint_positions[0])
+        start = (plan.motion.base_positions[0], plan.motion.base_quaternions[0], plan.motion.joint_positions[0])
         simulation.reset(*start, graph.indices(plan.stances[0]))
         count = len(step_trajectory(graph, plan, 0).times) - 1
         begin = time.process_time()
         simulation.carry_out(step_trajectory(graph, plan, 0))
         used = time.process_time() - begin
         simulation.reset(*start, [-1, *graph.indices(plan.stances[0])[1:]])
-        simulation.data.ctrl[simulation.joint_actuators] = plan.joint_positions[0].ravel()
+        simulation.data.ctrl[simulation.joint_actuators] = plan.motion.joint_positions[0].ravel()
         begin = time.process_time()
         for _ in range(count):
             mujoco.mj_step(simulation.model, simulation.data)

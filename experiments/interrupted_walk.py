@@ -47,7 +47,7 @@ def main() -> None:
             stance = tuple(point if i == limb else held for i, held in enumerate(stance))
             walked.append(graph.posture(graph.indices(stance)).position[0])
             print(f"    limb {limb} takes {point}")
-        if np.linalg.norm(walked[-1] - goal) <= plan.goal_tolerance:
+        if np.linalg.norm(walked[-1] - goal) <= plan.query.goal_tolerance:
             break
         interruptions += 1
         if interruptions == 1:
@@ -64,7 +64,7 @@ def main() -> None:
     print(f"arrived after {len(walked) - 1} steps and {interruptions} interruptions")
     args.out.mkdir(parents=True, exist_ok=True)
     walk_figure(
-        graph.grasp_map, np.array(walked), [plan.base_positions for plan in plans], graph.obstacles,
+        graph.grasp_map, np.array(walked), [plan.motion.base_positions for plan in plans], graph.obstacles,
         graph.ids(sorted(graph.occupied)), goal, args.out / "interrupted_walk.png",
     )  # fmt: skip
 

@@ -326,7 +326,7 @@ def map_to_plan(
     times = [timed(ours)[0] for _ in range(7)]
     graph, plan = ours()
     first = (grasp_map.index(start[0]), grasp_map.index(start[1]))
-    out: dict[str, Any] = {"ours": {"seconds": float(np.median(times)), "cost": plan.cost}}
+    out: dict[str, Any] = {"ours": {"seconds": float(np.median(times)), "cost": plan.statistics.cost}}
 
     def known(stance: tuple[int, int]) -> np.ndarray | None:
         s = graph.find(stance)

@@ -6,6 +6,7 @@ from mlivr_gym.motion.plan_motion import plan_trajectory  # noqa: F401
 from mlivr_gym.planners import Planner  # noqa: F401
 from mlivr_gym.stances.pair_graph import fill_rows  # noqa: F401
 from mlivr_gym.stances.stance_graph import join
+from mlivr_gym.transitions.state import State
 from mlivr_gym.stances.step_tables import step_tables  # noqa: F401
 
 
@@ -17,5 +18,5 @@ def step_way(graph, tables, s, s2, moving, left):
     masks[moving] = 1
     before, after = tuple(graph.points[s].tolist()), tuple(graph.points[s2].tolist())
     both = join(graph.posture(before), graph.posture(after))
-    way = graph.way(before, after, moving, both, masks)
-    return s, s2, moving, way.kind, way.fold, way.pair, getattr(way, "kept", None).get(1 - moving, 0)
+    way = graph.edge(State(before, tuple(masks)), after, both)
+    return s, s2, moving, way.kind, way.fold, way.pair, way.kept.get(1 - moving, 0)

@@ -129,19 +129,24 @@ def plan_of(name, result):
         data.get(g, data) for g in ("query", "world", "motion", "statistics")
     )
     ids = repr((motion["stances"], [s["limb"] for s in motion["steps"]]))
-    kinds = repr([(s["path"], s["swing"], len(s["knots"])) for s in motion["steps"]])
+    kinds = repr([(s["path"], s["swing"], s["swing"] == "sampled" or len(s["knots"])) for s in motion["steps"]])
     world = repr((world["map_fingerprint"], sorted(world["settings"].items())))
     yield f"{name}/discrete", np.array([hash_of(text.encode()) for text in (ids, kinds, world)])
     yield f"{name}/branches", np.array(motion["branches"], dtype=np.int64)
     for field in ("base_positions", "base_quaternions", "joint_positions", "w_m", "w_b"):
         yield f"{name}/{field}", np.array(motion[field], dtype=np.float64)
-    knots = [np.ravel(s["knots"]) for s in motion["steps"]] + [
+    knots = [np.ravel(_knots(s)) for s in motion["steps"]] + [
         np.ravel(s["pivot"]) for s in motion["steps"]
     ]
     yield (
         f"{name}/knots",
         np.concatenate([*knots, [data.get("cost", statistics.get("cost"))]]).astype(np.float64),
     )
+
+
+def _knots(step):
+    """Knots of a swing; of a sampled one, whose planner amplifies the last digit, its ends alone."""
+    return step["knots"] if step["swing"] != "sampled" else [step["knots"][0], step["knots"][-1]]
 
 
 def plans():

@@ -289,8 +289,8 @@ def _query(graph: Any, args: argparse.Namespace) -> tuple[Any, Any]:
             f"swing {step.swing}"
         )
     print(
-        f"{plan.expanded} states explored, {plan.generated} generated, "
-        f"{1e3 * (plan.feasibility_time + plan.search_time):.1f} ms for the query"
+        f"{plan.statistics.expanded} states explored, {plan.statistics.generated} generated, "
+        f"{1e3 * (plan.statistics.feasibility_time + plan.statistics.search_time):.1f} ms for the query"
     )
     return plan, result
 
@@ -309,7 +309,7 @@ def _plan(args: argparse.Namespace) -> int:
             plan,
             args.picture,
             result.tree,
-            f"{plan.robot.name}, {plan.cost_name} cost",
+            f"{plan.world.robot.name}, {plan.query.cost_name} cost",
         )
         print(f"picture: {args.picture}")
     return 0
@@ -339,7 +339,9 @@ def _simulate(args: argparse.Namespace) -> int:
     if args.plan:
         plan = Plan.load(args.plan, GraspMap.load(args.map) if args.map else jem_map())
         graph = stance_graph(
-            GraspMap.load(args.map) if args.map else jem_map(), plan.robot, plan.settings
+            GraspMap.load(args.map) if args.map else jem_map(),
+            plan.world.robot,
+            plan.world.settings,
         )
         return simulate(args, graph, plan)
     if args.case:
@@ -370,7 +372,7 @@ def _table1(args: argparse.Namespace) -> int:
     plan = plans[3]
     ends = {"start": 0, "goal": len(plan.stances) - 1}
     pictures = {out / f"scene_{name}.png": [plan.configuration(k)] for name, k in ends.items()}
-    _draw(jem_map(), plan.robot, pictures, (1600, 800))
+    _draw(jem_map(), plan.world.robot, pictures, (1600, 800))
     failed = [name for name, held in data["relations"].items() if not held]
     for name in failed:
         print(f"relation does not hold: {name}")
@@ -493,7 +495,7 @@ def _render(args: argparse.Namespace) -> int:
     if args.plan:
         grasp_map = GraspMap.load(args.map) if args.map else jem_map()
         plan = Plan.load(args.plan, grasp_map)
-        robot, obstacles, last = plan.robot, plan.obstacles, len(plan.stances) - 1
+        robot, obstacles, last = plan.world.robot, plan.world.obstacles, len(plan.stances) - 1
         if args.stance is not None and not 0 <= args.stance <= last:
             raise SettingError(
                 f"--stance is {args.stance}; this plan has stances 0 (start) to {last} (goal)"

@@ -87,7 +87,7 @@ def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
         feedforward=not args.no_feedforward,
         assume_ur5e_masses=args.assume_ur5e_masses,
     )
-    check_masses(plan.robot, physics)  # before anything is written
+    check_masses(plan.world.robot, physics)  # before anything is written
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -119,7 +119,7 @@ def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
         )
         _hint(graph, execution)
     execution.save(out / "simulation.npz")
-    title = f"{plan.robot.name}, {len(plan.steps)} steps of {durations.total:g} s"
+    title = f"{plan.world.robot.name}, {len(plan.steps)} steps of {durations.total:g} s"
     simulation_figure(
         execution.recording, execution.captures, execution.failure, out / "simulation.png", title
     )
@@ -150,8 +150,8 @@ def _film(args: argparse.Namespace, graph: Any, execution: Any, path: Path) -> N
     plan = execution.plan
     try:
         film(
-            graph.grasp_map, plan.robot, execution.recording, path, tuple(args.size), args.frames,
-            obstacles=plan.obstacles, progress=bar.show,
+            graph.grasp_map, plan.world.robot, execution.recording, path, tuple(args.size), args.frames,
+            obstacles=plan.world.obstacles, progress=bar.show,
         )  # fmt: skip
     except RenderError as error:
         bar.close()

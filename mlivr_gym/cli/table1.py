@@ -220,20 +220,20 @@ def _run_block(
         rows[str(number)] = {
             "points": len(graph.grasp_map),
             "stances": len(graph) if isinstance(graph, PairGraph) else None,
-            "expanded": plan.expanded,
+            "expanded": plan.statistics.expanded,
             "base_translation": plan.base_translation,
             "steps": len(plan.steps),
             "w_m_min": plan.w_m_min,
             "w_b_min": plan.w_b_min,
             "stance_set_time": built,
-            "search_time": plan.feasibility_time + plan.search_time,
+            "search_time": plan.statistics.feasibility_time + plan.statistics.search_time,
             "stances_of_plan": [list(s) for s in plan.stances],
         }
         name, title = f"case{number}.png", case.title
         if collisions:
             name, title = f"case{number}_collisions.png", f"{case.title}, collisions checked"
         plan_figure(graph.grasp_map, plan, out / name, result.tree, title)
-        progress(f"{title}: {result.message}, {plan.expanded} explored, {out / name}")
+        progress(f"{title}: {result.message}, {plan.statistics.expanded} explored, {out / name}")
     return plans, rows
 
 

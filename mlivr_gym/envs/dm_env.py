@@ -63,7 +63,8 @@ class MlivrDmEnvironment(dm_env.Environment):
 
     def _observed(self, observation: Observation) -> dict[str, NDArray[Any]]:
         mask = self.env.action_masks().astype(np.int8)
-        return {**dict(observation), "action_mask": mask}  # type: ignore[dict-item]
+        seen: dict[str, Any] = {**observation}
+        return seen | {"action_mask": mask}
 
     def observation_spec(self) -> dict[str, specs.Array]:
         """Spec of each entry of the observation."""

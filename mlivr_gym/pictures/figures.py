@@ -101,8 +101,8 @@ def plan_figure(
             )
         )
     index = {point: i for i, point in enumerate(grasp_map.ids)}
-    base = plan.base_positions
-    for limb in range(plan.robot.limbs):
+    base = plan.motion.base_positions
+    for limb in range(plan.world.robot.limbs):
         held = grasp_map.positions[[index[stance[limb]] for stance in plan.stances]]
         colour = LIMB_COLOURS[limb]
         for position, point in zip(base, held, strict=True):
@@ -129,7 +129,7 @@ def plan_figure(
         label="base path",
     )
     axes.scatter(
-        *np.array(plan.goal),
+        *np.array(plan.query.goal),
         s=150,
         marker="*",
         color="#ffb703",
@@ -143,7 +143,7 @@ def plan_figure(
     figure.text(
         0.02, 0.91,
         f"{len(plan.steps)} steps, base translation {plan.base_translation:.2f} m, least $w_m$ {plan.w_m_min:.3f}, "
-        f"least $w_b$ {plan.w_b_min:.4f}, {plan.expanded} states explored{count}",
+        f"least $w_b$ {plan.w_b_min:.4f}, {plan.statistics.expanded} states explored{count}",
         fontsize=9.5, color="0.25",
     )  # fmt: skip
     figure.legend(

@@ -86,7 +86,7 @@ def test_reaching_the_goal_is_a_success_and_the_walk_is_told(env):
     result = evaluate(
         env,
         Follow(),
-        [Task(plan.stances[0], plan.goal)],
+        [Task(plan.stances[0], plan.query.goal)],
         execute=lambda env, states: walks.append(states),
     )
     assert result.success.all()

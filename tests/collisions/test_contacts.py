@@ -212,9 +212,11 @@ def test_plans_penetrate_nothing_in_mujoco(jem, checked_graph, robot, seed):
         assert step.swing in ("direct", "over", "folded", "sampled")
         motion = step_motion(graph, plan, k, 12)
         own = set().union(*(tracks(graph, graph.indices(plan.stances[n])) for n in (k, k + 1)))
-        np.testing.assert_allclose(motion.joint_positions[0], plan.joint_positions[k], atol=1e-6)
         np.testing.assert_allclose(
-            motion.joint_positions[-1], plan.joint_positions[k + 1], atol=1e-6
+            motion.joint_positions[0], plan.motion.joint_positions[k], atol=1e-6
+        )
+        np.testing.assert_allclose(
+            motion.joint_positions[-1], plan.motion.joint_positions[k + 1], atol=1e-6
         )
         for n in range(len(motion.phase)):
             set_configuration(
@@ -290,7 +292,7 @@ def test_plans_among_obstacles_are_optimal(small_checked_graph):
             planner.plan(start.stance, goal, method=method).plan for method in ("astar", "dijkstra")
         ]
         exact = planner.cost_to_go(goal).value(graph.state(start.stance))
-        assert all(plan.cost == pytest.approx(exact) for plan in costs)
+        assert all(plan.statistics.cost == pytest.approx(exact) for plan in costs)
     graph.remove_obstacles()
 
 

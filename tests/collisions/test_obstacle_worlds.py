@@ -138,7 +138,7 @@ def test_a_plan_goes_round_occupied_points(small_map, small_checked_graph, robot
         if other is not None:
             round_them += 1
             assert not any(set(stance) & set(taken) for stance in other.stances)
-            assert graph.limbs > 2 or other.cost >= plan.cost - 1e-9
+            assert graph.limbs > 2 or other.cost >= plan.statistics.cost - 1e-9
     assert round_them >= 2
 
 

@@ -9,7 +9,8 @@ from sb3_contrib.common.maskable.evaluation import evaluate_policy
 from sb3_contrib.common.maskable.utils import get_action_masks
 from stable_baselines3 import DQN, PPO
 
-from mlivr_gym.envs.env import ActionMaskObservation, MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.errors import SettingError
 
 REFUSED = (

@@ -150,7 +150,7 @@ def test_a_replayed_plan_gives_exactly_its_cost(robot, collisions, reward):
     planner = Planner(environment.graph)
     how = {"method": "greedy"} if robot != "mlivr2" else {}
     plan = planner.plan(start, goal, reward, **how).unwrap()
-    _, info = environment.reset(options={"start": plan.stances[0], "goal": plan.goal})
+    _, info = environment.reset(options={"start": plan.stances[0], "goal": plan.query.goal})
     assert len(plan.steps) > 0
     returns, ended = 0.0, False
     for limb, point in plan.actions:
@@ -167,7 +167,7 @@ def test_a_replayed_plan_gives_exactly_its_cost(robot, collisions, reward):
     cost = len(plan.steps) if reward == "steps" else plan.base_translation
     assert returns == pytest.approx(7.0 - cost, abs=1e-9)
     if robot == "mlivr2":
-        assert returns == pytest.approx(7.0 - plan.cost, abs=1e-9)
+        assert returns == pytest.approx(7.0 - plan.statistics.cost, abs=1e-9)
 
 
 def test_shaping_telescopes():
@@ -286,7 +286,7 @@ def test_a_plan_is_replayed_in_simulation(checked_graph):
         assert 0.0 < info["peak_torque"] < 28.0
         assert (observation["branches"].reshape(2, 16).sum(axis=1) == 1).all()
         np.testing.assert_allclose(
-            physical_env._walk.configuration[2], plan.joint_positions[k + 1], atol=0.05
+            physical_env._walk.configuration[2], plan.motion.joint_positions[k + 1], atol=0.05
         )
     assert terminated
     assert info["is_success"]

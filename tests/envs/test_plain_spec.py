@@ -9,8 +9,9 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from mlivr_gym import Box, Capsule, GraspMap, Limb, RobotSpec
-from mlivr_gym.envs.env import ActionMaskObservation, MlivrEnv
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.plain_spec import plain
+from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.errors import MapError, MlivrError, SettingError
 from mlivr_gym.simulation.dynamics import Physics
 

@@ -82,8 +82,8 @@ def test_shaping_keeps_the_discounted_return_but_for_the_start(make, plan, disco
     returns = []
     for shaping in (False, True):
         env = make(shaping=shaping, discount=discount, success_bonus=2.0)
-        _, info = env.reset(options={"start": plan.stances[0], "goal": plan.goal})
-        away = np.linalg.norm(info["base_position"] - np.array(plan.goal))
+        _, info = env.reset(options={"start": plan.stances[0], "goal": plan.query.goal})
+        away = np.linalg.norm(info["base_position"] - np.array(plan.query.goal))
         total = 0.0
         for t, action in enumerate(actions(env.graph, plan)):
             _, reward, terminated, _, info = env.step(action)
@@ -117,7 +117,7 @@ def test_a_failed_grasp_costs_both_displacements_and_keeps_the_branches_that_wen
         np.testing.assert_array_equal(after["base_position"], info["base_position"])
         masks, holder = env.masks(), 1 - limb
         assert masks[holder] == steps.masks[k, holder]
-        assert masks[limb] == graph.landed(state, limb)
+        assert masks[limb] == graph.mask_after_grasp(state, limb)
         failures, narrowed = failures + 1, narrowed + (masks[holder] != state.masks[holder])
     assert failures >= 15
     assert narrowed > 0

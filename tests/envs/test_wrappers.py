@@ -3,7 +3,7 @@
 import gymnasium
 import numpy as np
 
-from mlivr_gym.envs.env import ActionMaskObservation
+from mlivr_gym.envs.wrappers import ActionMaskObservation
 
 
 def test_mask_wrapper(env):

@@ -26,7 +26,7 @@ def walk(checked_graph, plan):
 
 @pytest.fixture(scope="module")
 def scene(jem, plan):
-    model = scene_spec(jem, plan.robot).compile()
+    model = scene_spec(jem, plan.world.robot).compile()
     return model, mujoco.MjData(model)
 
 
@@ -55,10 +55,14 @@ def test_quintic_starts_and_ends_at_rest_without_acceleration():
 def test_a_walk_passes_through_the_stances_of_its_plan_at_rest(plan, walk):
     for k in range(len(plan.stances)):
         at = round(k * 50.0 / 0.01)
-        np.testing.assert_allclose(walk.joint_positions[at], plan.joint_positions[k], atol=1e-6)
-        np.testing.assert_allclose(walk.base_positions[at], plan.base_positions[k], atol=1e-9)
         np.testing.assert_allclose(
-            abs(walk.base_quaternions[at] @ plan.base_quaternions[k]), 1.0, atol=1e-12
+            walk.joint_positions[at], plan.motion.joint_positions[k], atol=1e-6
+        )
+        np.testing.assert_allclose(
+            walk.base_positions[at], plan.motion.base_positions[k], atol=1e-9
+        )
+        np.testing.assert_allclose(
+            abs(walk.base_quaternions[at] @ plan.motion.base_quaternions[k]), 1.0, atol=1e-12
         )
     assert len(walk.times) == 5 * len(plan.steps) * 1000 + 1
     assert walk.times[-1] == pytest.approx(50.0 * len(plan.steps))
@@ -110,7 +114,7 @@ def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, s
             heights.append(offset @ jem.normals[index])
             np.testing.assert_allclose(offset, heights[-1] * jem.normals[index], atol=1e-6)
             np.testing.assert_allclose(rotation[:, 2], -jem.normals[index], atol=1e-6)
-        assert max(heights) == pytest.approx(plan.robot.lift, abs=1e-3)
+        assert max(heights) == pytest.approx(plan.world.robot.lift, abs=1e-3)
         assert min(heights) == pytest.approx(0.0, abs=1e-6)
 
 
@@ -154,7 +158,7 @@ def test_swings_that_were_not_checked_are_straight_where_they_can_be(graph, scen
 
 
 def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
-    beyond = plan.joint_positions.copy()
+    beyond = plan.motion.joint_positions.copy()
     held = 1 - plan.steps[0].limb
     beyond[:, held, 0] += 4.0 * np.pi
     with pytest.raises(PlanError, match="outside its limits"):

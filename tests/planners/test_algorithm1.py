@@ -74,7 +74,7 @@ def path_of(explored):
 
 
 def cost_of(result):
-    return result.plan.cost if result.plan else np.inf
+    return result.plan.statistics.cost if result.plan else np.inf
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +143,10 @@ def test_the_planner_offers_it(small_checked_graph, name, price):
         assert cost_of(ours) == pytest.approx(cost_of(other), abs=1e-9)
         assert len(ours.tree) == max(ours.expanded - 1, 0)
         if ours:
-            assert (ours.plan.method, ours.plan.heuristic) == ("algorithm1", "consistent")
+            assert (ours.plan.query.method, ours.plan.query.heuristic) == (
+                "algorithm1",
+                "consistent",
+            )
             several += len(ours.plan.steps) > 1
     assert several > 1
 

@@ -9,7 +9,7 @@ from scipy.stats import chisquare
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.planners.baselines import FINDERS, _Node, _simulate, _Task, find_walk
-from mlivr_gym.planners.walks import executable_steps
+from mlivr_gym.planners.walks import edges_along
 
 
 @pytest.mark.parametrize("method", FINDERS)
@@ -81,4 +81,4 @@ def test_baselines_serve_more_limbs():
     env.reset(seed=1)
     walk = find_walk("local", env.moves, env.state, env.goal)
     assert walk.reached
-    assert executable_steps(env.graph, [state.stance for state in walk.states]) == len(walk.actions)
+    assert edges_along(env.graph, [state.stance for state in walk.states]) == len(walk.actions)

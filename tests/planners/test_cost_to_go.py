@@ -26,6 +26,6 @@ def test_the_table_is_an_expert(graph, weight):
             stance[steps.limb[k]] = int(steps.point[k])
             state = State(tuple(stance), tuple(steps.masks[k].tolist()))
         assert total == pytest.approx(expected, abs=1e-9)
-        assert Planner(graph).plan(("D1a:4", "D1b:4"), goal, cost).unwrap().cost == pytest.approx(
-            expected, abs=1e-9
-        )
+        assert Planner(graph).plan(
+            ("D1a:4", "D1b:4"), goal, cost
+        ).unwrap().statistics.cost == pytest.approx(expected, abs=1e-9)

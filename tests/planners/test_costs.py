@@ -35,8 +35,10 @@ def test_the_papers_heuristic_loses_optimality_on_some_task(graph):
     lost = []
     for seed in range(5):
         start, goal = sample_task(graph, np.random.default_rng(seed), 0.2)
-        best = planner.plan(start.stance, goal).unwrap().cost
-        lost.append(planner.plan(start.stance, goal, heuristic="paper").unwrap().cost - best)
+        best = planner.plan(start.stance, goal).unwrap().statistics.cost
+        lost.append(
+            planner.plan(start.stance, goal, heuristic="paper").unwrap().statistics.cost - best
+        )
     assert min(lost) > -1e-9
     assert max(lost) > 1e-3
 

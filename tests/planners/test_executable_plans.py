@@ -24,20 +24,20 @@ def test_a_plan_can_be_executed(jem, limbs):
     start, goal = sample_task(graph, np.random.default_rng(limbs), 0.2)
     plan = Planner(graph).plan(start.stance, goal).unwrap()
     assert len(plan.steps) > 0
-    assert np.linalg.norm(plan.base_positions[-1] - goal) <= 0.2
+    assert np.linalg.norm(plan.motion.base_positions[-1] - goal) <= 0.2
     assert plan.w_m_min >= graph.limb_threshold
     assert plan.w_b_min >= graph.base_threshold
-    assert np.abs(plan.joint_positions).max() <= 2 * np.pi + 1e-6 + 1e-12
+    assert np.abs(plan.motion.joint_positions).max() <= 2 * np.pi + 1e-6 + 1e-12
     for k, stance in enumerate(plan.stances):
-        base = Rotation.from_quat(plan.base_quaternions[k], scalar_first=True).as_matrix()
+        base = Rotation.from_quat(plan.motion.base_quaternions[k], scalar_first=True).as_matrix()
         for i, point in enumerate(stance):
-            frame = forward_kinematics(plan.joint_positions[k, i], robot.limb.lengths)[6]
+            frame = forward_kinematics(plan.motion.joint_positions[k, i], robot.limb.lengths)[6]
             tip = robot.mount_positions[i] + robot.mount_rotations[i] @ (
                 frame[:3, 3] + 0.05 * frame[:3, 2]
             )
             index = jem.index(point)
             np.testing.assert_allclose(
-                plan.base_positions[k] + base @ tip, jem.positions[index], atol=1e-6
+                plan.motion.base_positions[k] + base @ tip, jem.positions[index], atol=1e-6
             )
             axis = base @ robot.mount_rotations[i] @ frame[:3, 2]
             np.testing.assert_allclose(axis, -jem.normals[index], atol=1e-6)
@@ -45,8 +45,8 @@ def test_a_plan_can_be_executed(jem, limbs):
         ends = []
         for j in (k, k + 1):
             ends += [
-                plan.base_positions[j],
-                Rotation.from_quat(plan.base_quaternions[j], scalar_first=True).as_matrix(),
+                plan.motion.base_positions[j],
+                Rotation.from_quat(plan.motion.base_quaternions[j], scalar_first=True).as_matrix(),
             ]
         kind = {"straight": 0, "arc": 1}[step.path]
         positions, rotations = base_path(*ends, kind, np.array(step.pivot), np.linspace(0, 1, 200))
@@ -57,7 +57,7 @@ def test_a_plan_can_be_executed(jem, limbs):
                 continue
             assert plan.stances[k][i] == plan.stances[k + 1][i]
             q = track(
-                plan.joint_positions[k, i],
+                plan.motion.joint_positions[k, i],
                 positions,
                 rotations,
                 jem,
@@ -65,7 +65,7 @@ def test_a_plan_can_be_executed(jem, limbs):
                 i,
                 jem.index(plan.stances[k][i]),
             )
-            np.testing.assert_allclose(q, plan.joint_positions[k + 1, i], atol=1e-5)
+            np.testing.assert_allclose(q, plan.motion.joint_positions[k + 1, i], atol=1e-5)
 
 
 def track(q, positions, rotations, jem, robot, limb, point):
@@ -96,7 +96,7 @@ def test_narrow_joint_limits_are_kept_along_the_plan(jem):
         .plan(("D1a:4", "D1b:4"), (4.0, 0.0, 0.0), "steps")
         .unwrap()
     )
-    assert np.abs(plan.joint_positions).max() <= np.pi + 1e-6 + 1e-12
+    assert np.abs(plan.motion.joint_positions).max() <= np.pi + 1e-6 + 1e-12
 
 
 def test_a_hold_that_would_leave_the_joint_limits_is_planned_round(jem):
@@ -106,11 +106,13 @@ def test_a_hold_that_would_leave_the_joint_limits_is_planned_round(jem):
     plan = (
         Planner(graph).plan(start.stance, (2.5, -0.4, -0.3), "weighted", regrasp_price=0.1).unwrap()
     )
-    assert np.abs(plan.joint_positions).max() <= 2 * np.pi + 1e-6 + 1e-12
+    assert np.abs(plan.motion.joint_positions).max() <= 2 * np.pi + 1e-6 + 1e-12
     for a, b in itertools.pairwise(range(len(plan.stances))):
         held = [i for i in range(3) if plan.stances[a][i] == plan.stances[b][i]]
         assert (
-            np.abs(plan.joint_positions[b, held] - plan.joint_positions[a, held]).max()
+            np.abs(
+                plan.motion.joint_positions[b, held] - plan.motion.joint_positions[a, held]
+            ).max()
             < np.pi * 1.5
         )
 
@@ -124,5 +126,5 @@ def test_unchecked_plans_do_without_joint_limits(small_map):
         .plan(graph.points[0].tolist(), graph.position[-1], goal_tolerance=0.3)
         .unwrap()
     )
-    assert np.isfinite(plan.joint_positions).all()
+    assert np.isfinite(plan.motion.joint_positions).all()
     assert {step.path for step in plan.steps} == {"unchecked"}

@@ -19,11 +19,11 @@ def test_astar_equals_dijkstra_on_the_whole_module(graph, cost, price):
         goal = np.clip(graph.position[g], *graph.grasp_map.cabin)
         start = graph.points[s].tolist()
         costs = [
-            planner.plan(start, goal, cost, regrasp_price=price, **how).unwrap().cost
+            planner.plan(start, goal, cost, regrasp_price=price, **how).unwrap().statistics.cost
             for how in ({}, {"heuristic": "consistent"}, {"method": "dijkstra"})
         ]
         planner.prepare(goal, cost, regrasp_price=price)
-        costs.append(planner.plan(start, goal, cost, regrasp_price=price).unwrap().cost)
+        costs.append(planner.plan(start, goal, cost, regrasp_price=price).unwrap().statistics.cost)
         assert np.ptp(costs) < 1e-9
         greedy = planner.plan(start, goal, cost, regrasp_price=price, method="greedy").unwrap()
         inflated = planner.plan(

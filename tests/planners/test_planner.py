@@ -82,7 +82,7 @@ def test_plans_are_optimal_by_exhaustive_search_of_another_library(
             result = planner.plan(
                 tiny.points[s].tolist(), goal, cost, regrasp_price=price, heuristic=heuristic
             )
-            found = result.plan.cost if result.plan else np.inf
+            found = result.plan.statistics.cost if result.plan else np.inf
             assert found == pytest.approx(expected, abs=1e-9)
 
 
@@ -114,7 +114,7 @@ def test_node_only_plans_agree_with_rustworkx(small_map, cost, price, weight):
             result = planner.plan(
                 graph.points[s].tolist(), goal, cost, regrasp_price=price, heuristic=heuristic
             )
-            found = result.plan.cost if result.plan else np.inf
+            found = result.plan.statistics.cost if result.plan else np.inf
             assert found == pytest.approx(expected, abs=1e-9)
 
 
@@ -234,7 +234,7 @@ def test_start_inside_the_goal_is_a_plan_without_steps(graph):
     here = graph.posture(start.stance).position[0]
     plan = Planner(graph).plan(start.stance, here).unwrap()
     assert plan.steps == ()
-    assert plan.cost == 0.0
+    assert plan.statistics.cost == 0.0
     assert plan.base_translation == 0.0
 
 
@@ -243,7 +243,7 @@ def test_a_plan_on_the_map_of_a_user(ladder):
     assert isinstance(ladder, GraspMap)
     s, g = 0, int(np.argmax(np.linalg.norm(graph.position - graph.position[0], axis=1)))
     result = Planner(graph).plan(graph.points[s].tolist(), graph.position[g])
-    assert result.unwrap().map_name == "ladder"
+    assert result.unwrap().world.map_name == "ladder"
 
 
 def test_steps_taken_out_of_a_graph_come_back(small_graph):

@@ -5,7 +5,7 @@ import numpy as np
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.walks import executable_steps, plan_of
+from mlivr_gym.planners.walks import edges_along, plan_of
 
 
 def test_a_walk_makes_a_plan(small_map):
@@ -21,8 +21,8 @@ def test_a_walk_makes_a_plan(small_map):
     ours = plan_of(env.graph, states, env.goal, 0.2, "astar")
     assert ours is not None
     assert ours.stances == plan.stances
-    assert ours.cost == plan.cost
-    np.testing.assert_allclose(ours.joint_positions, plan.joint_positions)
+    assert ours.cost == plan.statistics.cost
+    np.testing.assert_allclose(ours.joint_positions, plan.motion.joint_positions)
 
 
 def test_steps_that_thresholds_forbid_are_found(small_map):
@@ -37,10 +37,10 @@ def test_steps_that_thresholds_forbid_are_found(small_map):
     for seed in range(10):
         env.reset(seed=seed)
         plan = Planner(free).plan(env.state.stance, env.goal, "steps").unwrap()
-        done = executable_steps(strict, plan.stances)
-        assert executable_steps(free, plan.stances) == len(plan.steps)
+        done = edges_along(strict, plan.stances)
+        assert edges_along(free, plan.stances) == len(plan.steps)
         taken = 0  # by the environment, until it calls a step invalid
-        world.reset(options={"start": plan.stances[0], "goal": plan.goal})
+        world.reset(options={"start": plan.stances[0], "goal": plan.query.goal})
         for limb, point in plan.actions:
             taken += not world.step(limb * len(small_map) + small_map.index(point))[4][
                 "invalid_action"

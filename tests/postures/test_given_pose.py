@@ -77,13 +77,13 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(small_map, cost, 
         assert (result.plan is None) == (truth is None), result.message
         if result.plan is not None and len(result.plan.steps):
             found += not any(left_out)
-            assert result.plan.cost >= truth - 1e-9
+            assert result.plan.statistics.cost >= truth - 1e-9
             if not any(left_out):
-                assert result.plan.cost == pytest.approx(truth, abs=1e-9)
-            np.testing.assert_allclose(result.plan.base_positions[0], pose[:3], atol=1e-12)
-            assert abs(result.plan.base_quaternions[0] @ np.array(pose[3:])) == pytest.approx(
-                1.0, abs=1e-12
-            )
+                assert result.plan.statistics.cost == pytest.approx(truth, abs=1e-9)
+            np.testing.assert_allclose(result.plan.motion.base_positions[0], pose[:3], atol=1e-12)
+            assert abs(
+                result.plan.motion.base_quaternions[0] @ np.array(pose[3:])
+            ) == pytest.approx(1.0, abs=1e-12)
     assert found > 6
 
 
@@ -130,7 +130,12 @@ def test_a_plan_from_a_pose_of_its_own_keeps_clear_and_is_carried_out(checked_gr
 
 def test_given_joint_angles_are_kept_with_their_windings(checked_graph, pose):
     graph = checked_graph
-    joints = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap().joint_positions[0]
+    joints = (
+        Planner(graph)
+        .plan(START, GOAL, "steps", start_pose=pose)
+        .unwrap()
+        .motion.joint_positions[0]
+    )
     # A full turn is inside the limits of some joints: the winding given is the one that the plan
     # starts with.
     turned = joints.copy()
@@ -140,16 +145,16 @@ def test_given_joint_angles_are_kept_with_their_windings(checked_graph, pose):
             START, GOAL, "steps", start_pose=pose, start_joints=given + 1e-4
         )
         plan = result.unwrap()
-        np.testing.assert_allclose(plan.joint_positions[0], given, atol=1e-6)
+        np.testing.assert_allclose(plan.motion.joint_positions[0], given, atol=1e-6)
         limits = graph.robot.limb.limits
-        assert (plan.joint_positions >= limits[:, 0] - 1e-6).all()
-        assert (plan.joint_positions <= limits[:, 1] + 1e-6).all()
+        assert (plan.motion.joint_positions >= limits[:, 0] - 1e-6).all()
+        assert (plan.motion.joint_positions <= limits[:, 1] + 1e-6).all()
         for k, step in enumerate(plan.steps):  # while a limb holds its angles are continuous
             motion = step_motion(graph, plan, k, 30)
             holder = 1 - step.limb
             assert np.abs(np.diff(motion.joint_positions[:, holder], axis=0)).max() < 0.6
             np.testing.assert_allclose(
-                motion.joint_positions[0], plan.joint_positions[k], atol=1e-6
+                motion.joint_positions[0], plan.motion.joint_positions[k], atol=1e-6
             )
 
 
@@ -157,8 +162,8 @@ def test_joint_angles_without_a_pose_belong_to_the_stances_own(checked_graph):
     free = Planner(checked_graph).plan(START, GOAL, "steps").unwrap()
     joints = free.joint_positions[0]
     plan = Planner(checked_graph).plan(START, GOAL, "steps", start_joints=joints).unwrap()
-    np.testing.assert_allclose(plan.joint_positions[0], joints, atol=1e-6)
-    assert plan.cost == free.cost
+    np.testing.assert_allclose(plan.motion.joint_positions[0], joints, atol=1e-6)
+    assert plan.statistics.cost == free.cost
 
 
 def test_joint_angles_from_which_no_limb_can_let_go_are_told(checked_graph, pose):
@@ -185,9 +190,9 @@ def test_three_limbs_start_in_a_pose_of_their_own(jem):
             break
     goal = steps.position[0]
     plan = Planner(graph).plan(stance, goal, "base", start_pose=pose, goal_tolerance=0.005).unwrap()
-    np.testing.assert_allclose(plan.base_positions[0], pose[:3], atol=1e-12)
-    assert plan.cost == pytest.approx(
-        np.linalg.norm(np.diff(plan.base_positions, axis=0), axis=1).sum(), abs=1e-9
+    np.testing.assert_allclose(plan.motion.base_positions[0], pose[:3], atol=1e-12)
+    assert plan.statistics.cost == pytest.approx(
+        np.linalg.norm(np.diff(plan.motion.base_positions, axis=0), axis=1).sum(), abs=1e-9
     )
 
 
@@ -249,7 +254,7 @@ def test_policies_walk_from_a_pose_of_its_own_in_the_fewest_steps(small_map, mak
 def test_a_plan_from_a_pose_of_its_own_is_replayed_in_simulation(checked_graph, pose):
     graph = checked_graph
     plan = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
-    joints = plan.joint_positions[0]
+    joints = plan.motion.joint_positions[0]
     env = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
     for options in (
         {"plan": plan},
@@ -291,8 +296,8 @@ def test_the_command_line_takes_a_pose_and_joint_angles(tmp_path, checked_graph,
     from mlivr_gym.planners import Plan
 
     plan = Plan.load(out)
-    np.testing.assert_allclose(plan.base_positions[0], pose[:3], atol=1e-9)
-    np.testing.assert_allclose(plan.joint_positions[0], joints, atol=1e-6)
+    np.testing.assert_allclose(plan.motion.base_positions[0], pose[:3], atol=1e-9)
+    np.testing.assert_allclose(plan.motion.joint_positions[0], joints, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -219,7 +219,7 @@ def test_the_order_of_the_candidates_shows_in_nothing(small_map):
         steps = result.plan and (
             result.plan.stances,
             result.plan.steps,
-            result.plan.joint_positions.tolist(),
+            result.plan.motion.joint_positions.tolist(),
         )
         if whole is None:
             whole, walk = arrays, steps

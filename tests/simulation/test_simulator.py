@@ -38,7 +38,7 @@ def plan(checked_graph):
 
 @pytest.fixture(scope="module")
 def simulation(jem, plan):
-    return Simulation(jem, plan.robot)
+    return Simulation(jem, plan.world.robot)
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +50,14 @@ def walked(checked_graph, plan, simulation):
 @pytest.fixture
 def floating(jem, plan):
     """A robot that holds nothing, its controllers and grasps without effect, turning and bending."""
-    simulation = Simulation(jem, plan.robot, Physics(timestep=0.001))
+    simulation = Simulation(jem, plan.world.robot, Physics(timestep=0.001))
     model, data = simulation.model, simulation.data
     model.actuator_gainprm[:], model.actuator_biasprm[:] = 0.0, 0.0
     simulation.reset(
-        np.array([4.0, 0.0, 0.0]), np.array([1.0, 0, 0, 0]), plan.joint_positions[0], [FREE, FREE]
+        np.array([4.0, 0.0, 0.0]),
+        np.array([1.0, 0, 0, 0]),
+        plan.motion.joint_positions[0],
+        [FREE, FREE],
     )
     data.qvel[:] = np.random.default_rng(0).uniform(-0.2, 0.2, model.nv)
     return simulation
@@ -169,15 +172,15 @@ def test_energy_falls_under_damping_alone(floating):
 def test_a_grasp_is_as_stiff_and_as_damped_as_asked(jem, plan, axis):
     """A force or torque on the gripper bends the grasp by force over stiffness; a moving gripper is braked by damping."""
     physics = Physics(grasp_stiffness=5e3, grasp_damping=900.0, grasp_rotational_stiffness=800.0)
-    simulation = Simulation(jem, plan.robot, physics)
+    simulation = Simulation(jem, plan.world.robot, physics)
     points = [jem.index(point) for point in plan.stances[0]]
     simulation.reset(
-        plan.base_positions[0], plan.base_quaternions[0], plan.joint_positions[0], [FREE, points[1]]
+        plan.motion.base_positions[0], plan.motion.base_quaternions[0], plan.motion.joint_positions[0], [FREE, points[1]]
     )  # fmt: skip
     model, data = simulation.model, simulation.data
     # The gripper that holds nothing lies on its point and would touch what is behind.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    data.ctrl[simulation.joint_actuators] = plan.joint_positions[0].ravel()
+    data.ctrl[simulation.joint_actuators] = plan.motion.joint_positions[0].ravel()
     site = data.site("limb1/grasp")
     frame, start = site.xmat.reshape(3, 3).copy(), site.xpos.copy()
     load = np.zeros(6)
@@ -199,7 +202,10 @@ def test_a_grasp_is_as_stiff_and_as_damped_as_asked(jem, plan, axis):
     expected = load / stiffness
     np.testing.assert_allclose(moved, expected, atol=0.01 * abs(expected[axis]))
     simulation.reset(
-        plan.base_positions[0], plan.base_quaternions[0], plan.joint_positions[0], [FREE, points[1]]
+        plan.motion.base_positions[0],
+        plan.motion.base_quaternions[0],
+        plan.motion.joint_positions[0],
+        [FREE, points[1]],
     )
     jacobian = np.zeros((6, model.nv))
     mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], model.site("limb1/grasp").id)
@@ -216,7 +222,7 @@ def test_a_grasp_is_as_stiff_and_as_damped_as_asked(jem, plan, axis):
 
 
 def test_joint_torques_are_those_of_the_pd_law_within_the_manufacturers_limits(jem, plan):
-    simulation = Simulation(jem, plan.robot)
+    simulation = Simulation(jem, plan.world.robot)
     rng, data = np.random.default_rng(0), simulation.data
     q, speed = rng.uniform(-1, 1, 12), rng.uniform(-1, 1, 12)
     wanted, wanted_speed = q + rng.uniform(-2, 2, 12), rng.uniform(-1, 1, 12)
@@ -240,7 +246,7 @@ def test_a_step_is_carried_out_within_tolerance(walked, plan, jem):
     assert capture.angle < 1e-3
     assert capture.point == plan.steps[0].to_point
     np.testing.assert_allclose(
-        walked.recording.base_positions[-1], plan.base_positions[1], atol=1e-3
+        walked.recording.base_positions[-1], plan.motion.base_positions[1], atol=1e-3
     )
     assert walked.peaks.base_error < 5e-3
     assert walked.recording.contacts.max() == 0
@@ -257,7 +263,7 @@ def test_the_grasp_gives_the_robot_its_momentum(checked_graph, plan, jem):
     """Newton: the impulse of the only grasp is the momentum gained, up to an error that goes with the time step."""
     errors = []
     for timestep in (0.002, 0.0005):
-        simulation = Simulation(jem, plan.robot, Physics(timestep=timestep))
+        simulation = Simulation(jem, plan.world.robot, Physics(timestep=timestep))
         recording = execute(
             checked_graph, plan, Durations.of_step(20.0), simulation=simulation
         ).recording
@@ -320,7 +326,7 @@ def test_a_collision_is_a_failure_that_names_what_touches(checked_graph, plan, j
     step, motion = plan.steps[0], step_motion(checked_graph, plan, 0, 41)
     swinging = np.flatnonzero(motion.phase == 1)
     k = int(swinging[len(swinging) // 2])
-    robot = Simulation(jem, plan.robot)
+    robot = Simulation(jem, plan.world.robot)
     robot.reset(
         motion.base_positions[k],
         motion.base_quaternions[k],
@@ -340,7 +346,7 @@ def test_a_collision_is_a_failure_that_names_what_touches(checked_graph, plan, j
 def test_divergence_is_a_failure(checked_graph, plan, jem, tmp_path, monkeypatch):
     """The damping of joints as light as a wrist's is too stiff for an explicit integrator."""
     monkeypatch.chdir(tmp_path)  # MuJoCo leaves a log file
-    simulation = Simulation(jem, plan.robot, Physics(hold_force=1e9, hold_torque=1e9))
+    simulation = Simulation(jem, plan.world.robot, Physics(hold_force=1e9, hold_torque=1e9))
     simulation.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     failure = execute(checked_graph, plan, simulation=simulation).failure
     assert failure is not None
@@ -354,7 +360,7 @@ UR10E = Limb(d1=0.1807, a2=-0.6127, a3=-0.57155, d4=0.17415, d5=0.11985, d6=0.11
 def test_another_arm_is_not_simulated_with_masses_of_the_ur5e(
     jem, checked_graph, plan, tmp_path, capsys
 ):  # fmt: skip
-    robot = replace(plan.robot, name="ur10e", limb=UR10E)
+    robot = replace(plan.world.robot, name="ur10e", limb=UR10E)
     told = r"'ur10e'.*a2 -0\.6127 m \(UR5e -0\.425 m\).*assume_ur5e_masses"
     refused = pytest.raises(RobotError, match=told)
     with refused:
@@ -437,7 +443,11 @@ def test_the_first_failure_is_found_also_across_chunks():
 def test_what_cannot_be_simulated_is_one_clear_error(checked_graph, plan, jem, simulation):
     with pytest.raises(SettingError, match="kp is -1"):
         Physics(kp=-1.0)
-    start = (plan.base_positions[0], plan.base_quaternions[0], plan.joint_positions[0])
+    start = (
+        plan.motion.base_positions[0],
+        plan.motion.base_quaternions[0],
+        plan.motion.joint_positions[0],
+    )
     with pytest.raises(SimulationError, match="cannot hold it"):
         simulation.reset(*start, [jem.index("D5a:1"), jem.index("D1b:3")])
     simulation.reset(*start, [jem.index(point) for point in plan.stances[0]])
