@@ -62,6 +62,11 @@ class Plan:
         )
 
     @property
+    def cost(self) -> float:
+        """Cost of the plan."""
+        return self.statistics.cost
+
+    @property
     def base_translation(self) -> float:
         """Sum of the base displacements [m]."""
         return float(np.linalg.norm(np.diff(self.motion.base_positions, axis=0), axis=1).sum())

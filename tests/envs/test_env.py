@@ -10,6 +10,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import mlivr_gym
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.rewards import BaseReward
 from mlivr_gym.errors import GoalError, MlivrError, SettingError, StanceError
 from mlivr_gym.planners import Planner
 
@@ -44,7 +45,7 @@ def test_made_by_module_name_and_spec_survives_json():
     spec = EnvSpec.from_json(environment.spec.to_json())
     assert spec.id == "MLIVR-JEM-v0"
     assert spec.max_episode_steps == 100
-    assert gymnasium.make(spec).unwrapped.reward == "base"
+    assert gymnasium.make(spec).unwrapped.reward.reward == BaseReward()
 
 
 def test_truncated_by_the_registration():

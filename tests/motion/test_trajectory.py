@@ -157,12 +157,16 @@ def test_swings_that_were_not_checked_are_straight_where_they_can_be(graph, scen
     assert straight > 0
 
 
+def _with_joints(plan, joints):
+    return replace(plan, motion=replace(plan.motion, joint_positions=joints))
+
+
 def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
     beyond = plan.motion.joint_positions.copy()
     held = 1 - plan.steps[0].limb
     beyond[:, held, 0] += 4.0 * np.pi
     with pytest.raises(PlanError, match="outside its limits"):
-        step_trajectory(checked_graph, replace(plan, joint_positions=beyond), 0, period=0.1)
+        step_trajectory(checked_graph, _with_joints(plan, beyond), 0, period=0.1)
     with pytest.raises(PlanError, match="no step 9"):
         step_trajectory(checked_graph, plan, 9)
     with pytest.raises(SettingError, match="swing is -1"):

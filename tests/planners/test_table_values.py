@@ -51,7 +51,7 @@ def test_expected_costs_solve_the_bellman_equation(env):
                         after = tables.after[e]
                         rest = values.values[0, after, held, b]
                         if tables.releasable[after, held] >> b & 1:
-                            rest = min(rest, values.landed[0, after, 1 - held])
+                            rest = min(rest, values.grasped[0, after, 1 - held])
                         p = risk[tables.points[after, 1 - held]]
                         # V = 1 + p V + (1 - p) rest
                         best = min(best, (1.0 + (1.0 - p) * rest) / (1.0 - p))

@@ -1,5 +1,5 @@
 import argparse
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import mujoco
 import numpy as np
@@ -13,6 +13,7 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.cli.simulate import add_arguments
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import PlanError, RobotError, SettingError, SimulationError
+from mlivr_gym.motion.plan import Motion
 from mlivr_gym.motion.plan_motion import step_motion, step_trajectory
 from mlivr_gym.motion.trajectory import FREE, Durations
 from mlivr_gym.planners import Planner
@@ -28,12 +29,11 @@ from mlivr_gym.simulation.simulator import Simulation
 def plan(checked_graph):
     """One step of 0.4 m."""
     whole = Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
-    return replace(
-        whole, stances=whole.stances[:2], actions=whole.actions[:1], steps=whole.steps[:1],
-        base_positions=whole.base_positions[:2], base_quaternions=whole.base_quaternions[:2],
-        joint_positions=whole.joint_positions[:2], branches=whole.branches[:2], w_m=whole.w_m[:2],
-        w_b=whole.w_b[:2],
-    )  # fmt: skip
+    first = {
+        field.name: getattr(whole.motion, field.name)[: 1 if field.name == "steps" else 2]
+        for field in fields(whole.motion)
+    }
+    return replace(whole, motion=Motion(**first))
 
 
 @pytest.fixture(scope="module")
