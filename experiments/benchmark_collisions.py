@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import coal
@@ -242,7 +243,7 @@ def collisions(
     for _ in range(repeats):
         for flag, times in sets.items():
             settings = Settings(collisions=flag)
-            times.append(timed(lambda s=settings: stance_graph(grasp_map, settings=s))[0])
+            times.append(timed(partial(stance_graph, grasp_map, settings=settings))[0])
     first = []
     for _ in range(repeats):
         first.append(timed(lambda: Planner(stance_graph(grasp_map)).plan(start, goal).unwrap())[0])

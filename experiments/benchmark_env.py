@@ -16,6 +16,7 @@ import os
 import platform
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -102,18 +103,20 @@ def best(what: str, run: Callable[[], tuple[int, Clock]]) -> Measured:
 def measure(seconds: float) -> list[Measured]:
     """Steps a second of every environment, each repetition as long as is asked for [s]."""
     rows: list[Measured] = []
-    plain = {"disable_env_checker": True}
+    plain: dict[str, Any] = {"disable_env_checker": True}
     world = gymnasium.make("MLIVR-JEM-v0", precompute=True, **plain)
-    rows.append(best("MLIVR-JEM-v0, kinematic, exact tables", lambda: single(world, seconds, True)))
+    rows.append(
+        best("MLIVR-JEM-v0, kinematic, exact tables", partial(single, world, seconds, True))
+    )
     for num_envs in (64, 1024):
         copies = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=num_envs)
         what = f"MLIVR-JEM-v0, native vector, {num_envs} copies"
-        rows.append(best(what, lambda copies=copies: vector(copies, seconds)))
+        rows.append(best(what, partial(vector, copies, seconds)))
     sync = gymnasium.make_vec(
         "MLIVR-JEM-v0", num_envs=4, vectorization_mode="sync", precompute=True
     )
-    rows.append(best("MLIVR-JEM-v0, SyncVectorEnv, 4 copies", lambda: vector(sync, seconds)))
-    for what, arguments in {
+    rows.append(best("MLIVR-JEM-v0, SyncVectorEnv, 4 copies", partial(vector, sync, seconds)))
+    variants: dict[str, dict[str, Any]] = {
         "MLIVR-JEM-v0, kinematic, steps checked when met": {},
         "MLIVR-JEM-v0, kinematic, steps checked when met, collisions not": {"collisions": False},
         "MLIVR-JEM-v0, four limbs, collisions not checked": {
@@ -121,13 +124,13 @@ def measure(seconds: float) -> list[Measured]:
             "collisions": False,
         },
         "MLIVR-JEM-v0, MuJoCo": {"dynamics": "mujoco"},
-    }.items():
+    }
+    for what, arguments in variants.items():
         env = gymnasium.make("MLIVR-JEM-v0", **plain, **arguments)
-        rows.append(best(what, lambda env=env: single(env, seconds, True)))
+        rows.append(best(what, partial(single, env, seconds, True)))
     for name in ("Taxi-v4", "FrozenLake-v1", "Ant-v5"):
         env = gymnasium.make(name, **plain)
-        masked = name == "Taxi-v4"
-        rows.append(best(name, lambda env=env, masked=masked: single(env, seconds, masked)))
+        rows.append(best(name, partial(single, env, seconds, name == "Taxi-v4")))
     return rows
 
 
@@ -143,6 +146,7 @@ def main() -> None:
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
     data = {"machine": machine, "rows": [row._asdict() for row in rows]}
     out = Path(args.out)
+    out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "benchmark_env.json", json.dumps(data, indent=1) + "\n")
     lines = [
         "# Steps a second",

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ from stopwatch import shares, timed
 from tqdm import tqdm
 
 from mlivr_gym import GraspMap, Settings, State, jem_map, stance_graph
+from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import write_whole
 from mlivr_gym.paper import default_setup
@@ -55,7 +57,14 @@ print(json.dumps([b - a for a, b in zip(marks, marks[1:])]))
 PAPER = Settings(collisions=False)
 """All but the section on collisions is measured without them, as in the paper."""
 
-Tasks = list[tuple[State, np.ndarray]]
+Tasks = list[tuple[State, Array]]
+
+
+def paper_graph(grasp_map: GraspMap) -> PairGraph:
+    """Stance graph without collisions."""
+    graph = stance_graph(grasp_map, settings=PAPER)
+    assert isinstance(graph, PairGraph)
+    return graph
 
 
 def resident() -> float:
@@ -87,9 +96,9 @@ def machine() -> dict[str, Any]:
 
 def stance_set(grasp_map: GraspMap, repeats: int) -> dict[str, Any]:
     """Time and memory of the stance graph, kernels compiled beforehand."""
-    times = [timed(lambda: stance_graph(grasp_map, settings=PAPER))[0] for _ in range(repeats)]
+    times = [timed(lambda: paper_graph(grasp_map))[0] for _ in range(repeats)]
     plain = [timed(lambda: nodes_only_graph(grasp_map))[0] for _ in range(repeats)]
-    graph = stance_graph(grasp_map, settings=PAPER)
+    graph = paper_graph(grasp_map)
     names = {
         "in_parallel": "compiled kernels",
         "base_frames": "body axes",
@@ -106,7 +115,7 @@ def stance_set(grasp_map: GraspMap, repeats: int) -> dict[str, Any]:
         "seconds_without_step_checks": float(np.median(plain)),
         "array_mb": sum(a.nbytes for a in vars(graph).values() if isinstance(a, np.ndarray)) / 1e6,
         "edge_table_mb": graph.table.nbytes / 1e6,
-        "shares": shares(lambda: stance_graph(grasp_map, settings=PAPER), names),
+        "shares": shares(lambda: paper_graph(grasp_map), names),
     }
 
 
@@ -122,9 +131,7 @@ def series(
         planner = Planner(graph)
         if prepare:
             planner.prepare(goal, cost)
-        seconds, result = timed(
-            lambda p=planner, s=start, g=goal: p.plan(s.stance, g, cost, **options)
-        )
+        seconds, result = timed(partial(planner.plan, start.stance, goal, cost, **options))
         whole.append(seconds)
         search.append(result.search_time)
         expanded.append(result.expanded)
@@ -140,7 +147,7 @@ def series(
 
 def queries(grasp_map: GraspMap, tasks: Tasks, few: int, cost: str) -> dict[str, Any]:
     """All query times of one cost, on a graph whose edge table begins empty."""
-    graph = stance_graph(grasp_map, settings=PAPER)
+    graph = paper_graph(grasp_map)
     out = {
         "new goal, cold": series(graph, tasks, cost),
         "new goal, warm": series(graph, tasks, cost),
@@ -164,8 +171,8 @@ def queries(grasp_map: GraspMap, tasks: Tasks, few: int, cost: str) -> dict[str,
 
 def oracle(grasp_map: GraspMap, tasks: Tasks) -> dict[str, float]:
     """Seconds of the exact cost-to-go table for two goals; only the first checks every step."""
-    planner = Planner(stance_graph(grasp_map, settings=PAPER))
-    first, second = (timed(lambda g=goal: planner.cost_to_go(g))[0] for _, goal in tasks[:2])
+    planner = Planner(paper_graph(grasp_map))
+    first, second = (timed(partial(planner.cost_to_go, goal))[0] for _, goal in tasks[:2])
     return {"first": first, "second": second}
 
 
@@ -185,7 +192,7 @@ def libraries(grasp_map: GraspMap, tasks: Tasks, advance: Callable[[str], None])
     ):
         advance(name)
         before = resident()
-        seconds, roadmap = timed(lambda b=build: b(graph))
+        seconds, roadmap = timed(partial(build, graph))
         grown = resident() - before
         times, error = [], 0.0
         for (start, goal), cost in zip(tasks, least, strict=True):
@@ -213,7 +220,7 @@ def libraries(grasp_map: GraspMap, tasks: Tasks, advance: Callable[[str], None])
     return out
 
 
-def first_plan(start: tuple[str, ...], goal: np.ndarray, runs: Sequence[str]) -> dict[str, Any]:
+def first_plan(start: tuple[str, ...], goal: Array, runs: Sequence[str]) -> dict[str, Any]:
     """Seconds that a new process takes to make one plan.
 
     Args:
@@ -245,21 +252,21 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
     """Everything, in order."""
     setup = default_setup()
     grasp_map, start, goal = jem_map(), tuple(setup["start"]), np.array(setup["goal"])
-    whole = stance_graph(grasp_map, settings=PAPER)
+    whole = paper_graph(grasp_map)
     origin = whole.posture(whole.indices(start)).position[0]
-    near = origin + (goal - origin) / np.linalg.norm(goal - origin)
+    close = origin + (goal - origin) / np.linalg.norm(goal - origin)
     if quick:
         grasp_map = grasp_map.subset(
             np.abs(grasp_map.positions[:, 0] - origin[0]) < 0.7, "part of the JEM"
         )
-        goal = near = origin + 0.5 * (near - origin)
+        goal = close = origin + 0.5 * (close - origin)
     bar = tqdm(total=15, mininterval=0.5)
 
     def advance(stage: str) -> None:
         bar.set_description(stage)
         bar.update()
 
-    draw, rng = stance_graph(grasp_map, settings=PAPER), np.random.default_rng(2026)
+    draw, rng = paper_graph(grasp_map), np.random.default_rng(2026)
     tasks = [sample_task(draw, rng, TOLERANCE) for _ in range(max(count, 2))]
     for cost in ("base", "steps"):
         Planner(draw).plan(start, goal, cost)
@@ -285,7 +292,7 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
         advance,
     )
     data["libraries"] = libraries(grasp_map, tasks[:few], advance)
-    data["near"] = map_to_plan(grasp_map, start, near, limit, advance)
+    data["near"] = map_to_plan(grasp_map, start, close, limit, advance)
     if not quick:
         data["case 2"] = map_to_plan(grasp_map, start, goal, limit, advance)
     bar.close()

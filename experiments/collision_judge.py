@@ -74,11 +74,9 @@ class Judge:
         radius = self.shapes.arrays[2]
         mounts, mount_radius, half, _ = self.shapes.fixed
         at_grasp = {i for i, _ in points}
-        limbs = [
-            [_capsule(*axis, r) for axis, r in zip(limb, radius, strict=True)] for limb in ends
-        ]
+        limbs = [[_capsule(axis, r) for axis, r in zip(limb, radius, strict=True)] for limb in ends]
         with_boxes = [
-            _capsule(*(configuration[0] + axis @ base.T), r)
+            _capsule(configuration[0] + axis @ base.T, r)
             for axis, r in zip(mounts, mount_radius, strict=True)
         ]
         with_boxes.append((coal.Box(*(2.0 * half)), coal.Transform3s(base, configuration[0])))
@@ -106,14 +104,14 @@ class Judge:
         return float(least)
 
 
-def _capsule(start: Array, end: Array, radius: float) -> tuple[Any, Any]:
-    """A capsule for coal, and where it is."""
-    along = end - start
+def _capsule(ends: Array, radius: float) -> tuple[Any, Any]:
+    """A capsule for coal, and where it is; `ends` has shape (2, 3) [m]."""
+    along = ends[1] - ends[0]
     length = float(np.linalg.norm(along))
     if length < 1e-9:
-        return coal.Sphere(float(radius)), coal.Transform3s(np.eye(3), start)
+        return coal.Sphere(float(radius)), coal.Transform3s(np.eye(3), ends[0])
     turn = Rotation.align_vectors([along / length], [[0.0, 0.0, 1.0]])[0].as_matrix()
-    return coal.Capsule(float(radius), length), coal.Transform3s(turn, 0.5 * (start + end))
+    return coal.Capsule(float(radius), length), coal.Transform3s(turn, 0.5 * (ends[0] + ends[1]))
 
 
 def _distance(first: tuple[Any, Any], second: tuple[Any, Any]) -> float:

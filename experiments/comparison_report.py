@@ -111,8 +111,8 @@ def interval(values: Array, digits: int, percent: bool = False) -> str:
         return NOTHING
     scale, unit = (100.0, " %") if percent else (1.0, "")
     low, high = bootstrap(values)
-    mean, low, high = (f"{scale * value:.{digits}f}" for value in (values.mean(), low, high))
-    return f"{mean}{unit} [{low}, {high}]"
+    texts = [f"{scale * value:.{digits}f}" for value in (values.mean(), low, high)]
+    return f"{texts[0]}{unit} [{texts[1]}, {texts[2]}]"
 
 
 def relative(runs: Runs, name: str, best: Runs | None, unit: str) -> str:

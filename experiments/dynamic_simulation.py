@@ -118,7 +118,7 @@ def random_plans(count: int) -> dict[str, Any]:
     """Plans between random starts and goals, executed at 50 s a step with each controller."""
     graph = stance_graph()
     planner, rng = Planner(graph), np.random.default_rng(SEED)
-    plans = []
+    plans: list[Plan] = []
     while len(plans) < count:
         state, goal = sample_task(graph, rng, 0.2)
         cost = ("base", "steps")[len(plans) % 2]

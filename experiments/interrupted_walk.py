@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,7 @@ def main() -> None:
     graph = stance_graph(jem_map())
     planner, setup = Planner(graph), default_setup()
     stance, goal = tuple(setup["start"]), tuple(setup["goal"])
-    how = {"cost": "weighted", "regrasp_price": 0.05}
+    how: dict[str, Any] = {"cost": "weighted", "regrasp_price": 0.05}
     planner.prepare(goal, **how)
     plans: list[Plan] = []
     walked, interruptions = [graph.posture(graph.indices(stance)).position[0]], 0

@@ -98,8 +98,18 @@ def learned(folder: Path, only: Sequence[str] = ()) -> dict[str, dict[int, Make]
         found.setdefault(name, {})[int(seed)] = partial(load_policy, path)
         if name in ("dagger-pointer", "risky-pointer"):
             by_seed = found.setdefault(f"{name}-beam", {})
-            by_seed[int(seed)] = lambda env, path=path: beam_policy(load_policy(path, env))
+            by_seed[int(seed)] = partial(beam_of, path)
     return found
+
+
+def beam_of(path: Path, env: MlivrEnv) -> Policy:
+    """A beam search that a checkpoint guides."""
+    return beam_policy(load_policy(path, env))
+
+
+def counted(bar: tqdm) -> Callable[[int], None]:
+    """A callback that moves a progress bar by one."""
+    return lambda _: bar.update()
 
 
 def without_manipulability(env: MlivrEnv) -> Policy:
@@ -170,7 +180,7 @@ def split_world(world: World, at: int, args: argparse.Namespace, results: Result
                     make(env),
                     tasks,
                     max_steps=MOST_STEPS,
-                    progress=lambda _, bar=bar: bar.update(),
+                    progress=counted(bar),
                 )
                 bar.close()
                 results.keep(world.split, name, seed, at, record(result, group))
@@ -313,7 +323,7 @@ def four_limbs(args: argparse.Namespace, results: Results) -> None:
                 make(env),
                 FOUR_LIMBS,
                 max_steps=MOST_STEPS,
-                progress=lambda _, bar=bar: bar.update(),
+                progress=counted(bar),
             )
             bar.close()
             results.keep("mlivr4", name, seed, 0, record(result, range(FOUR_LIMBS)))
@@ -345,6 +355,7 @@ def main() -> None:
     if args.freeze:
         freeze_test_set(Path(__file__).parent.parent / "envs_assets" / "test_set.json", SEED, SIZES)
         return
+    Path(args.out).mkdir(parents=True, exist_ok=True)
     results = Results(Path(args.out) / "planner_vs_rl.json")
     if not args.report:
         if "splits" in args.families:

@@ -58,7 +58,7 @@ PRICE = 0.05
 
 
 def study(data: dict[str, Any]) -> str:
-    """How many node-only plans cannot be carried out, and what a price of a regrasp does."""
+    """How many node-only plans cannot be executed, and what a price of a regrasp does."""
     counts = data["transition_study"]
     free = next(row for row in data["pareto"] if row["price"] == 0.0)
     priced = next(row for row in data["pareto"] if row["price"] == PRICE)

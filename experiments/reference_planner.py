@@ -33,7 +33,7 @@ TOLERANCE = 0.2
 NODES_ONLY = Settings(transitions=False, collisions=False)
 """Thresholds without step checks: what the reference and the libraries can solve too."""
 
-MODES = {
+MODES: dict[str, dict[str, Any]] = {
     "thorough": {"first_pose": False, "limit": 200},
     "hasty": {"first_pose": True, "limit": 50},
 }
@@ -319,7 +319,7 @@ class ReferencePlanner:
 def map_to_plan(
     grasp_map: GraspMap,
     start: tuple[str, ...],
-    goal: np.ndarray,
+    goal: Array,
     limit: float,
     advance: Callable[[str], None],
 ) -> dict[str, Any]:
@@ -334,7 +334,7 @@ def map_to_plan(
     first = (grasp_map.index(start[0]), grasp_map.index(start[1]))
     out: dict[str, Any] = {"ours": {"seconds": float(np.median(times)), "cost": plan.cost}}
 
-    def known(stance: tuple[int, int]) -> np.ndarray | None:
+    def known(stance: tuple[int, int]) -> Array | None:
         s = graph.find(stance)
         return graph.position[s] if s >= 0 else None
 

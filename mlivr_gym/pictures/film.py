@@ -44,7 +44,7 @@ def film(
         size: Width and height [px].
         frames: Number of pictures, at equal times.
         rate: Pictures a second.
-        obstacles: Boxes in the way.
+        obstacles: Boxes besides the map's.
         progress: Called with the number of pictures done.
 
     Raises:

@@ -55,7 +55,7 @@ class SceneRenderer:
         self.data = mujoco.MjData(self.model)
         try:
             self._renderer: Any = mujoco.Renderer(self.model, height, width)
-            # Registered after the GL loader's own exit hook, hence run before it.
+            # Registered after the GL loader's exit hook, hence run before it.
             atexit.register(self._renderer.close)
         except Exception as error:  # GL loaders raise errors of many kinds
             raise _no_gl(error) from None

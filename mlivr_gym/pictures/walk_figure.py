@@ -41,7 +41,7 @@ def walk_figure(
         planned: Base positions of each plan that was made, shape (k, 3) [m].
         path: PNG file to write.
         goal: Goal position [m].
-        obstacles: Boxes in the way.
+        obstacles: Boxes besides the map's.
         occupied: Ids of points that were not to be grasped.
     """
     figure, axes = map_axes(grasp_map)
