@@ -1,19 +1,21 @@
-"""How long collision checks and replanning among obstacles take; part of `benchmark_planning.py`."""
+"""How long collision checks and replanning take; part of `benchmark_planning.py`."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import coal
 import mujoco
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from stopwatch import timed
 
 from mlivr_gym import Box, GraspMap, Settings, State, stance_graph
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.link_capsules import (
@@ -30,21 +32,30 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import scene_spec
 from mlivr_gym.stances.pair_graph import PairGraph
 
-Array = NDArray[np.float64]
-
 
 @njit(nogil=True, error_model="numpy")
 def check_all(
     positions: Array,
     rotations: Array,
     joints: Array,
-    lengths: Array,
-    mounts: Array,
-    places: Array,
+    limbs: tuple[Array, Array, Array],
     collision_model: Any,
-    out: Any,
+    out: IntArray,
 ) -> None:
-    """Whether each of many configurations of a two-limb robot touches something; grippers are compared with all boxes."""
+    """Whether each of many configurations of a two-limb robot touches something.
+
+    Grippers are compared with all boxes.
+
+    Args:
+        positions: Base positions, shape (k, 3) [m].
+        rotations: Base rotations, shape (k, 3, 3).
+        joints: Joint angles, shape (k, 2, 6) [rad].
+        limbs: d1, a2, a3, d4, d5, d6 of a limb [m], and rotations, shape (2, 3, 3), and positions,
+            shape (2, 3) [m], of the limbs' bases in the body.
+        collision_model: Arrays of the collision model.
+        out: Filled with the kind of contact of each, 0 where there is none, shape (k,).
+    """
+    lengths, mount_rotations, mount_positions = limbs
     shapes, _, _, fixed, world, clearance, body = collision_model
     count = len(shapes[0])
     ends, moved, still = np.empty((2, count, 2, 3)), np.empty((count, 2, 3)), np.zeros((count, 2))
@@ -53,7 +64,7 @@ def check_all(
         found = body_against_boxes(positions[k], rotations[k], 0.0, 0.0, body, world, clearance)
         for i in range(2):
             frames_of_angles(joints[k, i], lengths, frames)
-            place(frames, shapes, mounts[i], places[i], ends[i])
+            place(frames, shapes, mount_rotations[i], mount_positions[i], ends[i])
             found = max(
                 found,
                 against_body(i, ends[i], still, EVERY, shift, spin, 0.0, shapes, fixed, clearance)[
@@ -82,7 +93,12 @@ def check_all(
 
 
 def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
-    """Base positions, rotations and joint angles: random stances with every joint turned a little."""
+    """Random stances with every joint turned a little.
+
+    Returns:
+        Base positions, shape (count, 3) [m], base rotations, shape (count, 3, 3), and joint angles,
+        shape (count, 2, 6) [rad].
+    """
     rng = np.random.default_rng(0)
     chosen = rng.integers(len(graph), size=count)
     joints = np.empty((count, 2, 6))
@@ -98,21 +114,18 @@ def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
 
 
 def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
-    """Microseconds a configuration: the compiled kernel in one thread, MuJoCo's pipeline, coal's broad phase."""
+    """Time of one configuration in the compiled kernel, in MuJoCo and in coal [us].
+
+    The kernel runs in one thread; MuJoCo's figure is that of kinematics and collision pipeline.
+    """
     positions, rotations, joints = configurations(graph, count)
     robot, solver = graph.robot, graph.solver
     out = np.empty(count, dtype=np.int64)
-    given = (
-        positions,
-        rotations,
-        joints,
-        solver.lengths,
-        solver.mount_rotations,
-        solver.mount_positions,
-    )
-    check_all(*given, solver.collision_model.arrays, out)
+    limbs = (solver.lengths, solver.mount_rotations, solver.mount_positions)
+    given = (positions, rotations, joints, limbs, solver.collision_model.arrays, out)
+    check_all(*given)
     began = time.perf_counter()
-    check_all(*given, solver.collision_model.arrays, out)
+    check_all(*given)
     ours = time.perf_counter() - began
     model = scene_spec(graph.grasp_map, robot).compile()
     data = mujoco.MjData(model)
@@ -126,56 +139,84 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
         mujoco.mj_collision(model, data)
     mujoco_time = time.perf_counter() - began
     few = min(count, 1000)
-    theirs = _coal(graph, positions[:few], quaternions[:few], joints[:few])
+    theirs = coal_seconds(graph, positions[:few], quaternions[:few], joints[:few])
     return {
-        "configurations": count, "ours": 1e6 * ours / count, "mujoco": 1e6 * mujoco_time / count,
-        "coal": 1e6 * theirs / few, "touching": float((out > 0).mean()),
-    }  # fmt: skip
+        "configurations": count,
+        "ours": 1e6 * ours / count,
+        "mujoco": 1e6 * mujoco_time / count,
+        "coal": 1e6 * theirs / few,
+        "touching": float((out > 0).mean()),
+    }
 
 
-def _coal(graph: PairGraph, positions: Array, quaternions: Array, joints: Array) -> float:
-    """Seconds that coal needs: boxes in a tree made once, each limb's capsules against it and against the other limb's."""
+def coal_seconds(graph: PairGraph, positions: Array, quaternions: Array, joints: Array) -> float:
+    """Time that coal needs for the collision checks of configurations [s].
+
+    The boxes are in a tree made once; each limb's capsules are compared with it and with those of
+    the other limb. Poses of the capsules are worked out beforehand.
+
+    Args:
+        graph: Graph of a robot with two limbs.
+        positions: Base positions, shape (k, 3) [m].
+        quaternions: Base orientations w, x, y, z, shape (k, 4).
+        joints: Joint angles, shape (k, 2, 6) [rad].
+    """
     shapes = LimbShapes(graph.robot)
-    radius = shapes.arrays[2]
-    cabin = coal.DynamicAABBTreeCollisionManager()
-    solids = [
-        coal.CollisionObject(coal.Box(*(2.0 * np.array(b.half))), coal.Transform3s(np.array(b.rotation), np.array(b.centre)))
-        for b in graph.grasp_map.boxes
-    ]  # fmt: skip
-    cabin.registerObjects(solids)
-    cabin.setup()
-    limbs = [[] for _ in range(2)]
-    for i in range(2):
-        for c in range(len(shapes)):
-            length = float(np.linalg.norm(shapes.arrays[1][c, 1] - shapes.arrays[1][c, 0]))
-            limbs[i].append(coal.CollisionObject(coal.Capsule(float(radius[c]), max(length, 1e-6))))
-    managers = []
-    for i in range(2):
-        manager = coal.DynamicAABBTreeCollisionManager()
-        manager.registerObjects(limbs[i])
-        managers.append(manager)
-    placed = []
-    for k in range(len(positions)):
-        ends = capsule_ends(graph.robot, shapes, (positions[k], quaternions[k], joints[k]))
-        middle, along = ends.mean(axis=2), ends[:, :, 1] - ends[:, :, 0]
-        turned = np.empty((2, len(shapes), 3, 3))
-        for i in range(2):
-            for c in range(len(shapes)):
-                turned[i, c] = _frame(along[i, c])
-        placed.append((middle, turned))
+    boxes = [
+        coal.CollisionObject(
+            coal.Box(*(2.0 * np.array(box.half))),
+            coal.Transform3s(np.array(box.rotation), np.array(box.centre)),
+        )
+        for box in graph.grasp_map.boxes
+    ]
+    cabin = _tree(boxes)
+    limbs = [_capsules(shapes) for _ in range(2)]
+    trees = [_tree(limb) for limb in limbs]
+    placed = [
+        _capsule_poses(capsule_ends(graph.robot, shapes, configuration))
+        for configuration in zip(positions, quaternions, joints, strict=True)
+    ]
     callback = coal.CollisionCallBackDefault()
     began = time.perf_counter()
     for middle, turned in placed:
         for i in range(2):
-            for c, thing in enumerate(limbs[i]):
-                thing.setTransform(coal.Transform3s(turned[i, c], middle[i, c]))
-                thing.computeAABB()
-            managers[i].update()
+            for c, capsule in enumerate(limbs[i]):
+                capsule.setTransform(coal.Transform3s(turned[i, c], middle[i, c]))
+                capsule.computeAABB()
+            trees[i].update()
             callback.init()
-            managers[i].collide(cabin, callback)
+            trees[i].collide(cabin, callback)
         callback.init()
-        managers[0].collide(managers[1], callback)
+        trees[0].collide(trees[1], callback)
     return time.perf_counter() - began
+
+
+def _tree(objects: list[Any]) -> Any:
+    """A tree of collision objects; the objects must live as long as the tree."""
+    tree = coal.DynamicAABBTreeCollisionManager()
+    for thing in objects:
+        tree.registerObject(thing)
+    tree.setup()
+    return tree
+
+
+def _capsules(shapes: LimbShapes) -> list[Any]:
+    """The capsules of a limb as collision objects."""
+    lengths = np.linalg.norm(shapes.arrays[1][:, 1] - shapes.arrays[1][:, 0], axis=1)
+    return [
+        coal.CollisionObject(coal.Capsule(float(radius), max(float(length), 1e-6)))
+        for radius, length in zip(shapes.arrays[2], lengths, strict=True)
+    ]
+
+
+def _capsule_poses(ends: Array) -> tuple[Array, Array]:
+    """Centres, shape (n, c, 3) [m], and rotations, shape (n, c, 3, 3), of capsules.
+
+    Args:
+        ends: Ends of the capsules of each limb, shape (n, c, 2, 3) [m].
+    """
+    axes = ends[:, :, 1] - ends[:, :, 0]
+    return ends.mean(axis=2), np.array([[_frame(axis) for axis in limb] for limb in axes])
 
 
 def _frame(axis: Array) -> Array:
@@ -196,16 +237,16 @@ def collisions(
     repeats: int,
     progress: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Everything of this part."""
+    """All figures of this part, as data for `collision_report`."""
     progress("collisions: stance set")
     sets: dict[bool, list[float]] = {False: [], True: []}
     for _ in range(repeats):
         for flag, times in sets.items():
             settings = Settings(collisions=flag)
-            times.append(_timed(lambda s=settings: stance_graph(grasp_map, settings=s))[0])
+            times.append(timed(partial(stance_graph, grasp_map, settings=settings))[0])
     first = []
     for _ in range(repeats):
-        first.append(_timed(lambda: Planner(stance_graph(grasp_map)).plan(start, goal).unwrap())[0])
+        first.append(timed(lambda: Planner(stance_graph(grasp_map)).plan(start, goal).unwrap())[0])
     graph = stance_graph(grasp_map)
     assert isinstance(graph, PairGraph)
     progress("collisions: single checks")
@@ -214,19 +255,26 @@ def collisions(
     planner = Planner(graph)
     cold = replanning(planner, start, goal, 4 * repeats)
     progress("collisions: replanning, goal prepared")
-    prepared = _timed(lambda: planner.prepare(goal))[0]
+    prepared = timed(lambda: planner.prepare(goal))[0]
     warm = replanning(planner, start, goal, 8 * repeats)
     return {
         "stance_set": float(np.median(sets[True])),
         "stance_set_without": float(np.median(sets[False])),
-        "stances": len(graph), "removed": graph.removed, "first_plan": float(np.median(first)),
+        "stances": len(graph),
+        "removed": graph.removed,
+        "first_plan": float(np.median(first)),
         "single": single,
-        "cold": cold, "prepare": prepared, "warm": warm,
-    }  # fmt: skip
+        "cold": cold,
+        "prepare": prepared,
+        "warm": warm,
+    }
 
 
 def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int) -> dict[str, Any]:
-    """Milliseconds from the change to the new plan: ten points newly occupied, and a box across the module."""
+    """Time from a change to the new plan [ms].
+
+    The change is ten points newly occupied, or a box across the module.
+    """
     rng, out = np.random.default_rng(0), {}
     graph = planner.graph
     free = planner.plan(start, goal).unwrap()
@@ -240,7 +288,7 @@ def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int
                 few = rng.choice(used, min(5, len(used)), replace=False).tolist()
                 taken = [*few, *rng.choice(others, 10 - len(few), replace=False).tolist()]
             else:
-                middle = 0.5 * (free.base_positions[0, 0] + goal[0])
+                middle = 0.5 * (free.motion.base_positions[0, 0] + goal[0])
                 x, z = middle + rng.uniform(-0.6, 0.6), rng.choice([-1.0, 0.2])
                 boxes = [Box.between("box", "obstacle", (x, -1.0, z), (x + 0.3, 1.0, z + 0.8))]
             began = time.perf_counter()
@@ -253,16 +301,12 @@ def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int
             graph.vacate()
             graph.remove_obstacles()
         out[kind] = {
-            "median": float(np.median(times)), "p95": float(np.percentile(times, 95)),
-            "count": count, "unsolved": unsolved,
-        }  # fmt: skip
+            "median": float(np.median(times)),
+            "p95": float(np.percentile(times, 95)),
+            "count": count,
+            "unsolved": unsolved,
+        }
     return out
-
-
-def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
-    began = time.perf_counter()
-    value = call()
-    return time.perf_counter() - began, value
 
 
 def collision_targets(data: dict[str, Any]) -> Iterator[tuple[str, float, float]]:
@@ -287,20 +331,31 @@ def collision_report(data: dict[str, Any]) -> list[str]:
     """The report's section as lines of Markdown."""
     single = data["single"]
     rows = [
-        f"| {title} | {name} | {run['median']:.1f} | {run['p95']:.1f} | {run['count']} | {run['unsolved']} |"
+        f"| {title} | {name} | {run['median']:.1f} | {run['p95']:.1f} | {run['count']} "
+        f"| {run['unsolved']} |"
         for title, part in (("no", data["cold"]), ("yes", data["warm"]))
         for name, run in part.items()
     ]
     return [
-        "## Collisions", "",
-        f"Stance set with collisions {data['stance_set']:.2f} s, without {data['stance_set_without']:.2f} s; {data['stances']} "
-        f"stances are left. Map to first plan {data['first_plan']:.2f} s. One configuration, both limbs against the cabin, the "
-        f"body, themselves and each other: {single['ours']:.2f} us in the compiled kernel on one core, {single['mujoco']:.1f} us in "
-        f"MuJoCo (kinematics and collision pipeline, called from Python), {single['coal']:.1f} us in coal (trees of boxes "
-        f"and capsules, called from Python, poses worked out beforehand), over the same {single['configurations']} configurations (coal: "
-        f"the first 1000 at most), {100 * single['touching']:.0f} % of which touch something.", "",
-        "Replanning from the change to the new plan, from the start of a walk, base cost. `Planner.prepare` works out the exact "
-        f"cost to the goal once, in {data['prepare']:.1f} s here, and replans without it start from what earlier plans found out:", "",
+        "## Collisions",
+        "",
+        f"Stance set with collisions {data['stance_set']:.2f} s, without "
+        f"{data['stance_set_without']:.2f} s; {data['stances']} stances are left. Map to first "
+        f"plan {data['first_plan']:.2f} s. One configuration, both limbs against the cabin, the "
+        f"body, themselves and each other: {single['ours']:.2f} us in the compiled kernel on one "
+        f"core, {single['mujoco']:.1f} us in MuJoCo (kinematics and collision pipeline, called "
+        f"from Python), {single['coal']:.1f} us in coal (trees of boxes and capsules, called from "
+        f"Python, poses worked out beforehand), over the same {single['configurations']} "
+        "configurations (coal: "
+        f"the first 1000 at most), {100 * single['touching']:.0f} % of which touch something.",
+        "",
+        "Replanning from the change to the new plan, from the start of a walk, base cost. "
+        "`Planner.prepare` works out the exact "
+        f"cost to the goal once, in {data['prepare']:.1f} s here, and replans without it start "
+        "from what earlier plans found out:",
+        "",
         "| goal prepared | change | median [ms] | p95 [ms] | changes | without a plan |",
-        "|---|---|---|---|---|---|", *rows, "",
-    ]  # fmt: skip
+        "|---|---|---|---|---|---|",
+        *rows,
+        "",
+    ]

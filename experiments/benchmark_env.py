@@ -16,6 +16,7 @@ import os
 import platform
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,10 +24,10 @@ import gymnasium
 import numpy as np
 
 import mlivr_gym  # noqa: F401  registers the environment
-from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.files import write_whole
 
 REPETITIONS = 10
+"""Of which the best counts."""
 
 
 class Clock:
@@ -99,6 +100,40 @@ def best(what: str, run: Callable[[], tuple[int, Clock]]) -> Measured:
     return measured
 
 
+def measure(seconds: float) -> list[Measured]:
+    """Steps a second of every environment, each repetition as long as is asked for [s]."""
+    rows: list[Measured] = []
+    plain: dict[str, Any] = {"disable_env_checker": True}
+    world = gymnasium.make("MLIVR-JEM-v0", precompute=True, **plain)
+    rows.append(
+        best("MLIVR-JEM-v0, kinematic, exact tables", partial(single, world, seconds, True))
+    )
+    for num_envs in (64, 1024):
+        copies = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=num_envs)
+        what = f"MLIVR-JEM-v0, native vector, {num_envs} copies"
+        rows.append(best(what, partial(vector, copies, seconds)))
+    sync = gymnasium.make_vec(
+        "MLIVR-JEM-v0", num_envs=4, vectorization_mode="sync", precompute=True
+    )
+    rows.append(best("MLIVR-JEM-v0, SyncVectorEnv, 4 copies", partial(vector, sync, seconds)))
+    variants: dict[str, dict[str, Any]] = {
+        "MLIVR-JEM-v0, kinematic, steps checked when met": {},
+        "MLIVR-JEM-v0, kinematic, steps checked when met, collisions not": {"collisions": False},
+        "MLIVR-JEM-v0, four limbs, collisions not checked": {
+            "robot": "mlivr4",
+            "collisions": False,
+        },
+        "MLIVR-JEM-v0, MuJoCo": {"dynamics": "mujoco"},
+    }
+    for what, arguments in variants.items():
+        env = gymnasium.make("MLIVR-JEM-v0", **plain, **arguments)
+        rows.append(best(what, partial(single, env, seconds, True)))
+    for name in ("Taxi-v4", "FrozenLake-v1", "Ant-v5"):
+        env = gymnasium.make(name, **plain)
+        rows.append(best(name, partial(single, env, seconds, name == "Taxi-v4")))
+    return rows
+
+
 def main() -> None:
     """Measure and write."""
     parser = argparse.ArgumentParser(description="Steps a second.")
@@ -107,53 +142,25 @@ def main() -> None:
         "--seconds", type=float, default=1.0, help="for each repetition (default: %(default)s)"
     )
     args = parser.parse_args()
-    rows: list[Measured] = []
-    plain = {"disable_env_checker": True}
-    world = gymnasium.make("MLIVR-JEM-v0", precompute=True, **plain)
-    rows.append(
-        best("MLIVR-JEM-v0, kinematic, exact tables", lambda: single(world, args.seconds, True))
-    )
-    for num_envs in (64, 1024):
-        copies = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=num_envs)
-        rows.append(
-            best(
-                f"MLIVR-JEM-v0, native vector, {num_envs} copies",
-                lambda copies=copies: vector(copies, args.seconds),
-            )
-        )
-    sync = gymnasium.make_vec(
-        "MLIVR-JEM-v0", num_envs=4, vectorization_mode="sync", precompute=True
-    )
-    rows.append(best("MLIVR-JEM-v0, SyncVectorEnv, 4 copies", lambda: vector(sync, args.seconds)))
-    for what, arguments in {
-        "MLIVR-JEM-v0, kinematic, steps checked when met": {},
-        "MLIVR-JEM-v0, kinematic, steps checked when met, collisions not": {"collisions": False},
-        "MLIVR-JEM-v0, four limbs, collisions not checked": {
-            "robot": "mlivr4",
-            "collisions": False,
-        },
-    }.items():
-        env = gymnasium.make("MLIVR-JEM-v0", **plain, **arguments)
-        rows.append(best(what, lambda env=env: single(env, args.seconds, True)))
-    dynamics = MlivrEnv.__init__.__doc__ or ""
-    if '"mujoco"' in dynamics:
-        env = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco", **plain)
-        rows.append(best("MLIVR-JEM-v0, MuJoCo", lambda: single(env, args.seconds, True)))
-    for name in ("Taxi-v4", "FrozenLake-v1", "Ant-v5"):
-        env = gymnasium.make(name, **plain)
-        rows.append(best(name, lambda env=env: single(env, args.seconds, name == "Taxi-v4")))  # noqa: B023
+    rows = measure(args.seconds)
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
     data = {"machine": machine, "rows": [row._asdict() for row in rows]}
     out = Path(args.out)
+    out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "benchmark_env.json", json.dumps(data, indent=1) + "\n")
     lines = [
-        "# Steps a second", "",
-        f"Made by `experiments/benchmark_env.py` on {machine}; one core each, best of {REPETITIONS} repetitions of "
-        f"{args.seconds:g} s. Actions are random possible ones; Taxi's are masked too. Each environment as "
-        "`gymnasium.make` returns it, without its checker.", "",
-        "| environment | steps/s | by processor time |", "|---|---|---|",
-        *(f"| {row.what} | {row.wall:,.0f} | {row.cpu:,.0f} |" for row in rows), "",
-    ]  # fmt: skip
+        "# Steps a second",
+        "",
+        f"Made by `experiments/benchmark_env.py` on {machine}; one core each, best of "
+        f"{REPETITIONS} repetitions of {args.seconds:g} s. Actions are random possible ones; "
+        "Taxi's are masked too. Each environment as `gymnasium.make` returns it, without its "
+        "checker.",
+        "",
+        "| environment | steps/s | by processor time |",
+        "|---|---|---|",
+        *(f"| {row.what} | {row.wall:,.0f} | {row.cpu:,.0f} |" for row in rows),
+        "",
+    ]
     write_whole(out / "benchmark_env.md", "\n".join(lines))
 
 

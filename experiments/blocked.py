@@ -12,23 +12,21 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from blocked_steps import SAMPLES, follow_to
 
 from mlivr_gym import Settings, State, jem_map, stance_graph
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.contacts import Configuration, Contact, contacts
-from mlivr_gym.kinematics.base_path import STRAIGHT, follow
+from mlivr_gym.kinematics.base_path import STRAIGHT
 from mlivr_gym.kinematics.holding import base_path, quaternion
-from mlivr_gym.pictures.figures import blocked_figure
+from mlivr_gym.pictures.blocked_figure import blocked_figure
 from mlivr_gym.stances.pair_graph import PairGraph
-
-SAMPLES = 25
-"""Configurations looked at along a step."""
 
 Panel = tuple[str, list[Configuration], list[Contact]]
 
 
 def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
-    """A stance that meets the thresholds, but not without touching the surroundings: the one that touches least."""
+    """The stance with the fewest contacts of those that only collisions rule out."""
     best: Panel | None = None
     for s in range(len(free)):
         stance = free.points[s]
@@ -47,7 +45,7 @@ def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
 
 
 def blocked_step(checked: PairGraph, free: PairGraph) -> Panel:
-    """The first step between two stances of the graph on which the robot would touch something deeply."""
+    """The first step between two stances on which the robot would reach into something."""
     for s in range(0, len(checked), 7):
         for held in range(2):
             row = checked.row(held, s)[::5]
@@ -62,7 +60,8 @@ def blocked_step(checked: PairGraph, free: PairGraph) -> Panel:
     raise SystemExit("no step is blocked")
 
 
-def _indices(free: PairGraph, checked: PairGraph, stances: NDArray[np.int64]) -> NDArray[np.int64]:
+def _indices(free: PairGraph, checked: PairGraph, stances: IntArray) -> IntArray:
+    """Indices in the graph without collisions of stances of the other."""
     return np.array([free.find(checked.points[s]) for s in stances], dtype=np.int64)
 
 
@@ -79,13 +78,7 @@ def _along(graph: PairGraph, held: int, s0: int, s1: int) -> Panel | None:
     along: list[Configuration] = []
     for position, rotation in zip(where, turned, strict=True):
         joints = np.empty((2, 6))
-        if not follow(
-            graph.solver.flanges[point], solver.tools[point], position, rotation, position,
-            rotation, STRAIGHT, position,
-            solver.mount_rotations[held], solver.mount_positions[held], solver.lengths, branch, 0,
-            np.empty(6), q,
-            np.full(6, np.inf), np.full(6, -np.inf),
-        ):  # fmt: skip
+        if not follow_to(graph, held, point, branch, (position, rotation), q):
             return None
         joints[held], joints[mover] = q, (*graph.robot.folds[0], 0.0)
         along.append((position, quaternion(rotation), joints))
@@ -98,7 +91,10 @@ def _along(graph: PairGraph, held: int, s0: int, s1: int) -> Panel | None:
     if not found[worst]:
         return None
     names = [graph.grasp_map.ids[graph.points[s, mover]] for s in (s0, s1)]
-    title = f"Step of limb {mover} from {names[0]} to {names[1]}, limb {held} holds {graph.grasp_map.ids[point]}"
+    title = (
+        f"Step of limb {mover} from {names[0]} to {names[1]}, "
+        f"limb {held} holds {graph.grasp_map.ids[point]}"
+    )
     return title, [*along[::6], along[worst]], found[worst]
 
 

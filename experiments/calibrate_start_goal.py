@@ -18,21 +18,27 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from mlivr_gym import Settings, jem_map, stance_graph
-from mlivr_gym.cli.table1 import CASES, PAPER, SETUP, case_graph, relations
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import StanceError
 from mlivr_gym.files import write_whole
+from mlivr_gym.paper import CASES, PAPER, SETUP, case_graph, relations
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.pair_graph import PairGraph
 
-START_NEAR, GOAL_NEAR, RADIUS = (1.84, 0.0, -0.35), (6.0, 0.0, 0.42), 0.6
+START, GOAL, RADIUS = (1.84, 0.0, -0.35), (6.0, 0.0, 0.42), 0.6
+"""Starts and goals that are tried lie within `RADIUS` of these base positions [m]."""
+
 SEEDS = range(60)
+"""Seeds of the sparse map that are tried."""
+
 FINALISTS = 40
+"""Pairs that are planned again with the table's heuristic."""
 
 
 def mismatch(case: int, plan: Plan) -> float:
@@ -50,7 +56,8 @@ def evaluate(
     planners: dict[bool, Planner], start: tuple[str, ...], goal: tuple[float, ...], heuristic: str
 ) -> tuple[float, dict[int, Plan]]:
     """Mismatch and plans of Cases 1 to 3; infinite where one has no plan."""
-    plans, total = {}, 0.0
+    plans: dict[int, Plan] = {}
+    total = 0.0
     for case in (1, 2, 3):
         result = planners[CASES[case].manipulability].plan(
             start, goal, CASES[case].cost, heuristic=heuristic
@@ -62,8 +69,8 @@ def evaluate(
     return total, plans
 
 
-def _can_start(planner: Planner, points: NDArray[np.int64]) -> bool:
-    """Whether a robot at a stance can let go of it without touching anything."""
+def _can_start(planner: Planner, points: IntArray) -> bool:
+    """Whether a robot at a stance, given by its points, can depart without touching anything."""
     try:
         planner.graph.state(points.tolist())
     except StanceError:
@@ -71,32 +78,35 @@ def _can_start(planner: Planner, points: NDArray[np.int64]) -> bool:
     return True
 
 
-def main() -> None:
-    """Search over pairs and seeds, and write the best."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--pairs", type=int, default=3000, help="start and goal pairs tried")
-    pairs = parser.parse_args().pairs
-    graphs = {
-        flag: stance_graph(jem_map(), settings=Settings(manipulability=flag, collisions=False))
-        for flag in (False, True)
-    }
-    checked = Planner(stance_graph(jem_map()))
-    planners = {flag: Planner(graph) for flag, graph in graphs.items()}
-    graph = graphs[True]
-    assert isinstance(graph, PairGraph)
+def candidates(graph: PairGraph, checked: Planner) -> tuple[list[int], Array]:
+    """Stances from which the walk may start, and goals, shape (g, 3) [m]."""
     faces = np.array(graph.grasp_map.faces)[graph.points]
-    near = np.linalg.norm(graph.position - START_NEAR, axis=1) < RADIUS
+    close = np.linalg.norm(graph.position - START, axis=1) < RADIUS
     starts = [
-        s
-        for s in np.flatnonzero((faces == "deck").all(axis=1) & near)
+        int(s)
+        for s in np.flatnonzero((faces == "deck").all(axis=1) & close)
         if _can_start(checked, graph.points[s])
     ]
-    over = np.linalg.norm(graph.position - GOAL_NEAR, axis=1) < RADIUS
+    close = np.linalg.norm(graph.position - GOAL, axis=1) < RADIUS
     goals = np.unique(
-        np.round(graph.position[(faces == "overhead").all(axis=1) & over] / 0.05) * 0.05, axis=0
+        np.round(graph.position[(faces == "overhead").all(axis=1) & close] / 0.05) * 0.05, axis=0
     )
+    return starts, goals
+
+
+def best_pair(
+    planners: dict[bool, Planner], checked: Planner, pairs: int
+) -> tuple[float, tuple[str, ...], tuple[float, ...], dict[int, Plan]]:
+    """Mismatch, start, goal and plans of the best of random pairs.
+
+    Args:
+        planners: Planners without collisions, by whether thresholds hold.
+        checked: Planner with thresholds and collisions.
+        pairs: How many pairs are tried.
+    """
+    graph = planners[True].graph
+    assert isinstance(graph, PairGraph)
+    starts, goals = candidates(graph, checked)
     rng = np.random.default_rng(0)
     tried = []
     for _ in tqdm(range(pairs), desc="pairs", mininterval=2.0):
@@ -118,8 +128,14 @@ def main() -> None:
         raise SystemExit(
             "no pair meets the relations of the paper's first three cases; try more pairs"
         )
-    best, start, goal, plans = min(again, key=lambda entry: entry[0])
-    best_seed, best_case = None, np.inf
+    return min(again, key=lambda entry: entry[0])
+
+
+def best_seed(
+    start: tuple[str, ...], goal: tuple[float, ...], plans: dict[int, Plan]
+) -> tuple[float, dict[str, Any]]:
+    """Mismatch of Case 4 and the setup with the best seed of the sparse map."""
+    best: tuple[float, dict[str, Any]] | None = None
     for seed in tqdm(SEEDS, desc="seeds of the sparse map", mininterval=2.0):
         setup = {"start": list(start), "goal": list(goal), "sparse_seed": seed}
         result = Planner(case_graph(4, setup)).plan(
@@ -127,20 +143,33 @@ def main() -> None:
         )
         if result.plan is not None and all(relations(plans | {4: result.plan}).values()):
             value = mismatch(4, result.plan)
-            if value < best_case and Planner(case_graph(4, setup, collisions=True)).plan(
-                start, goal, CASES[4].cost
-            ):
-                best_seed, best_case = seed, value
-    if best_seed is None:
+            if (best is None or value < best[0]) and Planner(
+                case_graph(4, setup, collisions=True)
+            ).plan(start, goal, CASES[4].cost):
+                best = value, setup
+    if best is None:
         raise SystemExit("no seed of the sparse map meets the relations of the paper's fourth case")
-    found = {
-        "source": "experiments/calibrate_start_goal.py",
-        "start": list(start),
-        "goal": list(goal),
-        "sparse_seed": best_seed,
+    return best
+
+
+def main() -> None:
+    """Search over pairs and seeds, and write the best."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--pairs", type=int, default=3000, help="start and goal pairs tried")
+    pairs = parser.parse_args().pairs
+    planners = {
+        flag: Planner(
+            stance_graph(jem_map(), settings=Settings(manipulability=flag, collisions=False))
+        )
+        for flag in (False, True)
     }
+    total, start, goal, plans = best_pair(planners, Planner(stance_graph(jem_map())), pairs)
+    sparse, setup = best_seed(start, goal, plans)
+    found = {"source": "experiments/calibrate_start_goal.py", **setup}
     write_whole(SETUP, json.dumps(found, indent=1) + "\n")
-    print(f"mismatch {best:.3f} + {best_case:.3f}: {found} written to {Path(SETUP).name}")
+    print(f"mismatch {total:.3f} + {sparse:.3f}: {found} written to {Path(SETUP).name}")
 
 
 if __name__ == "__main__":

@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.agents.evaluation import bootstrap
+from mlivr_gym.arrays import Array
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.figures import save_figure
 
-Array = NDArray[np.float64]
+NOTHING = "\N{EN DASH}"
+"""What a cell without a figure shows."""
 
 SPLITS = {
     "same": "same map",
@@ -22,23 +23,29 @@ SPLITS = {
 }
 
 NAMES = {
-    "table": "exact cost-to-go table", "astar-steps": "A*, step cost",
+    "table": "exact cost-to-go table",
+    "astar-steps": "A*, step cost",
     "astar-base": "A*, base cost",
-    "dijkstra": "Dijkstra, step cost", "greedy": "greedy best-first",
+    "dijkstra": "Dijkstra, step cost",
+    "greedy": "greedy best-first",
     "local": "local choice (Bretl, Uno)",
     "no-manipulability": "A* without manipulability (Takada)",
     "mcts": "Monte Carlo tree search (Xu)",
-    "two-level": "two levels (Rodriguez)", "random": "random possible steps",
+    "two-level": "two levels (Rodriguez)",
+    "random": "random possible steps",
     "weighted": "A*, weighted cost, inflated",
     "table-sure": "replanning, every grasp counted as sure",
     "table-expected": "replanning, expected cost",
-    "dagger-pointer-beam": "DAgger, pointer, beam of 8", "dagger-pointer": "DAgger, pointer",
+    "dagger-pointer-beam": "DAgger, pointer, beam of 8",
+    "dagger-pointer": "DAgger, pointer",
     "bc-pointer": "cloning, pointer",
-    "finetune-pointer": "DAgger then PPO, pointer", "ppo-pointer": "PPO, pointer",
+    "finetune-pointer": "DAgger then PPO, pointer",
+    "ppo-pointer": "PPO, pointer",
     "dagger-mlp": "DAgger, MLP",
-    "ppo-mlp": "PPO, MLP", "risky-pointer-beam": "DAgger with failures, pointer, beam of 8",
+    "ppo-mlp": "PPO, MLP",
+    "risky-pointer-beam": "DAgger with failures, pointer, beam of 8",
     "risky-pointer": "DAgger with failures, pointer",
-}  # fmt: skip
+}
 """Methods in the order of the tables."""
 
 
@@ -85,7 +92,10 @@ class Runs:
 
 
 def ratio(runs: Runs, name: str, best: Runs) -> Array:
-    """A figure over that of the best method, the mean over seeds, by episode; episodes never solved are left out."""
+    """A figure over that of the best method, by episode, mean over seeds.
+
+    Episodes that the method never solved are not in it.
+    """
     row = {key: k for k, key in enumerate(best.keys)}
     reference = np.array(
         [best.successful(name)[0, row[key]] if key in row else np.nan for key in runs.keys]
@@ -98,14 +108,22 @@ def ratio(runs: Runs, name: str, best: Runs) -> Array:
 def interval(values: Array, digits: int, percent: bool = False) -> str:
     """A mean with its 95 % bootstrap interval."""
     if not len(values):
-        return "–"
+        return NOTHING
     scale, unit = (100.0, " %") if percent else (1.0, "")
     low, high = bootstrap(values)
-    return f"{scale * values.mean():.{digits}f}{unit} [{scale * low:.{digits}f}, {scale * high:.{digits}f}]"
+    texts = [f"{scale * value:.{digits}f}" for value in (values.mean(), low, high)]
+    return f"{texts[0]}{unit} [{texts[1]}, {texts[2]}]"
+
+
+def relative(runs: Runs, name: str, best: Runs | None, unit: str) -> str:
+    """A figure over that of the best method; where there is none, its mean."""
+    if best is not None:
+        return interval(ratio(runs, name, best), 3)
+    return f"{np.nanmean(runs.successful(name)):.2f} {unit}"
 
 
 def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]:
-    """Rows of one family: method; success, steps ratio, base ratio, first action, action, seeds' range, carried out."""
+    """Method and cells of each row of one family, the cells in the order of `HEAD`."""
     runs = {name: Runs(found) for name, found in data[family].items()}
     steps = runs.get(
         "table-expected"
@@ -123,23 +141,26 @@ def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]
         spread = (
             f"{100 * by_seed.min():.0f} to {100 * by_seed.max():.0f} %"
             if len(one.seeds) > 1
-            else "–"
+            else NOTHING
         )
-        carried = one.values["carried_out"][one.values["success"] == 1.0]
-        carried = carried[np.isfinite(carried)]
-        rows.append((name, [
-            interval(rate, 1, True), spread,
-            interval(ratio(one, "steps", steps), 3) if steps else f"{np.nanmean(one.successful('steps')):.2f} steps",
-            interval(ratio(one, "base_translation", base), 3) if base else f"{np.nanmean(one.successful('base_translation')):.2f} m",
+        tried = one.values["carried_out"][one.values["success"] == 1.0]
+        tried = tried[np.isfinite(tried)]
+        cells = [
+            interval(rate, 1, True),
+            spread,
+            relative(one, "steps", steps, "steps"),
+            relative(one, "base_translation", base, "m"),
             f"{1e3 * np.nanmedian(one.values['first_decision']):.3g}",
             f"{1e3 * np.nanmedian(one.values['decision']):.3g}",
-            f"{100 * carried.mean():.0f} % of {len(carried)}" if len(carried) else "not executed",
-        ]))  # fmt: skip
+            f"{100 * tried.mean():.0f} % of {len(tried)}" if len(tried) else "not executed",
+        ]
+        rows.append((name, cells))
     return rows
 
 
 HEAD = (
-    "| method | success | by seed | steps over optimal | base translation over optimal | first action [ms] | action [ms] | carried out |\n"
+    "| method | success | by seed | steps over optimal | base translation over optimal "
+    "| first action [ms] | action [ms] | carried out |\n"
     "|---|---|---|---|---|---|---|---|\n"
 )
 
@@ -147,32 +168,48 @@ HEAD = (
 def full_report(data: dict[str, Any]) -> str:
     """The whole report."""
     lines = [
-        "# Planners and learned policies", "",
-        "Made by `experiments/planner_vs_rl.py`. Means with 95 % bootstrap intervals over tasks; for learned policies the mean over "
-        "training seeds. Ratios are over the episodes that reach their goal; optimal is the exact table for the steps, or A* where there "
-        "is none, and A* for the translation. *First action*: from the reset "
-        "to the first action, world included; *action*: the policy alone; medians. On the dense map methods use what others have found "
-        "out of its steps before; a fair first action is that with no step known. A policy stops an episode that asks for a step that is "
-        "not possible; all stop after 60 steps.", "",
-    ]  # fmt: skip
+        "# Planners and learned policies",
+        "",
+        "Made by `experiments/planner_vs_rl.py`. Means with 95 % bootstrap intervals over tasks; "
+        "for learned policies the mean over training seeds. Ratios are over the episodes that "
+        "reach their goal; optimal is the exact table for the steps, or A* where there is none, "
+        "and A* for the translation. *First action*: from the reset to the first action, world "
+        "included; *action*: the policy alone; medians. On the dense map methods use what others "
+        "have found out of its steps before; a fair first action is that with no step known. A "
+        "policy stops an episode that asks for a step that is "
+        "not possible; all stop after 60 steps.",
+        "",
+    ]
     lines += ["## What was aimed at", "", aims_table(data)]
     titles = SPLITS | {
         "cold": "First action on the dense map with no step known",
         "unreliable": "Unreliable grasps, same map (optimal: expected cost)",
         "mlivr4": "Four limbs, collisions not checked; policies as trained with two",
-    }  # fmt: skip
+    }
     for family, title in titles.items():
         if family in data:
-            lines += [f"## {title[0].upper()}{title[1:]}", "", HEAD + "\n".join(
-                f"| {NAMES[name]} | " + " | ".join(cells) + " |" for name,
-                cells in table_rows(data, family)
-            ), ""]  # fmt: skip
+            lines += [
+                f"## {title[0].upper()}{title[1:]}",
+                "",
+                HEAD
+                + "\n".join(
+                    f"| {NAMES[name]} | " + " | ".join(cells) + " |"
+                    for name, cells in table_rows(data, family)
+                ),
+                "",
+            ]
     return "\n".join(lines)
 
 
 def aims_table(data: dict[str, Any]) -> str:
-    """What was aimed at, and what the best learned policies reach alone and with a beam: success, steps over optimal."""
-    head = "| split | aim | best policy alone | met | best policy with a beam | met |\n|---|---|---|---|---|---|\n"
+    """What was aimed at, and what the best learned policies reach, alone and with a beam.
+
+    Cells give success and steps over optimal.
+    """
+    head = (
+        "| split | aim | best policy alone | met | best policy with a beam | met |\n"
+        "|---|---|---|---|---|---|\n"
+    )
     lines = []
     for split, (least, most) in AIMS.items():
         found = {name: Runs(runs) for name, runs in data.get(split, {}).items()}
@@ -192,7 +229,7 @@ def aims_table(data: dict[str, Any]) -> str:
                 for n in names
             }
             if not names:
-                cells += ["–", "–"]
+                cells += [NOTHING, NOTHING]
                 continue
             name = max(names, key=lambda n: (round(reached[n][0], 3), -reached[n][1].mean()))
             success, steps = reached[name][0], float(reached[name][1].mean())
@@ -218,11 +255,11 @@ def readme_table(data: dict[str, Any]) -> str:
         for rows in found.values():
             if name in rows:
                 success, steps = rows[name][0].split(" [")[0], rows[name][2].split(" [")[0]
-                cells.append(f"{success}, {steps}" if steps != "–" else success)
+                cells.append(f"{success}, {steps}" if steps != NOTHING else success)
             else:
-                cells.append("–")
+                cells.append(NOTHING)
         same = found.get("same", {}).get(name)
-        cells += [same[3].split(" [")[0], same[5]] if same else ["–", "–"]
+        cells += [same[3].split(" [")[0], same[5]] if same else [NOTHING, NOTHING]
         lines.append(f"| {NAMES[name]} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n\n" + aims_table(data)
 
@@ -266,6 +303,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
 
 
 def _bar(axis: Any, y: float, values: Array, height: float, colour: str, label: str | None) -> None:
+    """A horizontal bar of the mean with its 95 % bootstrap interval."""
     low, high = bootstrap(values)
     mean = float(values.mean())
     error = [[max(mean - low, 0.0)], [max(high - mean, 0.0)]]

@@ -1,4 +1,4 @@
-"""Carries plans out in MuJoCo: the paper's walk, faster walks, fifty random plans, time step and speed.
+"""Executes plans in MuJoCo: the paper's walk, faster walks, random plans, time step and speed.
 
 Usage: python experiments/dynamic_simulation.py [--out results] [--plans 50]
 """
@@ -16,11 +16,11 @@ import mujoco
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from mlivr_gym.cli.table1 import CASES, case_graph, default_setup
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.plan_motion import step_trajectory
 from mlivr_gym.motion.trajectory import Durations
+from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.dynamics import Physics
@@ -33,7 +33,10 @@ CONTROLLERS = {"PD": Physics(feedforward=False), "PD and feedforward": Physics()
 
 DURATIONS = (50.0, 30.0, 20.0, 10.0, 5.0)
 TIME_STEPS = (0.004, 0.002, 0.001, 0.0005)
+"""Durations of a step [s] and time steps of the simulation [s] that are tried."""
+
 SEED = 20261121
+"""Seed of the random plans."""
 
 
 def figures(execution: Execution) -> dict[str, Any]:
@@ -59,7 +62,7 @@ def figures(execution: Execution) -> dict[str, Any]:
 
 
 def walks(graph: Any, plan: Plan, out: Path) -> dict[str, Any]:
-    """The same walk at several durations of a step, and the shortest that succeeds, with each controller."""
+    """The same walk with each controller at several durations of a step, and at the shortest."""
     data: dict[str, Any] = {}
     for name, physics in CONTROLLERS.items():
         rows = {}
@@ -93,25 +96,29 @@ def walks(graph: Any, plan: Plan, out: Path) -> dict[str, Any]:
             flush=True,
         )
         data[name] = {
-            "durations": rows, "shortest_s": high, "at_shortest": figures(fastest),
+            "durations": rows,
+            "shortest_s": high,
+            "at_shortest": figures(fastest),
             "fails_at_s": low,
             "because": below.failure.to_dict(),
-        }  # fmt: skip
+        }
     return data
 
 
 def tell(execution: Execution) -> str:
     """One line on how a walk went."""
     if execution.failure is None:
-        return f"done, base error {1e3 * execution.peaks.base_error:.1f} mm, {execution.simulation_time:.1f} s"
-    return f"{execution.failure.kind} in step {execution.failure.step + 1}: {execution.failure.message}"
+        error, seconds = 1e3 * execution.peaks.base_error, execution.simulation_time
+        return f"done, base error {error:.1f} mm, {seconds:.1f} s"
+    failure = execution.failure
+    return f"{failure.kind} in step {failure.step + 1}: {failure.message}"
 
 
 def random_plans(count: int) -> dict[str, Any]:
-    """Plans between random starts and goals, carried out at 50 s a step with each controller."""
+    """Plans between random starts and goals, executed at 50 s a step with each controller."""
     graph = stance_graph()
     planner, rng = Planner(graph), np.random.default_rng(SEED)
-    plans = []
+    plans: list[Plan] = []
     while len(plans) < count:
         state, goal = sample_task(graph, rng, 0.2)
         cost = ("base", "steps")[len(plans) % 2]
@@ -126,12 +133,16 @@ def random_plans(count: int) -> dict[str, Any]:
         rows = [figures(execute(graph, plan, simulation=simulation)) for plan in plans]
         done = [row for row in rows if row["success"]]
         data[name] = {
-            "plans": count, "steps": sum(row["steps"] for row in rows), "succeeded": len(done),
+            "plans": count,
+            "steps": sum(row["steps"] for row in rows),
+            "succeeded": len(done),
             "largest_base_error_mm": max(row["largest_base_error_mm"] for row in rows),
             "largest_capture_distance_mm": max(row["largest_capture_distance_mm"] for row in done),
             "peak_grasp_force_N": max(row["peak_grasp_force_N"] for row in rows),
-            "failures": [{"plan": k, **row["failure"]} for k, row in enumerate(rows) if not row["success"]],
-        }  # fmt: skip
+            "failures": [
+                {"plan": k, **row["failure"]} for k, row in enumerate(rows) if not row["success"]
+            ],
+        }
         print(f"{name}: {len(done)} of {count} random plans carried out", flush=True)
     return data
 
@@ -150,12 +161,21 @@ def time_steps(graph: Any, plan: Plan) -> dict[str, Any]:
 
 
 def impulse_error(graph: Any, plan: Plan, timestep: float) -> float:
-    """Largest difference of momentum and impulse of the only grasp in the first step, as a share of the largest momentum."""
-    simulation = Simulation(graph.grasp_map, plan.world.robot, Physics(timestep=timestep), plan.world.obstacles)
-    start = (plan.motion.base_positions[0], plan.motion.base_quaternions[0], plan.motion.joint_positions[0])
+    """Largest difference of momentum and impulse of the only grasp in the first step.
+
+    A share of the largest momentum.
+    """
+    simulation = Simulation(
+        graph.grasp_map, plan.world.robot, Physics(timestep=timestep), plan.world.obstacles
+    )
+    start = (
+        plan.motion.base_positions[0],
+        plan.motion.base_quaternions[0],
+        plan.motion.joint_positions[0],
+    )
     simulation.reset(*start, graph.indices(plan.stances[0]))
     trajectory = step_trajectory(graph, plan, 0, Durations.of_step(20.0), timestep)
-    recording = simulation.carry_out(trajectory).recording
+    recording = simulation.execute(trajectory).recording
     held = 1 - plan.steps[0].limb
     frame = simulation.data.site(f"limb{held}/anchor").xmat.reshape(3, 3)
     impulse = cumulative_trapezoid(
@@ -166,14 +186,21 @@ def impulse_error(graph: Any, plan: Plan, timestep: float) -> float:
 
 
 def overhead(graph: Any, plan: Plan, repeats: int = 5) -> dict[str, float]:
-    """Processor time of one step, trajectory and measurements included, against a bare loop of `mj_step`, one after the other."""
+    """Processor time of one step, trajectory and measurements included, over that of `mj_step`.
+
+    Both run one after the other.
+    """
     simulation, ratios, bare_times = Simulation(graph.grasp_map, plan.world.robot), [], []
     for _ in range(repeats):
-        start = (plan.motion.base_positions[0], plan.motion.base_quaternions[0], plan.motion.joint_positions[0])
+        start = (
+            plan.motion.base_positions[0],
+            plan.motion.base_quaternions[0],
+            plan.motion.joint_positions[0],
+        )
         simulation.reset(*start, graph.indices(plan.stances[0]))
         count = len(step_trajectory(graph, plan, 0).times) - 1
         begin = time.process_time()
-        simulation.carry_out(step_trajectory(graph, plan, 0))
+        simulation.execute(step_trajectory(graph, plan, 0))
         used = time.process_time() - begin
         simulation.reset(*start, [-1, *graph.indices(plan.stances[0])[1:]])
         simulation.data.ctrl[simulation.joint_actuators] = plan.motion.joint_positions[0].ravel()
@@ -183,74 +210,119 @@ def overhead(graph: Any, plan: Plan, repeats: int = 5) -> dict[str, float]:
         bare_times.append(time.process_time() - begin)
         ratios.append(used / bare_times[-1])
     return {
-        "ratio_median": float(np.median(ratios)), "ratio_largest": max(ratios),
+        "ratio_median": float(np.median(ratios)),
+        "ratio_largest": max(ratios),
         "bare_step_us": 1e6 * float(np.median(bare_times)) / count,
-    }  # fmt: skip
+    }
 
 
 def markdown(data: dict[str, Any]) -> str:
     """The results as tables."""
+    return "\n".join(
+        [
+            *walk_lines(data["walks"]),
+            *plan_lines(data["random_plans"]),
+            *time_step_lines(data["time_steps"]),
+            *speed_lines(data),
+        ]
+    )
+
+
+def walk_lines(walks: dict[str, Any]) -> list[str]:
+    """The walk of Case 3 with each controller."""
     lines = [
-        "# Dynamic simulation", "",
-        "Made by `experiments/dynamic_simulation.py`. Case 3 of Table I with collisions checked, zero gravity, PD control with the",
-        "paper's gains. *Feedforward* adds what the trajectory needs by the robot's dynamics and the grasps' stiffness, both known",
-        "exactly. Figures are peaks over every time step; a walk that failed is measured up to the failure.", "",
-        "| controller | step [s] | outcome | grasp force [N] | grasp torque [N m] | joint torque [N m] | torque RMS, peak "
-        "(mean) [N m] | base error [mm] | capture [mm] |",
+        "# Dynamic simulation",
+        "",
+        "Made by `experiments/dynamic_simulation.py`. Case 3 of Table I with collisions checked, "
+        "zero gravity, PD control with the",
+        "paper's gains. *Feedforward* adds what the trajectory needs by the robot's dynamics and "
+        "the grasps' stiffness, both known",
+        "exactly. Figures are peaks over every time step; a walk that failed is measured up to the "
+        "failure.",
+        "",
+        "| controller | step [s] | outcome | grasp force [N] | grasp torque [N m] "
+        "| joint torque [N m] | torque RMS, peak (mean) [N m] | base error [mm] | capture [mm] |",
         "|---|---|---|---|---|---|---|---|---|",
-    ]  # fmt: skip
-    for name, walk in data["walks"].items():
+    ]
+    for name, walk in walks.items():
         rows = {**walk["durations"], f"{walk['shortest_s']:.1f} (shortest)": walk["at_shortest"]}
         for duration, row in rows.items():
+            failure = row["failure"]
             outcome = (
-                "done"
-                if row["success"]
-                else f"{row['failure']['kind']} in step {row['failure']['step'] + 1}"
+                "done" if row["success"] else f"{failure['kind']} in step {failure['step'] + 1}"
             )
             captured = "-" if not row["steps_done"] else f"{row['largest_capture_distance_mm']:.2f}"
             lines.append(
-                f"| {name} | {duration} | {outcome} | {row['peak_grasp_force_N']:.1f} | {row['peak_grasp_torque_N_m']:.1f} | "
-                f"{max(row['peak_joint_torque_N_m']):.2f} | {row['peak_torque_rms_N_m']:.2f} ({row['mean_torque_rms_N_m']:.2f}) | "
-                f"{row['largest_base_error_mm']:.2f} | {captured} |"
+                f"| {name} | {duration} | {outcome} | {row['peak_grasp_force_N']:.1f} "
+                f"| {row['peak_grasp_torque_N_m']:.1f} | {max(row['peak_joint_torque_N_m']):.2f} "
+                f"| {row['peak_torque_rms_N_m']:.2f} ({row['mean_torque_rms_N_m']:.2f}) "
+                f"| {row['largest_base_error_mm']:.2f} | {captured} |"
             )
-    for name, walk in data["walks"].items():
+    for name, walk in walks.items():
         lines += [
             "",
             f"{name}: at {walk['fails_at_s']:.1f} s a step, {walk['because']['message']}.",
         ]
-    lines += ["", "## Random plans, 50 s a step", ""]
-    for name, row in data["random_plans"].items():
+    return lines
+
+
+def plan_lines(plans: dict[str, Any]) -> list[str]:
+    """The random plans with each controller."""
+    lines = ["", "## Random plans, 50 s a step", ""]
+    for name, row in plans.items():
         lines.append(
-            f"* {name}: {row['succeeded']} of {row['plans']} plans ({row['steps']} steps) carried out; largest base error "
-            f"{row['largest_base_error_mm']:.1f} mm, largest capture distance of those that succeeded "
-            f"{row['largest_capture_distance_mm']:.2f} mm, largest grasp force {row['peak_grasp_force_N']:.1f} N."
+            f"* {name}: {row['succeeded']} of {row['plans']} plans ({row['steps']} steps) carried "
+            f"out; largest base error {row['largest_base_error_mm']:.1f} mm, largest capture "
+            f"distance of those that succeeded {row['largest_capture_distance_mm']:.2f} mm, "
+            f"largest grasp force {row['peak_grasp_force_N']:.1f} N."
         )
         for failure in row["failures"]:
             lines.append(
-                f"  * plan {failure['plan']}, step {failure['step'] + 1}, {failure['phase']}: {failure['message']}."
+                f"  * plan {failure['plan']}, step {failure['step'] + 1}, {failure['phase']}: "
+                f"{failure['message']}."
             )
-    lines += [
-        "", "## Time step", "",
-        "The walk at 20 s a step with the paper's gains and feedforward. *Impulse*: largest difference of the",
-        "grasp's impulse and the robot's momentum in the first step, as a share of the largest momentum; Newton's law wants 0, and the",
-        "error of the first-order integrator goes with the time step.", "",
-        "| time step | torque RMS, peak [N m] | grasp force [N] | base error [mm] | capture [mm] | impulse [%] | wall time [s] |",
+    return lines
+
+
+def time_step_lines(rows: dict[str, Any]) -> list[str]:
+    """The walk with several time steps."""
+    lines = [
+        "",
+        "## Time step",
+        "",
+        "The walk at 20 s a step with the paper's gains and feedforward. *Impulse*: largest "
+        "difference of the",
+        "grasp's impulse and the robot's momentum in the first step, as a share of the largest "
+        "momentum; Newton's law wants 0, and the",
+        "error of the first-order integrator goes with the time step.",
+        "",
+        "| time step | torque RMS, peak [N m] | grasp force [N] | base error [mm] | capture [mm] "
+        "| impulse [%] | wall time [s] |",
         "|---|---|---|---|---|---|---|",
-    ]  # fmt: skip
-    for step, row in data["time_steps"].items():
+    ]
+    for step, row in rows.items():
         lines.append(
-            f"| {step} | {row['peak_torque_rms_N_m']:.4f} | {row['peak_grasp_force_N']:.3f} | {row['largest_base_error_mm']:.4f} "
-            f"| {row['largest_capture_distance_mm']:.4f} | {100 * row['impulse_error']:.1f} | {row['simulation_time_s']:.1f} |"
+            f"| {step} | {row['peak_torque_rms_N_m']:.4f} | {row['peak_grasp_force_N']:.3f} "
+            f"| {row['largest_base_error_mm']:.4f} | {row['largest_capture_distance_mm']:.4f} "
+            f"| {100 * row['impulse_error']:.1f} | {row['simulation_time_s']:.1f} |"
         )
+    return lines
+
+
+def speed_lines(data: dict[str, Any]) -> list[str]:
+    """How fast the simulation is."""
     walk = data["walks"]["PD and feedforward"]["durations"]["50"]
     speed, wall = data["overhead"], walk["simulation_time_s"]
-    lines += [
-        "", "## Speed", "",
-        f"{walk['steps']} steps, {50 * walk['steps']} s simulated: {wall:.1f} s. A step with its trajectory and measurements takes "
-        f"{speed['ratio_median']:.2f} times a bare loop of `mj_step` on the same model (largest of five {speed['ratio_largest']:.2f}; "
-        f"{speed['bare_step_us']:.0f} us a time step). {data['machine']}.", "",
-    ]  # fmt: skip
-    return "\n".join(lines)
+    return [
+        "",
+        "## Speed",
+        "",
+        f"{walk['steps']} steps, {50 * walk['steps']} s simulated: {wall:.1f} s. A step with its "
+        f"trajectory and measurements takes {speed['ratio_median']:.2f} times a bare loop of "
+        f"`mj_step` on the same model (largest of five {speed['ratio_largest']:.2f}; "
+        f"{speed['bare_step_us']:.0f} us a time step). {data['machine']}.",
+        "",
+    ]
 
 
 def main() -> None:
@@ -265,10 +337,11 @@ def main() -> None:
     plan = Planner(graph).plan(tuple(setup["start"]), tuple(setup["goal"]), CASES[3].cost).unwrap()
     data = {
         "machine": f"Python {platform.python_version()}, MuJoCo {mujoco.__version__}, one core",
-        "walks": walks(graph, plan, args.out), "time_steps": time_steps(graph, plan),
+        "walks": walks(graph, plan, args.out),
+        "time_steps": time_steps(graph, plan),
         "overhead": overhead(graph, plan),
         "random_plans": random_plans(args.plans),
-    }  # fmt: skip
+    }
     write_whole(args.out / "dynamic_simulation.json", json.dumps(data, indent=1) + "\n")
     write_whole(args.out / "dynamic_simulation.md", markdown(data))
 

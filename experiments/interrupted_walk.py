@@ -12,12 +12,13 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mlivr_gym import Box, jem_map, stance_graph
-from mlivr_gym.cli.table1 import default_setup
-from mlivr_gym.pictures.figures import walk_figure
+from mlivr_gym.paper import default_setup
+from mlivr_gym.pictures.walk_figure import walk_figure
 from mlivr_gym.planners import Plan, Planner
 
 
@@ -31,7 +32,7 @@ def main() -> None:
     graph = stance_graph(jem_map())
     planner, setup = Planner(graph), default_setup()
     stance, goal = tuple(setup["start"]), tuple(setup["goal"])
-    how = {"cost": "weighted", "regrasp_price": 0.05}
+    how: dict[str, Any] = {"cost": "weighted", "regrasp_price": 0.05}
     planner.prepare(goal, **how)
     plans: list[Plan] = []
     walked, interruptions = [graph.posture(graph.indices(stance)).position[0]], 0
@@ -40,7 +41,8 @@ def main() -> None:
         plan = planner.plan(stance, goal, **how).unwrap()
         plans.append(plan)
         print(
-            f"{1e3 * (time.perf_counter() - began):7.1f} ms: {len(plan.steps)} steps, {plan.base_translation:.2f} m to go"
+            f"{1e3 * (time.perf_counter() - began):7.1f} ms: {len(plan.steps)} steps, "
+            f"{plan.base_translation:.2f} m to go"
         )
         take = 2 if interruptions < 2 else len(plan.steps)
         for limb, point in plan.actions[:take]:
@@ -52,9 +54,8 @@ def main() -> None:
         interruptions += 1
         if interruptions == 1:
             middle = 0.5 * (walked[-1] + np.array(goal))
-            box = Box.between(
-                "cargo", "obstacle", middle - (0.15, 0.5, 0.4), middle + (0.15, 0.5, 0.4)
-            )
+            half = np.array([0.15, 0.5, 0.4])
+            box = Box.between("cargo", "obstacle", middle - half, middle + half)
             graph.add_obstacles([box])
             print(f"  a box of cargo turns up at {np.round(middle, 2).tolist()}")
         else:
@@ -64,9 +65,14 @@ def main() -> None:
     print(f"arrived after {len(walked) - 1} steps and {interruptions} interruptions")
     args.out.mkdir(parents=True, exist_ok=True)
     walk_figure(
-        graph.grasp_map, np.array(walked), [plan.motion.base_positions for plan in plans], graph.obstacles,
-        graph.ids(sorted(graph.occupied)), goal, args.out / "interrupted_walk.png",
-    )  # fmt: skip
+        graph.grasp_map,
+        np.array(walked),
+        [plan.motion.base_positions for plan in plans],
+        args.out / "interrupted_walk.png",
+        goal=goal,
+        obstacles=graph.obstacles,
+        occupied=graph.ids(sorted(graph.occupied)),
+    )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Planners and learned policies on the frozen test set and on two harder families.
 
-    python experiments/planner_vs_rl.py [--policies runs] [--out results] [--only NAME ...] [--families NAME ...]
+    python experiments/planner_vs_rl.py [--policies runs] [--out results] [--only NAME ...]
+        [--families NAME ...]
     python experiments/planner_vs_rl.py --freeze     # draw the test set anew
     python experiments/planner_vs_rl.py --report     # report and plot from what was measured
 
@@ -8,7 +9,7 @@
 `planner_vs_rl.json` piece by piece, and a piece that is there is not measured again; the report
 writes `planner_vs_rl.md` and `planner_vs_rl.png`, of which `readme.py` copies one table. Every
 figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. The first `--execute
-N` walks of some methods on the same map are carried out in MuJoCo.
+N` walks of some methods on the same map are executed in MuJoCo.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,10 +55,10 @@ SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
 SEED = 20261121
 
 FAMILIES = ("splits", "executed", "cold", "unreliable", "mlivr4")
-"""The four splits; walks carried out; time to the first action on a map never seen; and the two harder families."""
+"""The splits; walks executed; first action on a map never seen; and two harder families."""
 
 EXECUTED = ("table", "astar-steps", "astar-base", "local", "dagger-pointer", "dagger-pointer-beam")
-"""Methods whose walks are carried out: a step takes seconds to simulate."""
+"""Methods whose walks are executed: a step takes seconds to simulate."""
 
 FOUR_LIMBS = 10
 """Episodes with four limbs, collisions not checked: each step takes 0.01 to 0.2 s with them."""
@@ -83,18 +85,31 @@ def planners() -> dict[str, Make]:
 
 
 def learned(folder: Path, only: Sequence[str] = ()) -> dict[str, dict[int, Make]]:
-    """What is trained, by name and seed; pointer policies that imitate also guide a beam search, `NAME-beam`."""
+    """What is trained, by name and seed.
+
+    Pointer policies that imitate also guide a beam search, as `NAME-beam`.
+    """
     found: dict[str, dict[int, Make]] = {}
     for file in sorted(folder.glob("*-*-*.pt")):
         name, _, seed = file.stem.rpartition("-")
         path = file.with_suffix("")
         if only and name not in only:
             continue
-        found.setdefault(name, {})[int(seed)] = lambda env, path=path: load_policy(path, env)  # type: ignore[misc]
+        found.setdefault(name, {})[int(seed)] = partial(load_policy, path)
         if name in ("dagger-pointer", "risky-pointer"):
             by_seed = found.setdefault(f"{name}-beam", {})
-            by_seed[int(seed)] = lambda env, path=path: beam_policy(load_policy(path, env))  # type: ignore[misc]
+            by_seed[int(seed)] = partial(beam_of, path)
     return found
+
+
+def beam_of(path: Path, env: MlivrEnv) -> Policy:
+    """A beam search that a checkpoint guides."""
+    return beam_policy(load_policy(path, env))
+
+
+def counted(bar: tqdm) -> Callable[[int], None]:
+    """A callback that moves a progress bar by one."""
+    return lambda _: bar.update()
 
 
 def without_manipulability(env: MlivrEnv) -> Policy:
@@ -165,8 +180,8 @@ def split_world(world: World, at: int, args: argparse.Namespace, results: Result
                     make(env),
                     tasks,
                     max_steps=MOST_STEPS,
-                    progress=lambda _, bar=bar: bar.update(),
-                )  # type: ignore[misc]
+                    progress=counted(bar),
+                )
                 bar.close()
                 results.keep(world.split, name, seed, at, record(result, group))
         env.graph.vacate()
@@ -186,7 +201,7 @@ def meant_for(name: str, split: str) -> bool:
 
 
 def executed(args: argparse.Namespace, results: Results) -> None:
-    """Carry the first walks on the same map out in MuJoCo, beside what was measured of them."""
+    """Execute the first walks on the same map in MuJoCo; keep it with what was measured of them."""
     world = next(w for w in load_test_set() if w.split == "same")
     env = MlivrEnv(map=world.map(), precompute=True)
     makes = planners() | {
@@ -207,15 +222,15 @@ def executed(args: argparse.Namespace, results: Results) -> None:
             if tried[k] is None:
                 tried[k] = record(
                     evaluate(
-                        env, makes[name](env), [task], max_steps=MOST_STEPS, execute=carry_out
+                        env, makes[name](env), [task], max_steps=MOST_STEPS, execute=execute_walk
                     ),
                     [k],
                 )["carried_out"][0]
                 results.write()
 
 
-def carry_out(env: MlivrEnv, states: tuple[State, ...]) -> bool | None:
-    """Whether a walk can be carried out in MuJoCo; None if it has no step."""
+def execute_walk(env: MlivrEnv, states: tuple[State, ...]) -> bool | None:
+    """Whether the execution of a walk in MuJoCo succeeds; None if it has no step."""
     if len(states) < 2:
         return None
     plan = plan_of(env.graph, states, env.goal, env.goal_tolerance, "walk")
@@ -308,8 +323,8 @@ def four_limbs(args: argparse.Namespace, results: Results) -> None:
                 make(env),
                 FOUR_LIMBS,
                 max_steps=MOST_STEPS,
-                progress=lambda _, bar=bar: bar.update(),
-            )  # type: ignore[misc]
+                progress=counted(bar),
+            )
             bar.close()
             results.keep("mlivr4", name, seed, 0, record(result, range(FOUR_LIMBS)))
 
@@ -329,7 +344,7 @@ def main() -> None:
         "--splits", nargs="+", default=tuple(SIZES), choices=tuple(SIZES), help="only these splits"
     )
     parser.add_argument(
-        "--execute", type=int, default=20, help="walks carried out in MuJoCo (default: %(default)s)"
+        "--execute", type=int, default=20, help="walks executed in MuJoCo (default: %(default)s)"
     )
     parser.add_argument(
         "--freeze", action="store_true", help="draw the test set anew and do nothing else"
@@ -340,6 +355,7 @@ def main() -> None:
     if args.freeze:
         freeze_test_set(Path(__file__).parent.parent / "envs_assets" / "test_set.json", SEED, SIZES)
         return
+    Path(args.out).mkdir(parents=True, exist_ok=True)
     results = Results(Path(args.out) / "planner_vs_rl.json")
     if not args.report:
         if "splits" in args.families:

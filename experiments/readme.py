@@ -19,23 +19,26 @@ from mlivr_gym.files import write_whole
 
 ROOT = Path(__file__).parent.parent
 CASES = {
-    "1": "1: no thresholds, base cost", "2": "2: thresholds, base cost",
+    "1": "1: no thresholds, base cost",
+    "2": "2: thresholds, base cost",
     "3": "3: thresholds, step cost",
     "4": "4: as 2, half the points, deck cleared",
-}  # fmt: skip
+}
 
 
 def table1(data: dict[str, Any]) -> str:
     """Table I of the paper beside what was measured."""
     lines = [
-        "| case | source | explored | base translation [m] | steps | least w_m | least w_b | time [s] |",
+        "| case | source | explored | base translation [m] | steps | least w_m | least w_b "
+        "| time [s] |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for case, title in CASES.items():
         paper = data["paper"][case]
         lines.append(
-            f"| {title} | paper | {paper['expanded']} | {paper['base_translation']:.1f} | {paper['steps']} | {paper['w_m_min']:.2f} | "
-            f"{paper['w_b_min']:.4f} | {paper['time']:g} |"
+            f"| {title} | paper | {paper['expanded']} | {paper['base_translation']:.1f} "
+            f"| {paper['steps']} | {paper['w_m_min']:.2f} | {paper['w_b_min']:.4f} "
+            f"| {paper['time']:g} |"
         )
         for source, key in (
             ("measured", "measured"),
@@ -43,8 +46,9 @@ def table1(data: dict[str, Any]) -> str:
         ):
             row = data[key][case]
             lines.append(
-                f"| | {source} | {row['expanded']} | {row['base_translation']:.2f} | {row['steps']} | {row['w_m_min']:.4f} | "
-                f"{row['w_b_min']:.5f} | {row['stance_set_time']:.2f} + {row['search_time']:.3f} |"
+                f"| | {source} | {row['expanded']} | {row['base_translation']:.2f} "
+                f"| {row['steps']} | {row['w_m_min']:.4f} | {row['w_b_min']:.5f} "
+                f"| {row['stance_set_time']:.2f} + {row['search_time']:.3f} |"
             )
     return "\n".join(lines) + "\n"
 
@@ -54,7 +58,7 @@ PRICE = 0.05
 
 
 def study(data: dict[str, Any]) -> str:
-    """How many node-only plans cannot be carried out, and what a price of a regrasp does."""
+    """How many node-only plans cannot be executed, and what a price of a regrasp does."""
     counts = data["transition_study"]
     free = next(row for row in data["pareto"] if row["price"] == 0.0)
     priced = next(row for row in data["pareto"] if row["price"] == PRICE)
@@ -63,11 +67,13 @@ def study(data: dict[str, Any]) -> str:
         priced["base_translation"] / free["base_translation"] - 1.0,
     )
     return (
-        f"What the paper lacks: of {counts['pairs']} random tasks, {counts['blocked']} node-only plans of the base cost and "
-        f"{counts['blocked_steps']} of the step cost could not have\nbeen carried out; with steps checked {counts['solved']} of "
-        f"{counts['pairs']} get a plan that can be, {100 * counts['extra_translation']:.2f} % longer on average. A price of "
-        f"{PRICE:g} m\na regrasp saves {100 * saved:.0f} % of the steps for {100 * more:.1f} % more translation "
-        f"([`results/table1_study.md`](results/table1_study.md)):\n"
+        f"What the paper lacks: of {counts['pairs']} random tasks, {counts['blocked']} node-only "
+        f"plans of the base cost and {counts['blocked_steps']} of the step cost could not have\n"
+        f"been carried out; with steps checked {counts['solved']} of {counts['pairs']} get a plan "
+        f"that can be, {100 * counts['extra_translation']:.2f} % longer on average. A price of "
+        f"{PRICE:g} m\n"
+        f"a regrasp saves {100 * saved:.0f} % of the steps for {100 * more:.1f} % more "
+        "translation ([`results/table1_study.md`](results/table1_study.md)):\n"
     )
 
 
@@ -79,15 +85,21 @@ def truth(data: dict[str, Any]) -> str:
     )
     lost = could / steps["blocked"]
     return (
-        f"MuJoCo's collision pipeline finds {stances['free_penetrating']} penetrations in {stances['free']} random stances called "
-        f"free, {steps['penetrating']} along {steps['free']}\nrandom steps and {plans['penetrating']} along {plans['plans']} random plans "
-        f"({plans['configurations']} configurations); coal's least distance over those stances is\n"
-        f"{1000 * stances['free_least_distance']:.1f} mm. All {stances['left_out_nearer_than_clearance']} of {stances['left_out']} stances "
-        f"that only collisions keep out come nearer than the clearance in their best posture.\n"
-        f"{100 * steps['share_blocked']:.0f} % of the steps between free stances that are possible in the paper's world are called "
-        f"blocked; "
-        f"for {100 * lost:.0f} % of a sample of those\na swing was found by looking at every branch and by a sampling planner: "
-        f"{100 * lost * steps['share_blocked']:.0f} % of the possible steps is the price of caution.\n"
+        f"MuJoCo's collision pipeline finds {stances['free_penetrating']} penetrations in "
+        f"{stances['free']} random stances called free, {steps['penetrating']} along "
+        f"{steps['free']}\n"
+        f"random steps and {plans['penetrating']} along {plans['plans']} random plans "
+        f"({plans['configurations']} configurations); coal's least distance over those stances "
+        "is\n"
+        f"{1000 * stances['free_least_distance']:.1f} mm. All "
+        f"{stances['left_out_nearer_than_clearance']} of {stances['left_out']} stances that only "
+        "collisions keep out come nearer than the clearance in their best posture.\n"
+        f"{100 * steps['share_blocked']:.0f} % of the steps between free stances that are "
+        f"possible in the paper's world are called blocked; for {100 * lost:.0f} % of a sample of "
+        "those\n"
+        "a swing was found by looking at every branch and by a sampling planner: "
+        f"{100 * lost * steps['share_blocked']:.0f} % of the possible steps is the price of "
+        "caution.\n"
     )
 
 
@@ -104,17 +116,22 @@ def dynamics(data: dict[str, Any]) -> str:
     )
     overhead = data["overhead"]["ratio_median"]
     return (
-        f"With the paper's controller Case 3 runs at 50 s a step: grasps pull with at most "
+        "With the paper's controller Case 3 runs at 50 s a step: grasps pull with at most "
         f"{slow['peak_grasp_force_N']:.0f} N when they take\n"
-        f"hold, the RMS of all joint torques is at most {slow['peak_torque_rms_N_m']:.2f} N m, the base at most "
-        f"{slow['largest_base_error_mm']:.0f} mm off; {paper['shortest_s']:.1f} s a step is its\nshortest. "
-        f"With feedforward the base stays within {fed['largest_base_error_mm']:.2f} mm at 50 s and the walk can take "
-        f"{ours['shortest_s']:.1f} s a step.\n"
-        f"Of {plans['PD']['plans']} random plans at 50 s a step the paper's controller carries {plans['PD']['succeeded']} out, with "
-        f"feedforward {plans['PD and feedforward']['succeeded']}. The {50 * fed['steps']} s of Case 3 take\n"
-        f"{fed['simulation_time_s']:.1f} s to simulate; a step with trajectory, control and measurements costs {overhead:.2f} times a bare "
-        f"loop of `mj_step`. At the time\nstep of 2 ms torques and forces are within {100 * off:.1f} % of those at 0.5 ms, but "
-        f"impulse and momentum differ by {100 * coarse['impulse_error']:.0f} % in a step of 20 s: the\nintegrator is of first order.\n"
+        f"hold, the RMS of all joint torques is at most {slow['peak_torque_rms_N_m']:.2f} N m, "
+        f"the base at most {slow['largest_base_error_mm']:.0f} mm off; {paper['shortest_s']:.1f} "
+        "s a step is its\n"
+        f"shortest. With feedforward the base stays within {fed['largest_base_error_mm']:.2f} mm "
+        f"at 50 s and the walk can take {ours['shortest_s']:.1f} s a step.\n"
+        f"Of {plans['PD']['plans']} random plans at 50 s a step the paper's controller carries "
+        f"{plans['PD']['succeeded']} out, with feedforward "
+        f"{plans['PD and feedforward']['succeeded']}. The {50 * fed['steps']} s of Case 3 take\n"
+        f"{fed['simulation_time_s']:.1f} s to simulate; a step with trajectory, control and "
+        f"measurements costs {overhead:.2f} times a bare loop of `mj_step`. At the time\n"
+        f"step of 2 ms torques and forces are within {100 * off:.1f} % of those at 0.5 ms, but "
+        f"impulse and momentum differ by {100 * coarse['impulse_error']:.0f} % in a step of 20 s: "
+        "the\n"
+        "integrator is of first order.\n"
     )
 
 

@@ -4,47 +4,40 @@
 with Python's `heapq`; the inverse kinematics is Pinocchio's iterative scheme, the manipulability is
 its definition. No table, no compiled kernel, no knowledge of the map beyond the points within the
 span.
-
-The functions below it put a finished roadmap into networkx and rustworkx. The goal region is a
-virtual node there.
 """
 
 from __future__ import annotations
 
-import cProfile
 import heapq
-import pstats
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
-import networkx as nx
 import numpy as np
 import pinocchio as pin
-import rustworkx as rx
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from stopwatch import shares, timed
 
 from mlivr_gym import GraspMap, RobotSpec, Settings, stance_graph
+from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.planners import Planner
 from mlivr_gym.postures.solver import OPPOSED_HEIGHTS, OPPOSED_ROLLS, base_frames, tool_rotations
 from mlivr_gym.stances.pair_graph import PairGraph
 
-Array = NDArray[np.float64]
 Stance = tuple[int, int]
 
 TOLERANCE = 0.2
 """Radius of the goal region [m]."""
 
 NODES_ONLY = Settings(transitions=False, collisions=False)
-"""Thresholds without step checks: the problem that the reference and the libraries can solve too."""
+"""Thresholds without step checks: what the reference and the libraries can solve too."""
 
-MODES = {
+MODES: dict[str, dict[str, Any]] = {
     "thorough": {"first_pose": False, "limit": 200},
     "hasty": {"first_pose": True, "limit": 50},
 }
-"""Reference: every base pose and 200 iterations, or the first base pose that will do and 50 iterations."""
+"""Every base pose and 200 iterations, or the first base pose that will do and 50 iterations."""
 
 ACCURACY = 1e-4
 """Norm of the log6 error at which the inverse kinematics stops."""
@@ -57,25 +50,6 @@ STEP = 0.5
 
 SEED = np.array([0.0, -1.0, -1.6, -0.5, 1.5, 0.0])
 """Joint angles [rad] from which the iteration begins where no earlier solution is at hand."""
-
-
-def timed(call: Callable[[], Any]) -> tuple[float, Any]:
-    """Seconds that a call takes, and what it returns."""
-    began = time.perf_counter()
-    value = call()
-    return time.perf_counter() - began, value
-
-
-def shares(call: Callable[[], Any], names: dict[str, str]) -> dict[str, float]:
-    """Share of a call's profiled time inside each of the named functions; `names` maps them to what they do."""
-    profile = cProfile.Profile()
-    profile.runcall(call)
-    stats = pstats.Stats(profile)
-    spent = dict.fromkeys(names.values(), 0.0)
-    for (_, _, function), (_, _, _, cumulative, _) in stats.stats.items():  # type: ignore[attr-defined]
-        if function in names:
-            spent[names[function]] += cumulative / stats.total_tt  # type: ignore[attr-defined]
-    return spent | {"rest": max(0.0, 1.0 - sum(spent.values()))}
 
 
 def nodes_only_graph(grasp_map: GraspMap) -> PairGraph:
@@ -156,7 +130,12 @@ class ReferencePlanner:
         self.stances: dict[Stance, Array | None] = {}
 
     def inverse_kinematics(self, target: pin.SE3, q: Array) -> Array | None:
-        """Joint angles [rad] that bring the grasp frame to `target` in the limb base frame, found from `q`, or None."""
+        """Joint angles that bring the grasp frame to a pose, or None.
+
+        Args:
+            target: Pose of the grasp frame in the limb base frame.
+            q: Joint angles from which the iteration begins, shape (6,) [rad].
+        """
         if float(np.linalg.norm(target.translation)) > self.reach:
             return None
         model, data, frame = self.model, self.data, self.frame
@@ -247,9 +226,13 @@ class ReferencePlanner:
         return out
 
     def plan(
-        self, start: Stance, goal: Array, tolerance: float, seconds: float,
+        self,
+        start: Stance,
+        goal: Array,
+        tolerance: float,
+        seconds: float,
         evaluate: Callable[[Stance], Array | None] | None = None,
-    ) -> dict[str, Any]:  # fmt: skip
+    ) -> dict[str, Any]:
         """Algorithm 1 with the base cost and the heuristic `max(0, d - tolerance)`.
 
         Args:
@@ -265,55 +248,78 @@ class ReferencePlanner:
         """
         evaluate = evaluate or self.evaluate
         began = time.perf_counter()
-        self.stances = {start: evaluate(start)}
-        origin = self.stances[start]
+        self.stances = {}
         closed: set[Stance] = set()
-        best = {start: 0.0}
-        queue = [] if origin is None else [(self._estimate(origin, goal, tolerance), 0.0, start)]
-        cost, late = None, False
-        while queue and not late:
-            _, minus_cost, stance = heapq.heappop(queue)
-            if stance in closed:
-                continue
-            closed.add(stance)
-            here = self.stances[stance]
-            if np.linalg.norm(here - goal) <= tolerance:
-                cost = -minus_cost
-                break
-            for after in self.candidates(stance):
-                if after in closed:
-                    continue
-                if after not in self.stances:
-                    late = time.perf_counter() - began > seconds
-                    if late:
-                        break
-                    self.stances[after] = evaluate(after)
-                there = self.stances[after]
-                if there is None:
-                    continue
-                total = best[stance] + float(np.linalg.norm(there - here))
-                if total < best.get(after, np.inf):
-                    best[after] = total
-                    heapq.heappush(
-                        queue, (total + self._estimate(there, goal, tolerance), -total, after)
-                    )
+
+        def position(stance: Stance) -> Array | None:
+            if stance not in self.stances:
+                if self.stances and time.perf_counter() - began > seconds:
+                    raise TimeoutError
+                self.stances[stance] = evaluate(stance)
+            return self.stances[stance]
+
+        try:
+            cost, finished = self._search(start, goal, tolerance, closed, position), True
+        except TimeoutError:
+            cost, finished = None, False
         return {
-            "finished": not late,
+            "finished": finished,
             "cost": cost,
             "expanded": len(closed),
             "candidates": len(self.stances),
             "seconds": time.perf_counter() - began,
         }
 
+    def _search(
+        self,
+        start: Stance,
+        goal: Array,
+        tolerance: float,
+        closed: set[Stance],
+        position: Callable[[Stance], Array | None],
+    ) -> float | None:
+        """A*: the least cost [m], or None without a plan.
+
+        Args:
+            start: Point indices of the start.
+            goal: Goal position of the base, shape (3,) [m].
+            tolerance: Radius of the goal region [m].
+            closed: Filled with the stances expanded.
+            position: Base position of a stance, shape (3,) [m], or None if it cannot be held.
+        """
+        origin = position(start)
+        if origin is None:
+            return None
+        best = {start: 0.0}
+        queue = [(self._estimate(origin, goal, tolerance), 0.0, start, origin)]
+        while queue:
+            _, minus_cost, stance, here = heapq.heappop(queue)
+            if stance in closed:
+                continue
+            closed.add(stance)
+            if np.linalg.norm(here - goal) <= tolerance:
+                return -minus_cost
+            for after in self.candidates(stance):
+                there = None if after in closed else position(after)
+                if there is None:
+                    continue
+                total = best[stance] + float(np.linalg.norm(there - here))
+                if total < best.get(after, np.inf):
+                    best[after] = total
+                    estimate = total + self._estimate(there, goal, tolerance)
+                    heapq.heappush(queue, (estimate, -total, after, there))
+        return None
+
     @staticmethod
     def _estimate(position: Array, goal: Array, tolerance: float) -> float:
+        """Least distance to the goal region [m]."""
         return max(0.0, float(np.linalg.norm(position - goal)) - tolerance)
 
 
 def map_to_plan(
     grasp_map: GraspMap,
     start: tuple[str, ...],
-    goal: np.ndarray,
+    goal: Array,
     limit: float,
     advance: Callable[[str], None],
 ) -> dict[str, Any]:
@@ -326,9 +332,11 @@ def map_to_plan(
     times = [timed(ours)[0] for _ in range(7)]
     graph, plan = ours()
     first = (grasp_map.index(start[0]), grasp_map.index(start[1]))
-    out: dict[str, Any] = {"ours": {"seconds": float(np.median(times)), "cost": plan.statistics.cost}}
+    out: dict[str, Any] = {
+        "ours": {"seconds": float(np.median(times)), "cost": plan.statistics.cost}
+    }
 
-    def known(stance: tuple[int, int]) -> np.ndarray | None:
+    def known(stance: tuple[int, int]) -> Array | None:
         s = graph.find(stance)
         return graph.position[s] if s >= 0 else None
 
@@ -363,56 +371,3 @@ def map_to_plan(
     probe = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY)
     out["shares"] = shares(lambda: probe.plan(first, goal, TOLERANCE, min(limit, 5.0)), names)
     return out
-
-
-def edge_chunks(graph: PairGraph) -> Iterator[list[tuple[int, int, float]]]:
-    """Every undirected edge once with its length [m], a row at a time."""
-    for rows, starts in zip(graph.rows, graph.row_start, strict=True):
-        for begin, end in zip(starts, starts[1:], strict=False):
-            i, j = np.triu_indices(end - begin, 1)
-            u, v = rows[begin:end][i], rows[begin:end][j]
-            length = np.linalg.norm(graph.position[u] - graph.position[v], axis=1)
-            yield list(zip(u.tolist(), v.tolist(), length.tolist(), strict=True))
-
-
-def networkx_build(graph: PairGraph) -> nx.Graph:
-    """The roadmap in networkx."""
-    roadmap = nx.Graph()
-    roadmap.add_nodes_from(range(len(graph)))
-    for chunk in edge_chunks(graph):
-        roadmap.add_weighted_edges_from(chunk)
-    return roadmap
-
-
-def rustworkx_build(graph: PairGraph) -> rx.PyGraph:
-    """The roadmap in rustworkx."""
-    roadmap = rx.PyGraph()
-    roadmap.add_nodes_from(list(range(len(graph))))
-    for chunk in edge_chunks(graph):
-        roadmap.add_edges_from(chunk)
-    return roadmap
-
-
-def networkx_query(
-    roadmap: nx.Graph, start: int, goals: list[int], h: list[float]
-) -> tuple[float, list[int]]:
-    """Seconds of the search alone, and the path without the virtual goal."""
-    end = len(h) - 1
-    roadmap.add_weighted_edges_from((s, end, 0.0) for s in goals)
-    seconds, path = timed(lambda: nx.astar_path(roadmap, start, end, heuristic=lambda s, _: h[s]))
-    roadmap.remove_node(end)
-    return seconds, path[:-1]
-
-
-def rustworkx_query(
-    roadmap: rx.PyGraph, start: int, goals: list[int], h: list[float]
-) -> tuple[float, list[int]]:
-    """Seconds of the search alone, and the path without the virtual goal."""
-    end = len(h) - 1
-    node = roadmap.add_node(end)
-    roadmap.add_edges_from([(s, node, 0.0) for s in goals])
-    seconds, path = timed(
-        lambda: rx.astar_shortest_path(roadmap, start, lambda s: s == end, float, h.__getitem__)
-    )
-    roadmap.remove_node(node)
-    return seconds, list(path)[:-1]

@@ -29,8 +29,8 @@ PRICES = (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Prices of a regrasp for the Pareto front [m]."""
 
 
-def can_be_carried_out(graph: PairGraph, plan: Plan) -> bool:
-    """Whether the holding limbs can follow a sequence of stances, each keeping one branch while it holds."""
+def can_be_executed(graph: PairGraph, plan: Plan) -> bool:
+    """Whether a sequence of stances can be executed, each limb on one branch while it holds."""
     try:
         state: State = graph.state(plan.stances[0])
     except ValueError:
@@ -49,7 +49,7 @@ def can_be_carried_out(graph: PairGraph, plan: Plan) -> bool:
 
 
 def transition_study(pairs: int) -> dict[str, Any]:
-    """How many node-only plans over random pairs could not have been carried out, for both costs."""
+    """How many node-only plans over random pairs could not have been executed, for both costs."""
     checked = stance_graph(jem_map(), settings=Settings(collisions=False))
     free = stance_graph(jem_map(), settings=Settings(transitions=False, collisions=False))
     assert isinstance(checked, PairGraph)
@@ -61,7 +61,7 @@ def transition_study(pairs: int) -> dict[str, Any]:
         start, goal = sample_task(checked, rng, 0.2)
         for cost in blocked:
             plan = node_only.plan(start.stance, goal, cost).unwrap()
-            blocked[cost] += not can_be_carried_out(checked, plan)
+            blocked[cost] += not can_be_executed(checked, plan)
             if cost == "base":
                 with_check = planner.plan(start.stance, goal, cost).plan
                 solved += with_check is not None
@@ -77,7 +77,7 @@ def transition_study(pairs: int) -> dict[str, Any]:
 
 
 def pareto(out: Path, pairs: int) -> list[dict[str, float]]:
-    """Mean steps against mean base translation over random pairs, for rising prices of a regrasp, with a figure."""
+    """Mean steps and base translation over random pairs by price of a regrasp, with a figure."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -125,13 +125,15 @@ def study_markdown(study: dict[str, Any]) -> str:
     lines = [
         "# Beyond Table I",
         "",
-        f"**Can the plan be carried out?** Of {pairs} random start and goal pairs, {share(counts['blocked'])} node-only "
-        f"plans of the base cost and {share(counts['blocked_steps'])} of the step cost could not have been carried out: on at "
-        f"least one step a holding limb would have had to let go or to pass a singularity. With steps checked, "
-        f"{counts['solved']} of {pairs} pairs get a plan that can be; its base translation is "
-        f"{100 * counts['extra_translation']:.2f} % longer on average.",
+        f"**Can the plan be carried out?** Of {pairs} random start and goal pairs, "
+        f"{share(counts['blocked'])} node-only plans of the base cost and "
+        f"{share(counts['blocked_steps'])} of the step cost could not have been carried out: on "
+        "at least one step a holding limb would have had to let go or to pass a singularity. With "
+        f"steps checked, {counts['solved']} of {pairs} pairs get a plan that can be; its base "
+        f"translation is {100 * counts['extra_translation']:.2f} % longer on average.",
         "",
-        "**Steps bought with translation** (weighted cost, means over random pairs, see `pareto.png`):",
+        "**Steps bought with translation** (weighted cost, means over random pairs, see "
+        "`pareto.png`):",
         "",
         "| price of a regrasp [m] | steps | base translation [m] |",
         "|---|---|---|",

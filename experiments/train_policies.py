@@ -1,6 +1,7 @@
 """Train the policies that `planner_vs_rl.py` compares.
 
-    python experiments/train_policies.py [--out runs] [--seeds 3] [--only dagger-pointer ...] [--hyperparameters FILE]
+    python experiments/train_policies.py [--out runs] [--seeds 3] [--only dagger-pointer ...]
+        [--hyperparameters FILE]
 
 writes `METHOD-NETWORK-SEED.pt` and `.json` for each. `risky` in place of the method is DAgger where
 grasps fail with probability 0.2 on average. PPO learns with potential-based shaping, which leaves
@@ -34,7 +35,7 @@ GRASP_FAILURE = 0.2
 
 
 def main() -> None:
-    """Train one after the other; what is there already is left alone."""
+    """Train one after the other; a checkpoint that exists is kept."""
     parser = argparse.ArgumentParser(description="Train the policies that are compared.")
     parser.add_argument("--out", default="runs", help="folder (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=3, help="seeds of each (default: %(default)s)")
@@ -72,10 +73,16 @@ def main() -> None:
 
                 init = out / f"dagger-{network}-{seed}" if method == "finetune" else None
                 train(
-                    method, network, seed, env_arguments=arguments,
+                    method,
+                    network,
+                    seed,
+                    env_arguments=arguments,
                     settings=hyperparameters(method, args.hyperparameters),
-                    init=init, out=path, command=command, progress=show,
-                )  # fmt: skip
+                    init=init,
+                    out=path,
+                    command=command,
+                    progress=show,
+                )
 
 
 if __name__ == "__main__":

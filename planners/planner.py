@@ -114,7 +114,7 @@ class Planner:
     def plan(
         self,
         start: Sequence[str | int],
-        goal: Sequence[float],
+        goal: Sequence[float] | Array,
         cost: str = "base",
         *,
         regrasp_price: float | None = None,
@@ -220,7 +220,7 @@ class Planner:
 
     def prepare(
         self,
-        goal: Sequence[float],
+        goal: Sequence[float] | Array,
         cost: str = "base",
         *,
         regrasp_price: float | None = None,
@@ -244,7 +244,7 @@ class Planner:
 
     def cost_to_go(
         self,
-        goal: Sequence[float],
+        goal: Sequence[float] | Array,
         cost: str = "base",
         *,
         regrasp_price: float | None = None,

@@ -59,7 +59,7 @@ class Goal:
     def checked(
         cls,
         graph: StanceGraph,
-        goal: Sequence[float],
+        goal: Sequence[float] | Array,
         cost: str,
         regrasp_price: float | None,
         tolerance: float,

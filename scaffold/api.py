@@ -6,8 +6,8 @@ from mlivr_gym.motion.plan_motion import plan_trajectory  # noqa: F401
 from mlivr_gym.planners import Planner  # noqa: F401
 from mlivr_gym.stances.pair_graph import fill_rows  # noqa: F401
 from mlivr_gym.stances.stance_graph import join
-from mlivr_gym.transitions.state import State
 from mlivr_gym.stances.step_tables import step_tables  # noqa: F401
+from mlivr_gym.transitions.state import State
 
 
 def step_way(graph, tables, s, s2, moving, left):

@@ -55,7 +55,16 @@ def edges():
             for moving in range(2):
                 begin, end = t.start[2 * s + moving], t.start[2 * s + moving + 1]
                 for e in range(begin, end, 7):
-                    ways.append(step_way(graph, t, int(s), int(t.after[e]), moving, int((t.kept if hasattr(t, 'kept') else t.left)[e])))
+                    ways.append(
+                        step_way(
+                            graph,
+                            t,
+                            int(s),
+                            int(t.after[e]),
+                            moving,
+                            int((t.kept if hasattr(t, "kept") else t.left)[e]),
+                        )
+                    )
         yield "checked/ways", np.array(ways, dtype=np.int64)
         graph.occupy(range(100, 130))
         yield from tables("occupied", graph)
@@ -129,7 +138,12 @@ def plan_of(name, result):
         data.get(g, data) for g in ("query", "world", "motion", "statistics")
     )
     ids = repr((motion["stances"], [s["limb"] for s in motion["steps"]]))
-    kinds = repr([(s["path"], s["swing"], s["swing"] == "sampled" or len(s["knots"])) for s in motion["steps"]])
+    kinds = repr(
+        [
+            (s["path"], s["swing"], s["swing"] == "sampled" or len(s["knots"]))
+            for s in motion["steps"]
+        ]
+    )
     world = repr((world["map_fingerprint"], sorted(world["settings"].items())))
     yield f"{name}/discrete", np.array([hash_of(text.encode()) for text in (ids, kinds, world)])
     yield f"{name}/branches", np.array(motion["branches"], dtype=np.int64)

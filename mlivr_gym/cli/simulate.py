@@ -1,17 +1,60 @@
-"""The command `mlivr-gym simulate`: plan, carry the plan out in MuJoCo, and leave measurements, plots and a film."""
+"""The command `mlivr-gym simulate`: execute a plan in MuJoCo; leave measurements, plots and a film.
+
+What imports MuJoCo is imported when the command runs, since MuJoCo loads a GL library.
+"""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
+from mlivr_gym.cli.arguments import (
+    EXAMPLES,
+    LARGEST_PICTURE,
+    SMALLEST_PICTURE,
+    chosen_graph,
+    chosen_map,
+    fits_a_picture,
+    obstacle_arguments,
+    query_arguments,
+    world_arguments,
+)
+from mlivr_gym.cli.exits import FAILED, SUCCESS
+from mlivr_gym.cli.plan import find_plan
+from mlivr_gym.cli.progress import Bar
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import FileError
+from mlivr_gym.motion.plan_motion import plan_trajectory
+from mlivr_gym.motion.trajectory import Durations
+from mlivr_gym.paper import CASES, case_graph, default_setup
+from mlivr_gym.pictures.film import check_kind, film
+from mlivr_gym.pictures.simulation_figure import simulation_figure
+from mlivr_gym.planners import Plan
+from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.pair_graph import PairGraph
+
+if TYPE_CHECKING:
+    from mlivr_gym.simulation.execution import Execution
 
 MOST_FRAMES = 5000
 """Most pictures of a film; they are kept until it is written."""
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser's."""
+    parser = commands.add_parser(
+        "simulate",
+        parents=[world_arguments(), obstacle_arguments(), query_arguments()],
+        help="carry a plan out in MuJoCo",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description="Carry a plan out in MuJoCo: one from a file, "
+        "or one that is made first as with `plan`.",
+    )
+    add_arguments(parser)
+    parser.set_defaults(run=run)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,9 +86,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-feedforward", action="store_true", help="PD control alone, as in the paper"
     )
     parser.add_argument(
-        "--assume-ur5e-masses", action="store_true",
+        "--assume-ur5e-masses",
+        action="store_true",
         help="simulate a robot with other limbs with the UR5e's masses, inertias and torque limits",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--out", default="walk", metavar="FOLDER", help="where results go (default: %(default)s)"
     )
@@ -66,21 +110,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
-    """Carry `plan` out, print and save what was measured; 0 if it succeeded, 1 if it failed."""
-    from mlivr_gym.motion.plan_motion import plan_trajectory
-    from mlivr_gym.motion.trajectory import Durations
-    from mlivr_gym.pictures.film import check_kind
-    from mlivr_gym.pictures.simulation_figure import simulation_figure
+def run(args: argparse.Namespace) -> int:
+    """Execute a plan from a file, of a case of Table I, or made first."""
+    if bool(args.plan) + bool(args.case) + bool(args.start or args.goal) > 1:
+        raise SettingError("give either --plan, or --case, or --start and --goal")
+    if args.plan:
+        grasp_map = chosen_map(args)
+        plan = Plan.load(args.plan, grasp_map)
+        return simulate(args, stance_graph(grasp_map, plan.world.robot, plan.world.settings), plan)
+    if args.case:
+        setup = default_setup()
+        args.start, args.goal = tuple(setup["start"]), tuple(setup["goal"])
+        args.cost = CASES[args.case].cost
+        graph = case_graph(args.case, setup, collisions=not args.no_collisions)
+    else:
+        graph = chosen_graph(args)
+    return simulate(args, graph, find_plan(graph, args).unwrap())
+
+
+def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan) -> int:
+    """Execute a plan, print and save what was measured; 0 if it succeeded, 1 if it failed."""
     from mlivr_gym.simulation.dynamics import Physics, check_masses
     from mlivr_gym.simulation.execution import execute
 
-    if min(args.size) < 16 or max(args.size) > 1920 or not 2 <= args.frames <= MOST_FRAMES:
-        raise SettingError(
-            f"--size is {tuple(args.size)}, --frames {args.frames}; 16 to 1920 pixels, 2 to {MOST_FRAMES} frames"
-        )
-    if not args.no_film:
-        check_kind(args.film)
+    _check_film(args)
     out, durations = Path(args.out), Durations.of_step(args.duration)
     physics = Physics(
         timestep=args.timestep,
@@ -97,10 +150,30 @@ def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
     bar = Bar("steps carried out", len(plan.steps))
     execution = execute(graph, plan, durations, physics, bar.show)
     bar.close()
-    summary, peaks = execution.summary(), execution.peaks
+    _report(graph, execution)
+    _save(execution, out)
+    if not args.no_film:
+        _film(args, graph, execution, out / args.film)
+    return SUCCESS if execution.failure is None else FAILED
+
+
+def _check_film(args: argparse.Namespace) -> None:
+    """Refuse a film that cannot be rendered or written."""
+    if not fits_a_picture(args.size) or not 2 <= args.frames <= MOST_FRAMES:
+        raise SettingError(
+            f"--size is {tuple(args.size)}, --frames {args.frames}; "
+            f"{SMALLEST_PICTURE} to {LARGEST_PICTURE} pixels, 2 to {MOST_FRAMES} frames"
+        )
+    if not args.no_film:
+        check_kind(args.film)
+
+
+def _report(graph: PairGraph | LazyGraph, execution: Execution) -> None:
+    """Print how the walk went."""
+    summary, peaks, failure = execution.summary(), execution.peaks, execution.failure
     print(
-        f"{summary['steps_done']} of {summary['steps']} steps carried out, {execution.simulated_time:.0f} s simulated in "
-        f"{execution.simulation_time:.1f} s"
+        f"{summary['steps_done']} of {summary['steps']} steps carried out, "
+        f"{execution.simulated_time:.0f} s simulated in {execution.simulation_time:.1f} s"
     )
     for capture in execution.captures:
         print(
@@ -108,80 +181,62 @@ def simulate(args: argparse.Namespace, graph: Any, plan: Any) -> int:
             f"{1e3 * capture.distance:.1f} mm off"
         )
     print(
-        f"peaks: joint torque {peaks.joint_torque.max():.2f} N m, RMS {peaks.torque_rms:.2f} N m, grasp force "
-        f"{peaks.grasp_force.max():.1f} N, grasp torque {peaks.grasp_torque.max():.1f} N m, base error "
-        f"{1e3 * peaks.base_error:.1f} mm"
+        f"peaks: joint torque {peaks.joint_torque.max():.2f} N m, "
+        f"RMS {peaks.torque_rms:.2f} N m, grasp force {peaks.grasp_force.max():.1f} N, "
+        f"grasp torque {peaks.grasp_torque.max():.1f} N m, "
+        f"base error {1e3 * peaks.base_error:.1f} mm"
     )
-    if execution.failure is not None:
-        failure = execution.failure
+    if failure is not None:
         print(
-            f"failed at {failure.time:.2f} s, step {failure.step + 1}, {failure.phase}: {failure.kind}, {failure.message}"
+            f"failed at {failure.time:.2f} s, step {failure.step + 1}, {failure.phase}: "
+            f"{failure.kind}, {failure.message}"
         )
         _hint(graph, execution)
-    execution.save(out / "simulation.npz")
-    title = f"{plan.world.robot.name}, {len(plan.steps)} steps of {durations.total:g} s"
-    simulation_figure(
-        execution.recording, execution.captures, execution.failure, out / "simulation.png", title
-    )
-    print(
-        f"measurements: {out / 'simulation.json'}, {out / 'simulation.npz'}; plot: {out / 'simulation.png'}"
-    )
-    if not args.no_film:
-        _film(args, graph, execution, out / args.film)
-    return 0 if execution.failure is None else 1
 
 
-def _hint(graph: Any, execution: Any) -> None:
+def _hint(graph: PairGraph | LazyGraph, execution: Execution) -> None:
     """Say with what duration a walk that was too fast would probably succeed."""
     from mlivr_gym.simulation.pace import longer_step
 
     longer = longer_step(graph, execution)
     if longer is not None:
         print(
-            f"hint: slower steps may succeed, try --duration {longer:g} (an estimate: torques and lag "
-            f"go with 1 / duration^2; this was {execution.durations.total:g} s)"
+            f"hint: slower steps may succeed, try --duration {longer:g} "
+            f"(an estimate: torques and lag go with 1 / duration^2; "
+            f"this was {execution.durations.total:g} s)"
         )
 
 
-def _film(args: argparse.Namespace, graph: Any, execution: Any, path: Path) -> None:
-    from mlivr_gym.pictures.film import film
+def _save(execution: Execution, out: Path) -> None:
+    """Write the measurements and their plot."""
+    archive, plot = out / "simulation.npz", out / "simulation.png"
+    execution.save(archive)
+    plan = execution.plan
+    title = f"{plan.world.robot.name}, {len(plan.steps)} steps of {execution.durations.total:g} s"
+    simulation_figure(execution.recording, execution.captures, execution.failure, plot, title)
+    print(f"measurements: {archive.with_suffix('.json')}, {archive}; plot: {plot}")
 
+
+def _film(
+    args: argparse.Namespace, graph: PairGraph | LazyGraph, execution: Execution, path: Path
+) -> None:
+    """Render a film, or say why there is none."""
     bar = Bar("pictures rendered", args.frames)
     plan = execution.plan
     try:
         film(
-            graph.grasp_map, plan.world.robot, execution.recording, path, tuple(args.size), args.frames,
-            obstacles=plan.world.obstacles, progress=bar.show,
-        )  # fmt: skip
+            graph.grasp_map,
+            plan.world.robot,
+            execution.recording,
+            path,
+            size=tuple(args.size),
+            frames=args.frames,
+            obstacles=plan.world.obstacles,
+            progress=bar.show,
+        )
     except RenderError as error:
         bar.close()
         print(f"no film: {error}")
     else:
         bar.close()
         print(f"film: {path}")
-
-
-class Bar:
-    """A progress bar on a terminal; nothing elsewhere."""
-
-    def __init__(self, what: str, total: int) -> None:
-        """Count to `total`."""
-        self._what, self._total = what, total
-        self.show(0)
-
-    def show(self, done: int) -> None:
-        """Show how many are done."""
-        if sys.stderr.isatty():
-            filled = round(30 * done / self._total)
-            bar = "#" * filled + "." * (30 - filled)
-            print(
-                f"\r\033[K[{bar}] {done}/{self._total} {self._what}",
-                end="",
-                file=sys.stderr,
-                flush=True,
-            )
-
-    def close(self) -> None:
-        """Clear it."""
-        if sys.stderr.isatty():
-            print("\r\033[K", end="", file=sys.stderr, flush=True)

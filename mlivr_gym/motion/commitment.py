@@ -25,7 +25,7 @@ from mlivr_gym.kinematics.base_path import (
 from mlivr_gym.kinematics.holding import quaternion
 from mlivr_gym.motion.plan_parts import Motion, Step
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
-from mlivr_gym.motion.swings import SwingFinder
+from mlivr_gym.motion.swings import SwingFinder, line_of_edge
 from mlivr_gym.postures.selection import base_along, choices_along
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State, moving_limb
@@ -89,7 +89,9 @@ def commit(
     start, down = path.departure(ends)[1], path.approach(ends)
     if turns is None:
         turns = turns_within_limits(graph, down.min(axis=0), down.max(axis=0))
-    swing = SwingFinder(graph, regrasp).find(start, down[0], turns, edge)
+    line = None if edge.pair < 0 else line_of_edge(graph, regrasp, edge.pair)
+    finder = SwingFinder.of(graph, regrasp)
+    swing = finder.find(start, down[0], turns, edge.fold, line)
     if swing is None:
         return None
     turned = FULL_TURN * np.rint((swing.knots[-1, 1:] - down[0]) / FULL_TURN)

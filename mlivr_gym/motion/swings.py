@@ -18,7 +18,7 @@ Each line is checked as a whole, see `collisions.swept_swing`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -33,7 +33,6 @@ from mlivr_gym.motion.sampling import sampled_line
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.grasp_poses import fold_nearest_to, line_end
 from mlivr_gym.transitions.line_swings import lifted_at
-from mlivr_gym.transitions.step_check import Edge
 
 Ends = tuple[Array, Array, tuple[Array, Array]]
 """Joint angles above both points, and the fewest and most whole turns that may be added."""
@@ -46,35 +45,58 @@ class Swing(NamedTuple):
     knots: Array
 
 
+class Hold(NamedTuple):
+    """A limb that holds a point on a branch while another moves."""
+
+    limb: int
+    point: int
+    branch: int
+
+
 class SwingFinder:
     """Finds the swing of one step.
 
     Attributes:
         graph: The stance graph.
-        regrasp: The step, whose swing is not looked at.
+        limb: The limb that moves.
+        path: Base path (t0, r0, t1, r1, kind, pivot).
+        holds: The limbs that hold.
     """
 
-    def __init__(self, graph: StanceGraph, regrasp: Regrasp) -> None:
-        """Look at the step `regrasp`."""
-        self.graph, self.regrasp = graph, regrasp
+    def __init__(
+        self, graph: StanceGraph, limb: int, path: tuple[Any, ...], holds: Sequence[Hold]
+    ) -> None:
+        """Look at the step in which `limb` moves while the base follows `path`."""
+        self.graph, self.limb, self.path, self.holds = graph, limb, path, holds
+
+    @classmethod
+    def of(cls, graph: StanceGraph, regrasp: Regrasp) -> SwingFinder:
+        """Look at the step `regrasp`, whose swing is not looked at."""
+        holds = [
+            Hold(limb, point, regrasp.branches[limb])
+            for limb, point in enumerate(regrasp.after)
+            if limb != regrasp.limb
+        ]
+        return cls(graph, regrasp.limb, regrasp.base_path, holds)
 
     def find(
-        self, start: Array, end: Array, turns: tuple[Array, Array], edge: Edge
-    ) -> Swing | None:
+        self, start: Array, end: Array, turns: tuple[Array, Array], fold: int,
+        line: tuple[Array, Array] | None,
+    ) -> Swing | None:  # fmt: skip
         """The shortest swing between lifted postures.
 
         Args:
             start: Joint angles above the point it leaves, shape (6,) [rad].
             end: Joint angles above the point it grasps, on any winding.
             turns: Fewest and most whole turns that may be added to `end`, each (6,).
-            edge: What the graph has shown: the fold in which the limb can move, or the branches
-                between which it can swing in a line.
+            fold: The fold in which the graph has shown that the limb can move, or -1.
+            line: Joint angles between which it has shown that the limb can swing in a line, where
+                it cannot move folded.
         """
-        line = None if edge.pair < 0 else line_of_edge(self.graph, self.regrasp, edge.pair)
-        for kind, knots in self._candidates((start, end, turns), edge.fold, line):
+        for kind, knots in self._candidates((start, end, turns), fold, line):
             if self.clear(knots):
                 return Swing(kind, knots)
-        sampled = self._sampled((start, end, turns), self.shown_line(edge.fold, line, start))
+        sampled = self._sampled((start, end, turns), self.shown_line(fold, line, start))
         return None if sampled is None else Swing("sampled", sampled)
 
     def _sampled(self, ends: Ends, shown: tuple[Array, Array] | None) -> Array | None:
@@ -190,23 +212,22 @@ class SwingFinder:
 
     def _clear_line(self, a: Array, b: Array, collision_model: Any, inside: bool) -> bool:
         """Whether the robot touches nothing from one knot to the next."""
-        solver, step = self.graph.solver, self.regrasp
+        solver, limb = self.graph.solver, self.limb
         shapes, _, hand, fixed, world, clearance, body = collision_model
-        line, none = (step.base_path, a[0], b[0]), np.empty((0, len(shapes[0]), 2, 3))
-        mount = solver.mount_rotations[step.limb], solver.mount_positions[step.limb]
+        line, none = (self.path, a[0], b[0]), np.empty((0, len(shapes[0]), 2, 3))
+        mount = solver.mount_rotations[limb], solver.mount_positions[limb]
         found = swing_free(
-            step.limb, *line, a[1:], b[1:], solver.lengths, *mount, none, shapes, fixed, world,
+            limb, *line, a[1:], b[1:], solver.lengths, *mount, none, shapes, fixed, world,
             clearance, inside, body,
         )  # fmt: skip
         if found != CLEAR:
             return False
-        for limb, point in enumerate(step.after):
-            if limb == step.limb:
-                continue
+        for hold in self.holds:
+            i, point = hold.limb, hold.point
             found = hold_free(
-                limb, solver.flanges[point], solver.tools[point], *line, step.branches[limb],
-                solver.lengths, solver.mount_rotations[limb], solver.mount_positions[limb], a[1:],
-                b[1:], *mount, shapes, hand, fixed, world, clearance, inside, BOTH,
+                i, solver.flanges[point], solver.tools[point], *line, hold.branch, solver.lengths,
+                solver.mount_rotations[i], solver.mount_positions[i], a[1:], b[1:], *mount, shapes,
+                hand, fixed, world, clearance, inside, BOTH,
             )  # fmt: skip
             if found != CLEAR:
                 return False

@@ -18,8 +18,6 @@ from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-Array = NDArray[np.float64]
-
 COLOURS = 128
 """Colours of a GIF's palette; more make the file larger and the picture hardly better."""
 
@@ -29,13 +27,14 @@ def film(
     robot: RobotSpec,
     recording: Recording,
     path: str | Path,
+    *,
     size: tuple[int, int] = (640, 320),
     frames: int = 100,
     rate: float = 10.0,
     obstacles: Sequence[Box] = (),
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Render a recording from the side, the camera beside the robot and the forward wall left out.
+    """Render a recording from the side, the camera beside the robot, without the forward wall.
 
     Args:
         grasp_map: The map.
@@ -45,7 +44,7 @@ def film(
         size: Width and height [px].
         frames: Number of pictures, at equal times.
         rate: Pictures a second.
-        obstacles: Boxes in the way.
+        obstacles: Boxes besides the map's.
         progress: Called with the number of pictures done.
 
     Raises:
@@ -58,11 +57,14 @@ def film(
     pictures = []
     for done, k in enumerate(chosen, 1):
         picture = renderer.render(
-            recording.base_positions[k], recording.base_quaternions[k],
+            recording.base_positions[k],
+            recording.base_quaternions[k],
             recording.joint_positions[k],
-            lookat=np.array([recording.base_positions[k, 0], 0.0, -0.1]), distance=3.3,
-            azimuth=84.0, elevation=-8.0,
-        )  # fmt: skip
+            lookat=np.array([recording.base_positions[k, 0], 0.0, -0.1]),
+            distance=3.3,
+            azimuth=84.0,
+            elevation=-8.0,
+        )
         pictures.append(picture)
         if progress is not None:
             progress(done)
@@ -86,6 +88,7 @@ def check_kind(path: str | Path) -> str:
 
 
 def _gif(pictures: list[NDArray[np.uint8]], rate: float) -> bytes:
+    """An animated GIF of pictures, shape (height, width, 3), with one palette for all."""
     from PIL import Image
 
     images = [Image.fromarray(picture) for picture in pictures]
@@ -95,13 +98,19 @@ def _gif(pictures: list[NDArray[np.uint8]], rate: float) -> bytes:
     small = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     buffer = io.BytesIO()
     small[0].save(
-        buffer, format="gif", save_all=True, append_images=small[1:], duration=round(1000.0 / rate),
-        loop=0, optimize=True
-    )  # fmt: skip
+        buffer,
+        format="gif",
+        save_all=True,
+        append_images=small[1:],
+        duration=round(1000.0 / rate),
+        loop=0,
+        optimize=True,
+    )
     return buffer.getvalue()
 
 
 def _mp4(pictures: list[NDArray[np.uint8]], rate: float) -> bytes:
+    """An MP4 of pictures, shape (height, width, 3)."""
     import imageio.v3 as iio
 
     encoded: bytes = iio.imwrite(

@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RenderError, SceneError
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
-
-Array = NDArray[np.float64]
 
 
 class SceneRenderer:
@@ -56,7 +55,7 @@ class SceneRenderer:
         self.data = mujoco.MjData(self.model)
         try:
             self._renderer: Any = mujoco.Renderer(self.model, height, width)
-            # Registered after the GL loader's own exit hook, hence run before it.
+            # Registered after the GL loader's exit hook, hence run before it.
             atexit.register(self._renderer.close)
         except Exception as error:  # GL loaders raise errors of many kinds
             raise _no_gl(error) from None
@@ -66,6 +65,7 @@ class SceneRenderer:
         position: Array,
         quaternion: Array,
         joints: Array,
+        *,
         hide: tuple[str, ...] = ("forward",),
         lookat: Array | None = None,
         distance: float = 5.8,
@@ -78,7 +78,7 @@ class SceneRenderer:
             position: Base position [m], shape (3,).
             quaternion: Base orientation w, x, y, z.
             joints: Joint angles [rad], shape (N, 6).
-            hide: Cabin faces that are left out.
+            hide: Cabin faces that are not drawn.
             lookat: Point in the middle of the picture [m]; by default the middle of the map.
             distance: Distance of the camera [m].
             azimuth: Camera azimuth [deg].
@@ -115,15 +115,16 @@ def _no_gl(error: Exception) -> RenderError:
     """What to say where no picture can be rendered, from the loader's error."""
     backend = os.environ.get("MUJOCO_GL", "default")
     message = (
-        f"MuJoCo cannot render with MUJOCO_GL={backend!r} ({type(error).__name__}: {error}); install an EGL "
-        f"library (Debian: libegl1) or set MUJOCO_GL to 'egl', 'osmesa' or 'glfw' before MuJoCo is imported"
+        f"MuJoCo cannot render with MUJOCO_GL={backend!r} ({type(error).__name__}: {error}); "
+        f"install an EGL library (Debian: libegl1) or set MUJOCO_GL to 'egl', 'osmesa' or 'glfw' "
+        f"before MuJoCo is imported"
     )
     _forget(error)
     return RenderError(message)
 
 
 def _forget(error: BaseException) -> None:
-    """Let go of what a failed GL context left behind, whose own clean-up would print a traceback."""
+    """Release what remains of a failed GL context; its clean-up would print a traceback later."""
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     while error.__context__ is not None:
         error.__traceback__, error = None, error.__context__
@@ -149,7 +150,8 @@ class SceneWindow:
         ):
             # The window library would end the whole process.
             raise RenderError(
-                "render_mode='human' needs a screen and DISPLAY is not set; use render_mode='rgb_array'"
+                "render_mode='human' needs a screen and DISPLAY is not set; "
+                "use render_mode='rgb_array'"
             )
         try:
             from mlivr_gym.simulation.scene import compiled, scene_spec  # isort: skip
@@ -163,8 +165,8 @@ class SceneWindow:
             raise
         except Exception as error:  # window systems raise errors of many kinds
             raise RenderError(
-                f"MuJoCo's viewer cannot open a window ({type(error).__name__}: {error}); it needs a screen. "
-                f"Use render_mode='rgb_array' without one"
+                f"MuJoCo's viewer cannot open a window ({type(error).__name__}: {error}); "
+                f"it needs a screen. Use render_mode='rgb_array' without one"
             ) from None
 
     def show(self, position: Array, quaternion: Array, joints: Array) -> None:

@@ -38,27 +38,16 @@ def simulation_figure(
     axes[0].plot(times, recording.torque_rms, color="#c1121f", linewidth=1.4)
     axes[0].set_ylabel("torque, RMS over\nall joints [N m]")
     for limb in range(limbs):
-        own = {"color": LIMB_COLOURS[limb], "linewidth": 1.2, "label": f"limb {limb}"}
-        axes[1].plot(times, np.abs(recording.joint_torques[:, limb]).max(axis=1), **own)
-        axes[2].plot(times, np.linalg.norm(recording.grasp_forces[:, limb], axis=1), **own)
+        style = {"color": LIMB_COLOURS[limb], "linewidth": 1.2, "label": f"limb {limb}"}
+        axes[1].plot(times, np.abs(recording.joint_torques[:, limb]).max(axis=1), **style)
+        axes[2].plot(times, np.linalg.norm(recording.grasp_forces[:, limb], axis=1), **style)
     axes[1].set_ylabel("largest joint\ntorque [N m]")
     axes[2].set_ylabel("grasp force [N]")
     axes[3].plot(times, 1e3 * recording.base_errors, color="0.25", linewidth=1.2)
     axes[3].set_ylabel("base error [mm]")
     axes[3].set_xlabel("time [s]")
     for k, panel in enumerate(axes):
-        for phase, colour in ((0, "#dfe9f3"), (2, "#f7e6d3")):
-            low, high = 0.0, 1.0
-            panel.fill_between(
-                times, low, high, where=recording.phase == phase, color=colour, linewidth=0.0,
-                zorder=0,
-                transform=panel.get_xaxis_transform(),
-                label=("departure" if phase == 0 else "approach") if k == 0 else None,
-            )  # fmt: skip
-        for capture in captures:
-            panel.axvline(capture.time, color="0.55", linewidth=0.7, linestyle=":")
-        if failure is not None:
-            panel.axvline(failure.time, color="#d00000", linewidth=1.4)
+        _mark_events(panel, recording, captures, failure, named=k == 0)
         panel.set_ylim(bottom=0.0)
         panel.margins(x=0.0)
         panel.grid(alpha=0.25)
@@ -76,3 +65,33 @@ def simulation_figure(
         )
     figure.subplots_adjust(left=0.09, right=0.985, bottom=0.06, top=0.925, hspace=0.12)
     save_figure(figure, path)
+
+
+def _mark_events(
+    panel: Any,
+    recording: Recording,
+    captures: tuple[Capture, ...],
+    failure: Failure | None,
+    *,
+    named: bool,
+) -> None:
+    """Shade departures and approaches, and mark captures and the failure.
+
+    The legend names what is shaded if `named`.
+    """
+    for phase, colour, name in ((0, "#dfe9f3", "departure"), (2, "#f7e6d3", "approach")):
+        panel.fill_between(
+            recording.times,
+            0.0,
+            1.0,
+            where=recording.phase == phase,
+            color=colour,
+            linewidth=0.0,
+            zorder=0,
+            transform=panel.get_xaxis_transform(),
+            label=name if named else None,
+        )
+    for capture in captures:
+        panel.axvline(capture.time, color="0.55", linewidth=0.7, linestyle=":")
+    if failure is not None:
+        panel.axvline(failure.time, color="#d00000", linewidth=1.4)

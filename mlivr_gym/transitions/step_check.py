@@ -215,7 +215,7 @@ class StepChecks(ABC):
         """Branches on which each limb that holds can follow a base path, none at all if one cannot."""
         kept: dict[int, int] = {}
         for i in step.held:
-            kept[i] = self._hold(step, kind, i, kept_on_edge(before[i], masks[i]))
+            kept[i] = self.hold(step, kind, i, kept_on_edge(before[i], masks[i]))
             if not kept[i]:
                 return {}
         return kept
@@ -230,7 +230,7 @@ class StepChecks(ABC):
         """
         step, chances = self.candidate(state.stance, tuple(after), posture), []
         for kind in (STRAIGHT, ARC):
-            kept = {i: self._hold(step, kind, i, int(state.masks[i])) for i in step.held}
+            kept = {i: self.hold(step, kind, i, int(state.masks[i])) for i in step.held}
             if all(kept.values()):
                 if not self.settings.collisions:
                     return Edge(kind, -1, -1, kept)
@@ -395,7 +395,7 @@ class StepChecks(ABC):
                     return kept
         return kept
 
-    def _hold(self, step: Candidate, kind: int, limb: int, mask: int) -> int:
+    def hold(self, step: Candidate, kind: int, limb: int, mask: int) -> int:
         """Those of the branches and flips in `mask` on which a limb can hold along a base path."""
         solver, point = self.solver, step.after[limb]
         t0, r0, t1, r1, _, pivot = step.path(kind)

@@ -452,9 +452,9 @@ def test_what_cannot_be_simulated_is_one_clear_error(checked_graph, plan, jem, s
         simulation.reset(*start, [jem.index("D5a:1"), jem.index("D1b:3")])
     simulation.reset(*start, [jem.index(point) for point in plan.stances[0]])
     with pytest.raises(SimulationError, match="time step is 0.002"):
-        simulation.carry_out(step_trajectory(checked_graph, plan, 0, period=0.01))
+        simulation.execute(step_trajectory(checked_graph, plan, 0, period=0.01))
     simulation.reset(*start, [FREE, FREE])
     with pytest.raises(SimulationError, match="the robot holds"):
-        simulation.carry_out(step_trajectory(checked_graph, plan, 0, Durations.of_step(5.0)))
+        simulation.execute(step_trajectory(checked_graph, plan, 0, Durations.of_step(5.0)))
     with pytest.raises(PlanError, match="no step"):
         execute(checked_graph, replace(plan, steps=(), actions=()))

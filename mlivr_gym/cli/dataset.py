@@ -1,0 +1,51 @@
+"""The command `mlivr-gym dataset`."""
+
+from __future__ import annotations
+
+import argparse
+
+from mlivr_gym.cli.arguments import check_counts, environment_arguments, world_arguments
+from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.extras import need
+from mlivr_gym.cli.progress import timed_bar
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser's."""
+    parser = commands.add_parser(
+        "dataset",
+        parents=[world_arguments()],
+        help="write planner episodes as a Minari data set",
+        description="Episodes of the A* expert with action masks as a Minari data set; "
+        "needs minari[create,hdf5].",
+    )
+    parser.add_argument(
+        "--id", default="mlivr/jem/astar-v0", help="id of the data set (default: %(default)s)"
+    )
+    parser.add_argument("--episodes", type=int, default=200, help="episodes (default: %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of the first episode (default: %(default)s)"
+    )
+    parser.add_argument("--reward", default="steps", help="steps or base (default: %(default)s)")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the data set."""
+    check_counts(args)
+    need("minari", extra="data")
+    from mlivr_gym.agents.dataset import write_dataset
+
+    show = timed_bar("episodes")
+    dataset = write_dataset(
+        args.id,
+        args.episodes,
+        args.seed,
+        environment_arguments(args),
+        progress=lambda k: show(k, args.episodes, ""),
+    )
+    print(
+        f"{args.id}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; "
+        f"load with mlivr_gym.agents.dataset.load_dataset({args.id!r})"
+    )
+    return SUCCESS

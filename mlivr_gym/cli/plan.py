@@ -1,0 +1,91 @@
+"""The command `mlivr-gym plan`."""
+
+from __future__ import annotations
+
+import argparse
+
+from mlivr_gym.cli.arguments import (
+    EXAMPLES,
+    chosen_graph,
+    chosen_task,
+    obstacle_arguments,
+    query_arguments,
+    world_arguments,
+)
+from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.progress import counter
+from mlivr_gym.pictures.plan_figure import plan_figure
+from mlivr_gym.planners import Planner, PlanningResult
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.pair_graph import PairGraph
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser's."""
+    parser = commands.add_parser(
+        "plan",
+        parents=[world_arguments(), obstacle_arguments(), query_arguments()],
+        help="plan from a stance to a goal",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description="Plan from a start stance to a goal position of the base. "
+        "Start and goal have defaults.",
+    )
+    parser.add_argument("--out", metavar="FILE", help="write the plan as JSON")
+    parser.add_argument("--picture", metavar="FILE", help="draw the plan as PNG")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Plan, describe the plan, and write what is asked for."""
+    graph = chosen_graph(args)
+    result = find_plan(graph, args)
+    plan = result.unwrap()
+    if args.out:
+        plan.save(args.out)
+        print(f"plan: {args.out}")
+    if args.picture:
+        title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
+        plan_figure(graph.grasp_map, plan, args.picture, result.tree, title)
+        print(f"picture: {args.picture}")
+    return SUCCESS
+
+
+def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> PlanningResult:
+    """Plan between start and goal of the arguments, and describe the plan.
+
+    Raises:
+        NoPlanError: If there is no plan.
+    """
+    start, goal = chosen_task(graph, args)
+    progress = counter("states explored")
+    result = Planner(graph).plan(
+        start,
+        goal,
+        args.cost,
+        regrasp_price=args.regrasp_price,
+        method=args.method,
+        heuristic=args.heuristic,
+        inflation=args.inflation,
+        goal_tolerance=args.tolerance,
+        start_pose=args.start_pose,
+        start_joints=args.start_joints,
+        limit=args.limit,
+        progress=progress,
+    )
+    progress(-1)
+    plan = result.unwrap()
+    print(
+        f"from {' '.join(start)} to {goal}: {result.message}, "
+        f"w_m >= {plan.w_m_min:.3f}, w_b >= {plan.w_b_min:.5f}"
+    )
+    for k, step in enumerate(plan.steps, 1):
+        print(
+            f"  {k:2d}. limb {step.limb}: {step.from_point:>6} -> {step.to_point:<6} "
+            f"base {step.displacement:.3f} m, {step.path}, swing {step.swing}"
+        )
+    print(
+        f"{plan.statistics.expanded} states explored, {plan.statistics.generated} generated, "
+        f"{1e3 * (plan.statistics.feasibility_time + plan.statistics.search_time):.1f} ms for the query"
+    )
+    return result

@@ -1,0 +1,150 @@
+"""The command `mlivr-gym render`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mlivr_gym.cli.arguments import (
+    EXAMPLES,
+    LARGEST_PICTURE,
+    SMALLEST_PICTURE,
+    chosen_graph,
+    chosen_map,
+    chosen_task,
+    fits_a_picture,
+    world_arguments,
+)
+from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.errors import RenderError, SettingError
+from mlivr_gym.files import write_whole
+from mlivr_gym.pictures.figures import configuration_figure, save_image
+from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.planners import Plan
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.grasp_map import GraspMap
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser's."""
+    parser = commands.add_parser(
+        "render",
+        parents=[world_arguments()],
+        help="picture of the scene",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description="Picture of the MuJoCo scene with the robot in a stance. Of a plan, "
+        "one picture of its start and its goal side by side, "
+        "or of the stance chosen with --stance.",
+    )
+    parser.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
+    parser.add_argument(
+        "--plan", metavar="FILE", help="a plan; its start and goal stance are drawn"
+    )
+    parser.add_argument(
+        "--stance", type=int, metavar="K", help="of the plan, draw the stance after K steps alone"
+    )
+    parser.add_argument(
+        "--out", default="scene.png", metavar="FILE", help="PNG file (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--size",
+        nargs=2,
+        type=int,
+        default=(1280, 640),
+        metavar=("W", "H"),
+        help="pixels of each stance's picture",
+    )
+    parser.add_argument("--mjcf", metavar="FILE", help="also export the scene as MJCF")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw a stance, or stances of a plan, and export the scene if that is asked for."""
+    _check(args)
+    obstacles: Sequence[Box]
+    if args.plan:
+        grasp_map = chosen_map(args)
+        plan = Plan.load(args.plan, grasp_map)
+        robot, obstacles = plan.world.robot, plan.world.obstacles
+        drawn = _of_plan(plan, args.stance)
+    else:
+        graph = chosen_graph(args)
+        grasp_map, robot, obstacles = graph.grasp_map, graph.robot, graph.obstacles
+        args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
+        start = chosen_task(graph, args)[0] if args.start is None else args.start
+        drawn = [graph.configuration(graph.state(start))]
+    draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles)
+    if args.mjcf:
+        _export(args.mjcf, grasp_map, robot, obstacles)
+    return SUCCESS
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse arguments that contradict each other, and sizes that cannot be rendered."""
+    if args.plan and args.start:
+        raise SettingError("give either --plan or --start, not both")
+    if args.stance is not None and not args.plan:
+        raise SettingError("--stance needs --plan: it chooses among the stances of a plan")
+    if not fits_a_picture(args.size):
+        raise SettingError(
+            f"--size is {tuple(args.size)}; width and height must lie between "
+            f"{SMALLEST_PICTURE} and {LARGEST_PICTURE}"
+        )
+
+
+def _of_plan(plan: Plan, stance: int | None) -> list[Configuration]:
+    """Configurations of a plan at its start and its goal, or at the stance that is chosen."""
+    last = len(plan.stances) - 1
+    if stance is not None and not 0 <= stance <= last:
+        raise SettingError(
+            f"--stance is {stance}; this plan has stances 0 (start) to {last} (goal)"
+        )
+    return [plan.configuration(k) for k in ((0, last) if stance is None else (stance,))]
+
+
+def draw(
+    grasp_map: GraspMap,
+    robot: RobotSpec,
+    pictures: Mapping[Path, list[Configuration]],
+    size: tuple[int, int],
+    obstacles: Sequence[Box] = (),
+) -> None:
+    """Render configurations with MuJoCo, those of one picture side by side.
+
+    Where there is no GL library they are drawn with matplotlib.
+
+    Args:
+        grasp_map: The map.
+        robot: The robot.
+        pictures: Configurations of each picture, by the PNG file to write.
+        size: Width and height of one configuration [px].
+        obstacles: Boxes besides the map's.
+    """
+    try:
+        renderer = SceneRenderer(grasp_map, robot, *size, obstacles)
+    except RenderError as error:
+        print(f"no GL, drawing with matplotlib instead: {error}", flush=True)
+        for path, configurations in pictures.items():
+            configuration_figure(grasp_map, robot, configurations, path, path.stem)
+    else:
+        for path, configurations in pictures.items():
+            save_image(np.hstack([renderer.render(*shown) for shown in configurations]), path)
+        renderer.close()
+    for path in pictures:
+        print(f"picture: {path}", flush=True)
+
+
+def _export(path: str, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]) -> None:
+    """Write the scene as MJCF."""
+    from mlivr_gym.simulation.scene import compiled, scene_spec  # imports MuJoCo, hence GL
+
+    spec = scene_spec(grasp_map, robot, obstacles)
+    compiled(spec)
+    write_whole(path, spec.to_xml())
+    print(f"scene: {path}")

@@ -1,0 +1,23 @@
+import pytest
+
+from mlivr_gym.cli.main import main
+from mlivr_gym.planners import Planner
+
+
+@pytest.fixture
+def run(capsys):
+    """Runs a command; returns its exit code and what it printed on both streams."""
+
+    def run_command(*arguments):
+        code = main(list(arguments))
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return run_command
+
+
+@pytest.fixture(scope="module")
+def plan_file(checked_graph, tmp_path_factory):
+    path = tmp_path_factory.mktemp("plan") / "plan.json"
+    Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap().save(path)
+    return path

@@ -1,0 +1,119 @@
+"""The command `plan`."""
+
+import json
+
+import pytest
+
+from mlivr_gym import stance_graph
+from mlivr_gym.paper import default_setup
+from mlivr_gym.planners import Plan, Planner
+
+
+def test_plan_with_defaults(run):
+    code, out, _ = run("plan")
+    setup = default_setup()
+    plan = Planner(stance_graph()).plan(setup["start"], setup["goal"], "base").unwrap()
+    assert code == 0
+    assert f": {len(plan.steps)} steps, {plan.base_translation:.3f} m" in out
+
+
+def test_plan_writes_plan_and_picture(run, tmp_path, jem):
+    plan, picture = tmp_path / "plan.json", tmp_path / "plan.png"
+    code, out, _ = run(
+        "plan",
+        "--start",
+        "D2a:4",
+        "D2b:4",
+        "--goal",
+        "6.0",
+        "0",
+        "0.42",
+        "--cost",
+        "steps",
+        "--out",
+        str(plan),
+        "--picture",
+        str(picture),
+    )
+    assert code == 0
+    assert "plan.json" in out
+    loaded = Plan.load(plan, jem)
+    assert loaded.stances[0] == ("D2a:4", "D2b:4")
+    assert len(loaded.steps) == 4
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "extra", [["--no-manipulability"], ["--no-transitions"], ["--robot", "mlivr3"]]
+)
+def test_plan_variants(run, extra):
+    code, out, _ = run("plan", *extra)
+    assert code == 0
+    assert "states explored" in out
+
+
+def test_plan_and_info_take_the_map_and_the_robot_of_a_file(run, tmp_path):
+    rails = [
+        {
+            "id": f"R{k}",
+            "face": "deck",
+            "start": [x, -0.4, 0],
+            "end": [x, 0.4, 0],
+            "normal": [0, 0, 1],
+        }
+        for k, x in enumerate((0.0, 0.9, 1.8))
+    ]
+    world, robot = tmp_path / "map.json", tmp_path / "robot.json"
+    world.write_text(
+        json.dumps({"segments": rails, "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]}})
+    )
+    robot.write_text(json.dumps({"name": "given", "tool_length": 0.1}))
+    code, out, _ = run("plan", "--map", str(world), "--robot", str(robot))
+    assert code == 0
+    assert "steps" in out
+    code, out, _ = run("info", "--map", str(world), "--robot", str(robot))
+    assert code == 0
+    assert "map map" in out
+    assert "robot given" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--start", "D1a:4", "D2b:4"], "below the threshold"),
+        (["--goal", "9.5", "0", "0"], "no stance that can be reached"),
+        (["--goal", "9.5", "0", "0", "--limit", str(10**30)], "no stance that can be reached"),
+        (["--limit", "1"], "limit reached"),
+        (["--start", "D2a:4", "D2b:4", "--occupied", "D2a:4"], "point 'D2a:4' is occupied"),
+    ],
+)
+def test_no_plan_gives_one_sentence_and_code_3(run, arguments, words):
+    code, _, err = run("plan", *arguments)
+    assert code == 3
+    assert words in err
+    assert err.startswith("mlivr-gym: ")
+    assert err.count("\n") == 1
+
+
+def test_a_start_that_cannot_be_held_is_no_plan_also_where_the_goal_is_drawn(run, tmp_path):
+    """On a map without a default goal; but a point that is not there is bad input."""
+    rails = [
+        {
+            "id": f"R{k}",
+            "face": "deck",
+            "start": [x, -0.4, 0],
+            "end": [x, 0.4, 0],
+            "normal": [0, 0, 1],
+        }
+        for k, x in enumerate((0.0, 0.9, 1.8))
+    ]
+    world = tmp_path / "map.json"
+    world.write_text(
+        json.dumps({"segments": rails, "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]}})
+    )
+    code, _, err = run("plan", "--map", str(world), "--start", "R0:0", "R0:1", "--occupied", "R0:0")
+    assert code == 3
+    assert "cannot be held" in err
+    code, _, err = run("plan", "--map", str(world), "--start", "R0:0", "R9:1")
+    assert code == 2
+    assert "'R9:1'" in err

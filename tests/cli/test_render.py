@@ -1,0 +1,77 @@
+"""The command `render`."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+from PIL import Image
+
+
+def test_render_falls_back_without_gl(tmp_path):
+    """With a GL library that is not there a matplotlib picture is drawn, and one line says so."""
+    environment = os.environ | {"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": "osmesa"}
+    out = tmp_path / "scene.png"
+    command = [
+        sys.executable,
+        "-m",
+        "mlivr_gym.cli.main",
+        "render",
+        "--start",
+        "D2a:4",
+        "D2b:4",
+        "--out",
+        str(out),
+    ]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert out.read_bytes().startswith(b"\x89PNG")
+    lines = [line for line in done.stdout.splitlines() if "no GL" in line]
+    assert len(lines) <= 1
+
+
+def test_render_writes_the_file_that_is_named_and_no_other(run, tmp_path, plan_file):
+    """Start and goal side by side, and each of them alone."""
+    seen = {}
+    for name, extra in (
+        ("both.png", []),
+        ("start.png", ["--stance", "0"]),
+        ("goal.png", ["--stance", "4"]),
+    ):
+        out = tmp_path / name
+        arguments = ["--plan", str(plan_file), "--out", str(out), "--size", "80", "40", *extra]
+        code, told, _ = run("render", *arguments)
+        assert code == 0
+        assert f"picture: {out}" in told
+        seen[name] = np.asarray(Image.open(out))
+        assert {path.name for path in tmp_path.iterdir()} == set(seen)
+    if seen["start.png"].shape == (40, 80, 3):  # rendered, not drawn without a GL library
+        np.testing.assert_array_equal(
+            seen["both.png"], np.hstack([seen["start.png"], seen["goal.png"]])
+        )
+    assert (seen["start.png"] != seen["goal.png"]).any()
+    code, _, err = run(
+        "render",
+        "--plan",
+        str(plan_file),
+        "--stance",
+        "5",
+        "--out",
+        str(tmp_path / "x.png"),
+    )
+    assert code == 2
+    assert "--stance is 5; this plan has stances 0 (start) to 4 (goal)" in err
+
+
+def test_a_plan_of_another_map_or_with_a_branch_too_many_is_refused(run, tmp_path, plan_file):
+    data = json.loads(plan_file.read_text())
+    data["branches"][1][0] = 1_000_000
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(data))
+    for command in ("simulate", "render"):
+        code, _, err = run(command, "--plan", str(path), "--out", str(tmp_path / "out"))
+        assert code == 2
+        assert "branches" in err
+        assert "from 0 to 7" in err
+        assert err.count("\n") == 1

@@ -1,0 +1,81 @@
+"""The command `simulate`."""
+
+import json
+
+import pytest
+
+from mlivr_gym.errors import RenderError
+from mlivr_gym.pictures.film import film
+from mlivr_gym.planners import Planner
+
+
+def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph):
+    goal = (
+        Planner(checked_graph)
+        .plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps")
+        .unwrap()
+        .base_positions[1]
+    )
+    code, out, _ = run(
+        "simulate",
+        "--start",
+        "D2a:4",
+        "D1b:3",
+        "--goal",
+        *(f"{x:.6f}" for x in goal),
+        "--cost",
+        "steps",
+        "--duration",
+        "20",
+        "--frames",
+        "2",
+        "--size",
+        "64",
+        "32",
+        "--out",
+        str(tmp_path / "walk"),
+    )
+    assert code == 0
+    assert "1 of 1 steps carried out, 22 s simulated" in out
+    assert "took hold of" in out
+    summary = json.loads((tmp_path / "walk" / "simulation.json").read_text())
+    assert summary["success"]
+    assert summary["captures"][0]["distance"] < 0.01
+    assert (tmp_path / "walk" / "simulation.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "walk" / "trajectory.csv").read_text().startswith("time_s,step,phase")
+    assert "no film" in out or (tmp_path / "walk" / "walk.gif").read_bytes().startswith(b"GIF8")
+    with pytest.raises(RenderError, match="valid endings"):
+        film(checked_graph.grasp_map, checked_graph.robot, None, tmp_path / "walk.avi")
+    plan = str(tmp_path / "walk" / "plan.json")
+    code, out, _ = run(
+        "simulate",
+        "--plan",
+        plan,
+        "--duration",
+        "3",
+        "--no-film",
+        "--out",
+        str(tmp_path / "fast"),
+    )
+    assert code == 1
+    assert "failed at" in out
+    assert "hint: slower steps may succeed, try --duration " in out
+    failure = json.loads((tmp_path / "fast" / "simulation.json").read_text())["failure"]
+    assert failure["message"] in out
+    assert failure["phase"] in ("departure", "swing", "approach")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--plan", "no.json"], "cannot read plan"),
+        (["--plan", "x.json", "--case", "3"], "give either"),
+        (["--case", "3", "--duration", "0"], "must be finite and above 0"),
+        (["--case", "3", "--frames", "1"], "--frames 1"),
+        (["--case", "3", "--film", "walk.avi"], "valid endings"),
+    ],
+)
+def test_simulate_says_what_is_wrong(run, tmp_path, arguments, message):
+    code, _, err = run("simulate", *arguments, "--out", str(tmp_path))
+    assert code == 2
+    assert message in err
