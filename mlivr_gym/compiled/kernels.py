@@ -13,11 +13,14 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from numba import config, njit
 
 from mlivr_gym.compiled.cache import kernel_folder
+
+Parameters = ParamSpec("Parameters")
+Returned = TypeVar("Returned")
 
 OPTIONS: dict[str, Any] = {
     "cache": True,
@@ -31,7 +34,7 @@ WAIT = 120.0
 """How long the second process may go on after the block [s]; without it the kernels are compiled here."""
 
 
-def kernel(function: Callable[..., Any]) -> Any:
+def kernel(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
     """Compile a function with Numba on its first call, cached on disk, free of the interpreter's lock.
 
     Without reference counts: they are atomic, took a third of the time, and let threads wait for
@@ -40,12 +43,14 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compiled(function, {**OPTIONS, "_nrt": False})
 
 
-def allocating_kernel(function: Callable[..., Any]) -> Any:
+def allocating_kernel(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
     """A `kernel` that may make arrays of any size."""
     return _compiled(function, OPTIONS)
 
 
-def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def _compiled(
+    function: Callable[Parameters, Returned], options: dict[str, Any]
+) -> Callable[Parameters, Returned]:
     """The compiled function, cached by the content of its file and of all files that it imports.
 
     Numba's own key is the file alone: a caller would keep old machine code of a callee that was
@@ -55,9 +60,10 @@ def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     given = settings.CACHE_DIR
     settings.CACHE_DIR = given or str(kernel_folder(function.__code__.co_filename))
     try:
-        return njit(**options)(function)
+        compiled: Callable[Parameters, Returned] = njit(**options)(function)
     finally:
         settings.CACHE_DIR = given
+    return compiled
 
 
 def in_parallel(

@@ -13,7 +13,14 @@ from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, SELF
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.link_capsules import EVERY, against_body, against_limb, body_against_boxes
-from mlivr_gym.collisions.uncompared import ANY, BOXES, NOT_COMPARED, OTHER, OWN, not_compared
+from mlivr_gym.collisions.uncompared import (
+    ANY,
+    BOXES,
+    NOT_COMPARED,
+    OTHER,
+    SAME,
+    not_compared,
+)
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.simulation.scene import scene_spec
 
@@ -44,15 +51,15 @@ def left_out(robot):
     found = set()
     for row in rows:
         pair = tuple(sorted((row.first, row.second)))
-        found |= {(*pair, whose) for whose in (OWN, OTHER) if row.whose in (whose, ANY)}
-    return {entry for entry in found if "body" not in entry or entry[2] == OWN}
+        found |= {(*pair, whose) for whose in (SAME, OTHER) if row.whose in (whose, ANY)}
+    return {entry for entry in found if "body" not in entry or entry[2] == SAME}
 
 
 def every_pair():
     """All pairs of links, of one limb and of two, and of the body with each."""
     links = list(itertools.combinations_with_replacement(sorted(LINKS), 2))
-    return {(*pair, whose) for pair in links for whose in (OWN, OTHER)} | {
-        (*sorted(("body", link)), OWN) for link in LINKS
+    return {(*pair, whose) for pair in links for whose in (SAME, OTHER)} | {
+        (*sorted(("body", link)), SAME) for link in LINKS
     }
 
 
@@ -65,7 +72,7 @@ def compared_by_name(names):
         found.add(
             (
                 *sorted((a[-2] if len(a) > 1 else a[0], b[-2] if len(b) > 1 else b[0])),
-                OWN if own else OTHER,
+                SAME if own else OTHER,
             )
         )
     return found
@@ -93,11 +100,11 @@ def compared_by_kernels(robot):
         ends = lonely.copy()
         ends[b] = ends[a]
         if own(ends) == SELF:
-            found.add((*sorted((shapes.names[a], shapes.names[b])), OWN))
+            found.add((*sorted((shapes.names[a], shapes.names[b])), SAME))
     mounts, _, half, _ = shapes.fixed
     for c, name in enumerate(shapes.names):
-        places = {("body", OWN): [0.0, 0.0, half[2]]} | {
-            ("base", OWN if m == 0 else OTHER): 2.0 * mounts[m, 1] for m in range(robot.limbs)
+        places = {("body", SAME): [0.0, 0.0, half[2]]} | {
+            ("base", SAME if m == 0 else OTHER): 2.0 * mounts[m, 1] for m in range(robot.limbs)
         }  # fmt: skip
         for (other, whose), place in places.items():
             ends = lonely.copy()

@@ -9,11 +9,11 @@ from mlivr_gym.kinematics.base_path import (
     ARC,
     SAMPLES,
     STRAIGHT,
-    certify,
     follow,
     relative_rotation,
     within_limits,
 )
+from mlivr_gym.kinematics.certificate import certify
 from mlivr_gym.kinematics.holding import base_path
 from mlivr_gym.kinematics.ur import inverse_kinematics, jacobian
 

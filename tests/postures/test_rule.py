@@ -16,7 +16,7 @@ from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.ur import inverse_kinematics
 from mlivr_gym.planners import Planner
-from mlivr_gym.postures.solver import base_frames
+from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.specification import RobotSpec, geometric_order
 

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, robot_spec, stance_graph
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
-from mlivr_gym.postures.solver import PostureSolver, base_frames
+from mlivr_gym.postures.base_frames import base_frames
+from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.stances.lazy_graph import LazyGraph
 
 
