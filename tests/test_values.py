@@ -28,9 +28,9 @@ def test_numbers_are_returned_as_they_are():
         numbers([1, 2], (3,), "place", MlivrError)
 
 
-def test_lengths_beyond_the_largest_hint_at_millimetres():
+def test_lengths_above_the_largest_hint_at_millimetres():
     assert number(-LONGEST, "width", MlivrError, LONGEST) == -LONGEST
-    with pytest.raises(MlivrError, match=r"width is 1000.5, beyond 1000 m; .*millimetres"):
+    with pytest.raises(MlivrError, match=r"width is 1000\.5, larger than 1000 m; .*millimetres"):
         number(1000.5, "width", MlivrError, LONGEST)
 
 
@@ -61,7 +61,7 @@ def test_whole_numbers_lists_and_rotations_are_checked():
     for value in (np.diag([1.0, 1.0, -1.0]), 2.0 * np.eye(3), np.full((3, 3), 1e300)):
         with pytest.raises(MlivrError, match="right-handed"):
             rotation(value, "turn", MlivrError)
-    with pytest.raises(SettingError, match="price is beyond every float"):
+    with pytest.raises(SettingError, match="price is larger than every float"):
         nonnegative("price", 10**400)
 
 

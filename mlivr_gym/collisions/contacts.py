@@ -8,9 +8,9 @@ from functools import lru_cache
 from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.distances import segment_box_apart, segments_apart
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.link_capsules import FLUSH, axis_of
@@ -18,8 +18,6 @@ from mlivr_gym.collisions.link_frames import frames_of_angles, place
 from mlivr_gym.collisions.uncompared import BODY
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.boxes import BOX, Box, scene_name
-
-Array = NDArray[np.float64]
 
 Configuration = tuple[Array, Array, Array]
 """Base position [m] and quaternion w, x, y, z in the world, and joint angles (N, 6) [rad]."""

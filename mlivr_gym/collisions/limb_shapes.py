@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.uncompared import BODY, not_compared
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.world.boxes import Array
 
 NEVER_NEARER = {(3, 5): 2, (4, 6): 1}
 """Links two joints apart, and the axis of the first along which the second stays on one side.

@@ -19,7 +19,6 @@ half turn of joint 6 and changes nothing else.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
@@ -270,7 +269,7 @@ def branch_angles(p: Array, x: Array, z: Array, lengths: Array, branch: int, q: 
     return True
 
 
-def forward_kinematics(q: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+def forward_kinematics(q: Array, lengths: Array) -> Array:
     """Frames 0 to 6 of a UR arm in the limb base frame.
 
     Args:
@@ -299,7 +298,7 @@ def forward_kinematics(q: NDArray[np.float64], lengths: NDArray[np.float64]) -> 
     return frames
 
 
-def jacobian(q: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+def jacobian(q: Array, lengths: Array) -> Array:
     """Geometric Jacobian of the flange in the limb base frame, shape (6, 6) [m, 1].
 
     Linear rows come first.

@@ -162,7 +162,7 @@ def test_a_fault_of_a_map_is_named(data, words):
     ],
 )
 def test_a_map_in_millimetres_is_told_so(data, words):
-    with pytest.raises(MlivrError, match=f"{words} is .*beyond 1000 m; .*millimetres"):
+    with pytest.raises(MlivrError, match=f"{words} is .*larger than 1000 m; .*millimetres"):
         GraspMap.from_dict(data)
 
 
