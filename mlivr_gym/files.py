@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, and JSON is read in one way."""
+"""Files are written whole or not at all, and JSON is read in one manner."""
 
 from __future__ import annotations
 

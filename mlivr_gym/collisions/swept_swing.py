@@ -4,7 +4,7 @@ Limbs that hold while the base moves are in `swept_hold`.
 
 **Advancement.** A motion is cut into intervals. At the middle of one the shapes are put in place
 and compared with everything they can meet, see `link_capsules`. If every distance exceeds radii
-and clearance by more than the shapes can move from the middle to either end, nothing comes nearer
+and clearance by more than the shapes can move from the middle to either end, nothing comes closer
 than the clearance anywhere on the interval, however thin it is: no step can skip a shape. If a
 distance is below radii and clearance the motion is blocked; otherwise the interval is halved, down
 to `2^-DEPTH` of the motion, where the answer errs on the safe side. On the halves only what was not
@@ -165,7 +165,7 @@ def departure_free(
 
 @kernel
 def changes(ends: Array, q: Array, minus: Array, plus: Array) -> None:
-    """Changes of joint angles from the middle to both ends, the shorter way round.
+    """Changes of joint angles from the middle to both ends, each less than half a turn.
 
     Args:
         ends: Joint angles at both ends, shape (2, 6) [rad].

@@ -1,10 +1,10 @@
 """Postures: the base pose that belongs to a stance.
 
 Body z lies along the mean outward normal of the held points, for two limbs along its part across
-the line through the grasps; yaw (and, for N > 2, which way round) follows from the Procrustes fit
+the line through the grasps; yaw (and, for N > 2, the sense of z) follows from the Procrustes fit
 of the mounts' azimuths to the grasps; the origin is the grasps' centroid plus a height along that
 direction. Candidates are heights, rolls about the line through the grasps, and the branches of each
-limb. Between opposite walls the mean normal vanishes: there the body rolls all the way round that
+limb. Between opposite walls the mean normal vanishes: there the body rolls right round that
 line, from the rail of the first grasp on.
 
 **The rule.** A candidate in which the robot penetrates itself is none. Of the others the one with

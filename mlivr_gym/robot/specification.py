@@ -44,7 +44,7 @@ def ur5e_data() -> dict[str, Any]:
 
 
 FARTHEST_TURN = 100.0
-"""Largest joint limit or angle [rad], 16 turns; a UR joint has one either way."""
+"""Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
 
 MASSES = (1e-3, 1e6)
 """Least and largest mass of a part [kg]: a gram, and twice the ISS."""

@@ -4,9 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from coal_ruler import Ruler, grasps_of
-from limb_motions import (
-    ROBOT,
-)
+from limb_motions import ROBOT
 
 from mlivr_gym import stance_graph
 from mlivr_gym.envs.tasks import sample_task

@@ -7,11 +7,7 @@ import numpy as np
 from mlivr_gym import Box, robot_spec
 from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.contacts import capsule_ends
-from mlivr_gym.collisions.distances import (
-    CLEAR,
-    OBSTACLE,
-    segments_apart,
-)
+from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, segments_apart
 from mlivr_gym.collisions.limb_shapes import NEVER_NEARER, LimbShapes
 from mlivr_gym.collisions.link_capsules import body_against_boxes
 

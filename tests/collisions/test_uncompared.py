@@ -12,14 +12,7 @@ from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR, SELF
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.link_capsules import EVERY, against_body, against_limb
-from mlivr_gym.collisions.uncompared import (
-    ANY,
-    BOXES,
-    NOT_COMPARED,
-    OTHER,
-    SAME,
-    not_compared,
-)
+from mlivr_gym.collisions.uncompared import ANY, BOXES, NOT_COMPARED, OTHER, SAME, not_compared
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.simulation.scene import scene_spec
 

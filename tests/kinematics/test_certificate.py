@@ -6,10 +6,7 @@ from held_paths import FLOOR, GRIP, LIMB, MOUNT, ORIGIN, TOOL, random_ends
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlivr_gym.kinematics.base_path import (
-    ARC,
-    STRAIGHT,
-)
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.kinematics.certificate import certify
 from mlivr_gym.kinematics.holding import base_path
 from mlivr_gym.kinematics.ur import inverse_kinematics, jacobian

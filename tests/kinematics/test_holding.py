@@ -4,10 +4,7 @@ import numpy as np
 from held_paths import random_ends
 from scipy.spatial.transform import Rotation, Slerp
 
-from mlivr_gym.kinematics.base_path import (
-    ARC,
-    STRAIGHT,
-)
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.kinematics.holding import base_path
 
 

@@ -12,10 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, GraspMap, robot_spec
 from mlivr_gym.collisions.collision_model import CollisionModel
-from mlivr_gym.collisions.distances import (
-    CLEAR,
-    OBSTACLE,
-)
+from mlivr_gym.collisions.distances import CLEAR, OBSTACLE
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.link_capsules import EVERY, against_boxes
 from mlivr_gym.errors import ShapeError
