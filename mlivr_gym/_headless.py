@@ -1,4 +1,7 @@
-"""Without a screen only EGL can render, and MuJoCo chooses its GL library when it is imported: set before anything imports it."""
+"""Without a screen only EGL can render.
+
+MuJoCo chooses its GL library when it is imported, so this is set before anything imports it.
+"""
 
 from __future__ import annotations
 

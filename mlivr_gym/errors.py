@@ -77,7 +77,8 @@ class UnknownPointError(StanceError):
         ids = list(valid)
         sample = ", ".join(ids[:4])
         super().__init__(
-            f"unknown graspable point {shown(point_id)}: the map has {len(ids)} points, for example {sample}"
+            f"unknown graspable point {shown(point_id)}: the map has {len(ids)} points, "
+            f"for example {sample}"
         )
 
 
@@ -105,7 +106,7 @@ def nonnegative(name: str, value: float) -> float:
         number = float(value)
     except OverflowError:
         raise SettingError(
-            f"{name} is beyond every float; it must be finite and at least 0"
+            f"{name} is larger than every float; it must be finite and at least 0"
         ) from None
     except (TypeError, ValueError):
         raise SettingError(f"{name} is {shown(value)}; it must be a number") from None

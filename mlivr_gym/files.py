@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, and JSON is read in one way."""
+"""Files are written whole or not at all, and JSON is read in one manner."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LARGEST_FILE = 1 << 25
 """Most bytes of a JSON file: a map of 100,000 points takes half of it."""
 
 TOO_MANY_DIGITS = 309
-"""Digits of the smallest whole number that is beyond any float."""
+"""Digits of the smallest whole number that is larger than any float."""
 
 
 class FileError(MlivrError):

@@ -30,7 +30,10 @@ CLEARANCE = 0.02
 
 
 def base_threshold(limbs: int) -> float:
-    """Default threshold of `w_b`: `||qdot||` is shared among more joints as N grows, so it falls as `N^-3`."""
+    """Default threshold of `w_b`.
+
+    `||qdot||` is shared among more joints as N grows, so it falls as `N^-3`.
+    """
     return BASE_THRESHOLD * (2.0 / limbs) ** 3
 
 
@@ -64,7 +67,8 @@ class Settings:
         manipulability: Whether stances must meet both thresholds. Without them two things still
             leave stances out: where steps are checked `path_floor`, and everywhere the robot's
             `span` (`PairGraph.no_departure`, `PairGraph.beyond_span`).
-        transitions: Whether a step must be shown to be possible without letting go.
+        transitions: Whether a step must be shown to be possible without the holding limbs letting
+            go.
         limb_threshold: Least `w_m` of each limb.
         base_threshold: Least `w_b`; by default `0.001 (2/N)^3`.
         path_floor: Least `w_m` of a holding limb between stances, and of a limb that departs from
@@ -101,7 +105,10 @@ class Settings:
             )
 
     def thresholds(self, limbs: int) -> tuple[float, float]:
-        """Least `w_m` and `w_b` that a stance of `limbs` limbs must reach; zeros without manipulability."""
+        """Least `w_m` and `w_b` that a stance of `limbs` limbs must reach.
+
+        Zeros without manipulability.
+        """
         if not self.manipulability:
             return 0.0, 0.0
         w_b = base_threshold(limbs) if self.base_threshold is None else self.base_threshold

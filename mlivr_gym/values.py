@@ -6,23 +6,23 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, shown
 
-Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
+"""Three numbers, such as a point."""
 
 LONGEST = 1000.0
 """Largest coordinate or size in a map [m].
 
-The whole of the ISS spans 109 m; a module given in millimetres lies beyond.
+The whole of the ISS spans 109 m; a module given in millimetres is larger.
 """
 
 LONGEST_ROBOT = 100.0
 """Largest length of a robot [m].
 
-The longest arm flown is 17.6 m; an arm given in millimetres lies beyond.
+The longest arm flown is 17.6 m; an arm given in millimetres is longer.
 """
 
 SMALLEST = 1e-9
@@ -82,13 +82,10 @@ def numbers(
     kind = "a number, and finite" if shape == () else f"numbers of shape {shape}, all finite"
     try:
         array = np.array(value)
-        # Whole numbers beyond 64 bits make an array of objects.
+        # Whole numbers of more than 64 bits make an array of objects.
         found = array.astype(np.float64) if array.dtype.kind in "iufO" else np.array(np.nan)
-    except (
-        TypeError,
-        ValueError,
-        OverflowError,
-    ):  # rows of different lengths, no numbers, beyond every float
+    except (TypeError, ValueError, OverflowError):
+        # Rows of different lengths, no numbers, larger than every float.
         found = np.array(np.nan)
     if found.ndim and found.shape != shape:
         raise error(f"{where} has shape {found.shape}, {shown(value)}; it must be {kind}")
@@ -96,7 +93,7 @@ def numbers(
         raise error(f"{where} is {shown(value)}; it must be {kind}")
     if (np.abs(found) > most).any():
         hint = "lengths are in metres: is this in millimetres?"
-        raise error(f"{where} is {shown(value)}, beyond {most:g} m; {hint}")
+        raise error(f"{where} is {shown(value)}, larger than {most:g} m; {hint}")
     return found
 
 

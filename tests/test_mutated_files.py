@@ -78,7 +78,9 @@ def check(load, path, content):
         load(path)
     except MlivrError as error:
         told = str(error)
-        assert path.name in told and told.isprintable() and len(told) < 1500, told
+        assert path.name in told
+        assert told.isprintable()
+        assert len(told) < 1500
 
 
 few = settings(

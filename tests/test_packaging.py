@@ -80,7 +80,8 @@ def test_an_installed_wheel_plans(built, tmp_path):
         "import gymnasium, mlivr_gym\n"
         "from mlivr_gym.planners import Planner\n"
         f"assert mlivr_gym.__file__.startswith({str(target)!r})\n"
-        "plan = Planner(mlivr_gym.stance_graph()).plan(('D2a:4', 'D2b:4'), (6.0, 0.0, 0.42), cost='steps').unwrap()\n"
+        "task = ('D2a:4', 'D2b:4'), (6.0, 0.0, 0.42), 'steps'\n"
+        "plan = Planner(mlivr_gym.stance_graph()).plan(*task).unwrap()\n"
         "assert len(plan.steps) == 4\n"
         "gymnasium.make('MLIVR-JEM-v0').reset(seed=0)\n"
     )

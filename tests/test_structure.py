@@ -24,10 +24,10 @@ LAYERS = (
     {"collisions"},
     {"robot"},
     {"world"},
-    {"kinematics", "arrays", "settings", "files"},
+    {"kinematics", "settings", "files"},
     {"values"},
     {"compiled", "errors"},
-    {"envs_assets", "_version", "_headless"},
+    {"envs_assets", "_version", "_headless", "arrays"},
 )
 """From the top down; what stands in one line does not import its neighbours either."""
 

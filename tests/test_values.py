@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mlivr_gym.errors import MlivrError, SettingError, nonnegative, shown
+from mlivr_gym.errors import MlivrError, SettingError, shown
 from mlivr_gym.values import LONGEST, entries, number, numbers, rotation, text, whole
 
 NO_NUMBERS = [
@@ -12,9 +12,9 @@ NO_NUMBERS = [
 
 @pytest.mark.parametrize("value", NO_NUMBERS, ids=lambda value: shown(value)[:20])
 def test_what_is_no_number_is_refused_by_name(value):
-    with pytest.raises(MlivrError, match="^width "):
+    with pytest.raises(MlivrError, match=r"^width "):
         number(value, "width", MlivrError)
-    with pytest.raises(MlivrError, match="^place "):
+    with pytest.raises(MlivrError, match=r"^place "):
         numbers(value, (3,), "place", MlivrError)
 
 
@@ -28,15 +28,15 @@ def test_numbers_are_returned_as_they_are():
         numbers([1, 2], (3,), "place", MlivrError)
 
 
-def test_lengths_beyond_the_largest_hint_at_millimetres():
+def test_lengths_above_the_largest_hint_at_millimetres():
     assert number(-LONGEST, "width", MlivrError, LONGEST) == -LONGEST
-    with pytest.raises(MlivrError, match=r"width is 1000.5, beyond 1000 m; .*millimetres"):
+    with pytest.raises(MlivrError, match=r"width is 1000\.5, larger than 1000 m; .*millimetres"):
         number(1000.5, "width", MlivrError, LONGEST)
 
 
 @pytest.mark.parametrize("value", ["", "a\nb", "a\0", "\ud800", "x" * 201, 3, None, ["a"]])
 def test_what_cannot_be_a_name_is_refused(value):
-    with pytest.raises(MlivrError, match="^the id is ") as told:
+    with pytest.raises(MlivrError, match=r"^the id is ") as told:
         text(value, "the id", MlivrError)
     assert str(told.value).isprintable()
     assert len(str(told.value)) < 300
@@ -52,7 +52,7 @@ def test_names_may_be_of_any_language():
 def test_whole_numbers_lists_and_rotations_are_checked():
     assert whole(np.int64(3), "seed", SettingError, 0, 3) == 3
     for value in (True, 2.0, -1, 4, "1", 10**5000):
-        with pytest.raises(SettingError, match="^seed is .* from 0 to 3"):
+        with pytest.raises(SettingError, match=r"^seed is .* from 0 to 3"):
             whole(value, "seed", SettingError, 0, 3)
     with pytest.raises(MlivrError, match="boxes must be a list"):
         entries({}, "boxes", MlivrError)
@@ -61,21 +61,3 @@ def test_whole_numbers_lists_and_rotations_are_checked():
     for value in (np.diag([1.0, 1.0, -1.0]), 2.0 * np.eye(3), np.full((3, 3), 1e300)):
         with pytest.raises(MlivrError, match="right-handed"):
             rotation(value, "turn", MlivrError)
-    with pytest.raises(SettingError, match="price is beyond every float"):
-        nonnegative("price", 10**400)
-
-
-def test_any_value_is_shown_in_brief():
-    deep: list = []
-    for _ in range(100_000):
-        deep = [deep]
-    for value in (
-        deep,
-        "x" * 10**6,
-        list(range(10**6)),
-        10**5000,
-        "\ud800",
-        {k: k for k in range(1000)},
-    ):
-        assert len(shown(value)) < 300
-        assert shown(value).isprintable()

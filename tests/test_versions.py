@@ -1,4 +1,7 @@
-"""Files of another version of the stance graph's rules are refused in one sentence, and nothing is written without its number."""
+"""Files of other rules of the stance graph are refused in one sentence.
+
+Nothing is written without the number of the rules.
+"""
 
 import json
 import logging
@@ -34,7 +37,10 @@ def tamper(data, rules):
 
 def sentence(what, rules, remedy):
     found = 1 if rules is None else rules
-    return f"{what} was made by rules {found!r} of the stance graph, and this version has rules {GRAPH_RULES}: {remedy}"
+    return (
+        f"{what} was made by rules {found!r} of the stance graph, and this version has rules "
+        f"{GRAPH_RULES}: {remedy}"
+    )
 
 
 @pytest.fixture(scope="module")

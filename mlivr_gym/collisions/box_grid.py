@@ -1,17 +1,15 @@
-"""Boxes in the form the compiled checks read: arrays, a grid of cells, and the largest empty box found in the middle."""
+"""Boxes in the form the compiled checks read: arrays and a grid of cells."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE
 from mlivr_gym.world.boxes import Box
-
-Array = NDArray[np.float64]
 
 CELL = 0.25
 """Edge of a grid cell [m], or more where that would make too many; a matter of speed only."""
@@ -31,7 +29,7 @@ class BoxWorld:
 
     Attributes:
         boxes: The boxes.
-        arrays: What `collision_kernels.against_boxes` takes: for each box its bounds, centre, half
+        arrays: What `link_capsules.against_boxes` takes: for each box its bounds, centre, half
             edges, rotation by rows, whether it is turned and the cause it gives, shape (n, 23); a
             large empty box inside, the hull, the grid's origin, edge and number of cells, shape
             (19,); where the boxes of each cell begin in a list, that list, and what the boxes fill
@@ -55,7 +53,8 @@ class BoxWorld:
             else np.array([[np.inf] * 3, [-np.inf] * 3])
         )
         origin = hull[0] if n else np.zeros(3)
-        edge, dims = _grid(low - origin, high - origin)
+        grid = _grid(origin, low - origin, high - origin)
+        edge, dims = grid.edge, grid.dims
         cells, owners = [], []
         for b in range(n):
             first = np.clip(((low[b] - origin) / edge).astype(np.int64), 0, dims - 1)
@@ -68,9 +67,7 @@ class BoxWorld:
         order = np.argsort(cell, kind="stable")
         items = np.concatenate(owners)[order] if owners else np.zeros(0, dtype=np.int64)
         start = np.searchsorted(cell[order], np.arange(int(dims.prod()) + 1))
-        filled = _filled(
-            low, high, cell, np.concatenate(owners) if owners else items, origin, edge, dims
-        )
+        filled = _filled(low, high, cell, np.concatenate(owners) if owners else items, grid)
         flat = np.column_stack([low, high, centre, half, rotation.reshape(n, 9), tilted, kind])
         head = np.concatenate(
             [_core(low, high, hull).ravel(), hull.ravel(), origin, [edge], dims]
@@ -82,8 +79,19 @@ class BoxWorld:
         return len(self.boxes)
 
 
-def _grid(low: Array, high: Array) -> tuple[float, NDArray[np.int64]]:
-    """Edge of the cells [m] and their number along each axis, for boxes with corners from 0 on.
+class _Grid(NamedTuple):
+    """Cubic cells in rows."""
+
+    origin: Array
+    """Lower corner of the first in the world [m], shape (3,)."""
+    edge: float
+    """Edge of a cell [m]."""
+    dims: IntArray
+    """Number of cells along each axis, shape (3,)."""
+
+
+def _grid(origin: Array, low: Array, high: Array) -> _Grid:
+    """A grid for boxes whose corners, seen from the origin, lie from 0 on.
 
     The edge is doubled until there are few enough cells, and few enough boxes in them.
     """
@@ -92,24 +100,17 @@ def _grid(low: Array, high: Array) -> tuple[float, NDArray[np.int64]]:
         dims = np.maximum(np.ceil(high.max(axis=0, initial=0.0) / edge), 1.0)
         reached = np.minimum(np.floor(high / edge), dims - 1.0) - np.floor(low / edge) + 1.0
         if dims.prod() <= MOST_CELLS and reached.prod(axis=1).sum() <= max(MOST_ENTRIES, len(low)):
-            return edge, dims.astype(np.int64)
+            return _Grid(origin, edge, dims.astype(np.int64))
         edge *= 2.0
 
 
-def _filled(
-    low: Array,
-    high: Array,
-    cell: NDArray[np.int64],
-    owner: NDArray[np.int64],
-    origin: Array,
-    edge: float,
-    dims: Any,
-) -> Array:
+def _filled(low: Array, high: Array, cell: IntArray, owner: IntArray, grid: _Grid) -> Array:
     """Lower and upper corner of what the boxes fill of each cell [m], shape (cells, 2, 3)."""
+    origin, edge, dims = grid
     corner = origin + edge * np.stack(np.unravel_index(cell, tuple(dims)), axis=1)
     out = np.empty((int(dims.prod()), 2, 3))
     out[:, 0], out[:, 1] = np.inf, -np.inf
-    # Boxes beyond the outermost cells count as in them.
+    # What reaches out of the outermost cells counts as in them.
     last = corner >= origin + edge * (dims - 1) - 1e-9
     np.minimum.at(out[:, 0], cell, np.maximum(low[owner], corner))
     np.maximum.at(
@@ -119,7 +120,10 @@ def _filled(
 
 
 def _core(low: Array, high: Array, hull: Array) -> Array:
-    """A large empty box round the middle of the hull [m], shape (2, 3); an impossible one where that is occupied."""
+    """A large empty box round the middle of the hull [m], shape (2, 3).
+
+    An impossible one where the middle is occupied.
+    """
     empty = np.array([[np.inf] * 3, [-np.inf] * 3])
     if not len(low):
         return empty

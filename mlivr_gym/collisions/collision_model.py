@@ -1,4 +1,4 @@
-"""What a robot may not touch: its shapes, a world of boxes, and the clearance, in the form the compiled checks read."""
+"""A robot's shapes, a world of boxes and the clearance, in the form the compiled checks read."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class CollisionModel:
     def arrays(self) -> tuple[Any, ...]:
         """Seven parts for the kernels.
 
-        Shapes of a limb, first capsules of gripper and hand, what limbs meet on the body, boxes,
-        clearance, and what of body and mounts is compared with boxes.
+        `LimbShapes.arrays`, first capsules of gripper and hand, `LimbShapes.fixed`,
+        `BoxWorld.arrays`, clearance [m], and `LimbShapes.body`.
         """
         shapes = self.shapes
         return (

@@ -1,4 +1,4 @@
-"""Which shapes of a robot come near what, one pair after the other: for explanations, pictures and tests."""
+"""Which shapes of a robot are close to what, pair by pair: for explanations, pictures and tests."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ from functools import lru_cache
 from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.distances import segment_box_apart, segments_apart
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.link_capsules import FLUSH, axis_of, frames_of_angles, place
+from mlivr_gym.collisions.link_capsules import FLUSH, axis_of
+from mlivr_gym.collisions.link_frames import frames_of_angles, place
 from mlivr_gym.collisions.uncompared import BODY
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 
-Array = NDArray[np.float64]
-
 Configuration = tuple[Array, Array, Array]
-"""Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad]."""
+"""Base position [m] and quaternion w, x, y, z in the world, and joint angles (N, 6) [rad]."""
 
 Pair = tuple[str, str, float]
 """Names of two shapes and the distance of their surfaces [m]."""
@@ -29,7 +28,7 @@ Pair = tuple[str, str, float]
 
 @dataclass(frozen=True)
 class Contact:
-    """Two shapes that are nearer than the clearance.
+    """Two shapes that are closer than the clearance.
 
     Attributes:
         first: A shape of the robot, as the scene names it: `"limb0/forearm/0"` or `"body"`.
@@ -53,7 +52,8 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
     for i, mount in enumerate(zip(robot.mount_rotations, robot.mount_positions, strict=True)):
         frames_of_angles(np.ascontiguousarray(joints[i]), lengths, frames)
         place(frames, shapes.arrays, *mount, out[i])
-    return out @ base.T + position
+    ends: Array = out @ base.T + position
+    return ends
 
 
 def contacts(
@@ -63,18 +63,19 @@ def contacts(
     clearance: float,
     grasps: Sequence[tuple[int, Array, Array]] = (),
 ) -> list[Contact]:
-    """Every pair of shapes that is compared and nearer than the clearance, or overlaps, the nearest first.
+    """Every pair of shapes that is compared and closer than the clearance, the closest first.
 
-    All pairs but those of `uncompared.NOT_COMPARED`. The body is the box that it is; the compiled
-    checks take capsules that contain it where they compare it with boxes, `limb_shapes.round_cube`.
+    Pairs that overlap count too. All are compared but those of `uncompared.NOT_COMPARED`. The body
+    is the box that it is; the compiled checks take capsules that contain it where they compare it
+    with boxes, `limb_shapes.round_cube`.
 
     Args:
         robot: The robot.
         boxes: What stands round it.
         configuration: Where it is.
         clearance: Least distance [m].
-        grasps: Limb, point [m] and surface normal of each limb at a grasp: its gripper may come
-            near what lies behind.
+        grasps: Limb, and point [m] and surface normal in the world, of each limb at a grasp: its
+            gripper may come close to what lies behind.
     """
     shapes = _shapes(robot)
     ends = capsule_ends(robot, shapes, configuration)
@@ -85,18 +86,18 @@ def contacts(
         *_limbs_with_boxes(shapes, boxes, ends, at_grasp),
         *_base_with_boxes(robot, shapes, boxes, (configuration[0], base), clearance),
     ]
-    near = [Contact(*pair) for pair in found if pair[2] < clearance or pair[2] <= 0.0]
-    return sorted(near, key=lambda contact: contact.distance)
+    close = [Contact(*pair) for pair in found if pair[2] < clearance or pair[2] <= 0.0]
+    return sorted(close, key=lambda contact: contact.distance)
 
 
-def _among_themselves(robot: RobotSpec, shapes: LimbShapes, local: Array) -> Iterator[Pair]:
-    """Distances of the robot's shapes from each other; capsule ends in the body frame."""
+def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:
+    """Distances of the robot's shapes from each other; `ends` of capsules in the body frame."""
     radius, names, fixed = shapes.arrays[2], _names(shapes), _mount_names(robot, shapes)
     mounts, mount_radius, half, least = shapes.fixed
     for i in range(robot.limbs):
         for c in range(len(shapes)):
             name = f"limb{i}/{names[c]}"
-            p, u = axis_of(local[i], c)
+            p, u = axis_of(ends[i], c)
             if shapes.arrays[0][c] >= 2:
                 yield name, BODY, np.sqrt(segment_box_apart(p, u, tuple(half))) - radius[c]
                 for m, mount in enumerate(fixed):
@@ -105,11 +106,11 @@ def _among_themselves(robot: RobotSpec, shapes: LimbShapes, local: Array) -> Ite
                         yield name, mount, apart - radius[c] - mount_radius[m]
             for d, j in shapes.arrays[3].tolist():
                 if d == c:
-                    apart = np.sqrt(segments_apart(p, u, *axis_of(local[i], j)))
+                    apart = np.sqrt(segments_apart(p, u, *axis_of(ends[i], j)))
                     yield name, f"limb{i}/{names[j]}", apart - radius[c] - radius[j]
             for k in range(i + 1, robot.limbs):
                 for j in range(len(shapes)):
-                    apart = np.sqrt(segments_apart(p, u, *axis_of(local[k], j)))
+                    apart = np.sqrt(segments_apart(p, u, *axis_of(ends[k], j)))
                     yield name, f"limb{k}/{names[j]}", apart - radius[c] - radius[j]
 
 
@@ -133,7 +134,7 @@ def _base_with_boxes(
     base: tuple[Array, Array],
     clearance: float,
 ) -> Iterator[Pair]:
-    """Distances of body and mounts from boxes; the body from those alone that its sphere is near."""
+    """Distances of body and mounts from boxes; of the body from those alone close to its sphere."""
     position, rotation = base
     mounts, mount_radius, half, _ = shapes.fixed
     names = _mount_names(robot, shapes)
@@ -157,7 +158,8 @@ def _edges(box: Box) -> Array:
     """The twelve edges of a box, shape (12, 2, 3) [m]."""
     corners = np.array(list(product((-1.0, 1.0), repeat=3)))
     ends = [(a, b) for a, b in combinations(corners, 2) if (a != b).sum() == 1]
-    return np.array(box.centre) + (np.array(ends) * box.half) @ np.array(box.rotation).T
+    edges: Array = np.array(box.centre) + (np.array(ends) * box.half) @ np.array(box.rotation).T
+    return edges
 
 
 def _mount_names(robot: RobotSpec, shapes: LimbShapes) -> list[str]:

@@ -1,21 +1,29 @@
-"""Compiled distances between the axes of capsules and between an axis and a box, and how they compare with two lengths."""
+"""Distances between axes of capsules, and between an axis and a box (compiled).
+
+The checks compare them with two lengths, see `link_capsules`.
+"""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mlivr_gym.compiled.kernels import kernel
 
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
+
 CLEAR, UNDECIDED, SELF, CABIN, HANDRAIL, OBSTACLE = 0, 1, 2, 3, 4, 5
 """Answers of a query: the last four are causes of a collision."""
 
 ROUNDS = 8
-"""Places on a capsule's axis that are looked at, besides its ends, before it counts as undecided."""
+"""Places on a capsule's axis that are tried, besides its ends, before it counts as undecided."""
 
 
 @kernel
-def segments_apart(p, u, q, v):
-    """Squared distance [m^2] of the segments from `p` to `p + u` and from `q` to `q + v`, each three numbers [m].
+def segments_apart(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
+    """Squared distance [m^2] of two segments, from `p` to `p + u` and from `q` to `q + v` [m].
 
     The closest points of the lines, clamped to each segment in turn (Ericson, Real-Time Collision
     Detection, 5.1.9).
@@ -48,8 +56,8 @@ def segments_apart(p, u, q, v):
 
 
 @kernel
-def _slope(t, p, d, half):
-    """Half the derivative by `t` of the squared distance between a point `p + t d` and a box about the origin."""
+def _slope(t: float, p: Triple, d: Triple, half: Triple) -> float:
+    """Half the derivative by `t` of the squared distance of a point from a box; see `box_from`."""
     total = 0.0
     for k in range(3):
         x = p[k] + t * d[k]
@@ -61,17 +69,17 @@ def _slope(t, p, d, half):
 
 
 @kernel
-def segment_box_apart(p, d, half):
-    """Squared distance [m^2] of the segment from `p` to `p + d` and a box of half edges `half` about the origin.
+def segment_box_apart(p: Triple, d: Triple, half: Triple) -> float:
+    """Squared distance [m^2] of a segment from a box about the origin.
 
     The squared distance along the segment is convex, and its derivative linear between the six
     places where the segment crosses a face's plane. Those places narrow the interval in which the
     derivative changes sign; there it is solved exactly.
 
     Args:
-        p: Three numbers [m].
-        d: Three numbers [m].
-        half: Three numbers [m].
+        p: One end of the segment in the frame of the box [m].
+        d: From there to the other [m].
+        half: Half edges of the box [m].
     """
     low, high = 0.0, 1.0
     at_low, at_high = _slope(0.0, p, d, half), _slope(1.0, p, d, half)
@@ -100,8 +108,11 @@ def segment_box_apart(p, d, half):
 
 
 @kernel
-def box_from(t, p, d, half):
-    """Squared distance [m^2] of `p + t d` from a box of half edges `half` about the origin, and half its derivative by `t`."""
+def box_from(t: float, p: Triple, d: Triple, half: Triple) -> tuple[float, float]:
+    """Squared distance [m^2] of `p + t d` from a box about the origin, half its derivative by `t`.
+
+    The box has half edges `half` [m].
+    """
     square = slope = 0.0
     for k in range(3):
         x = p[k] + t * d[k]
@@ -112,8 +123,11 @@ def box_from(t, p, d, half):
 
 
 @kernel
-def segment_from(t, p, d, q, v):
-    """Squared distance [m^2] of `p + t d` from the segment from `q` to `q + v`, and half its derivative by `t`."""
+def segment_from(t: float, p: Triple, d: Triple, q: Triple, v: Triple) -> tuple[float, float]:
+    """Squared distance [m^2] of `p + t d` from a segment, half its derivative by `t`.
+
+    The segment goes from `q` to `q + v`.
+    """
     x, y, z = p[0] + t * d[0] - q[0], p[1] + t * d[1] - q[1], p[2] + t * d[2] - q[2]
     vv = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     s = min(max((x * v[0] + y * v[1] + z * v[2]) / vv, 0.0), 1.0) if vv > 1e-14 else 0.0
@@ -122,19 +136,23 @@ def segment_from(t, p, d, q, v):
 
 
 @kernel
-def stays_away(box, shape, along, p, d, at_p, at_d):
-    """Whether every point of an axis is at least as far from a shape as a length that changes linearly along it.
+def stays_away(
+    box: bool, shape: Triple, along: Triple, p: Triple, d: Triple, at_p: float, at_d: float
+) -> bool:
+    """Whether no point of an axis is closer to a shape than a length that changes along the axis.
+
+    The length changes linearly.
 
     The distance from a convex shape is convex along a line, and so is what it exceeds the length
     by: it lies above its tangents, and where those from both sides meet above zero it is nowhere
     below.
 
     Args:
-        box: Whether the shape is a box about the origin, or else a segment [m].
-        shape: Half edges of the box, or one end of the segment.
-        along: From there to the other end; of no account for a box.
+        box: Whether the shape is a box about the origin, or else a segment.
+        shape: Half edges of the box, or one end of the segment [m].
+        along: From there to the other end [m]; of no account for a box.
         p: One end of the axis [m].
-        d: From there to the other.
+        d: From there to the other [m].
         at_p: The length at `p` [m], above 0.
         at_d: The length at the other end.
 
@@ -176,7 +194,9 @@ def stays_away(box, shape, along, p, d, at_p, at_d):
 
 
 @kernel
-def segments_answer(p, u, q, v, inner, more, at_p, at_u):
+def segments_answer(
+    p: Triple, u: Triple, q: Triple, v: Triple, inner: float, more: float, at_p: float, at_u: float
+) -> int:
     """Two capsules: `CLEAR`, `UNDECIDED` or `SELF`.
 
     Args:
@@ -195,15 +215,18 @@ def segments_answer(p, u, q, v, inner, more, at_p, at_u):
     outer = inner + more + max(at_p, at_u)
     if square >= outer * outer:
         return CLEAR
-    # An end that moves far need not be the one that is near.
+    # The end that moves far need not be the one that is close to the other axis.
     if at_p != at_u and stays_away(False, q, v, p, u, inner + more + at_p, inner + more + at_u):
         return CLEAR
     return UNDECIDED
 
 
 @kernel
-def box_answer(p, d, half, inner, at_p, at_d):
-    """A capsule and a box about the origin: `CLEAR`, `UNDECIDED` or `SELF`; arguments as in `segments_answer`."""
+def box_answer(p: Triple, d: Triple, half: Triple, inner: float, at_p: float, at_d: float) -> int:
+    """A capsule and a box about the origin: `CLEAR`, `UNDECIDED` or `SELF`.
+
+    Arguments as in `segments_answer`.
+    """
     if stays_away(True, half, half, p, d, inner + at_p, inner + at_d):
         return CLEAR
     square = segment_box_apart(p, d, half)

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.uncompared import BODY, not_compared
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.world.boxes import Array
 
 NEVER_NEARER = {(3, 5): 2, (4, 6): 1}
-"""Links that are two joints apart and the axis of the first, y or z, along which the second stays on one side.
+"""Links two joints apart, and the axis of the first along which the second stays on one side.
 
-The forearm moves in a plane across joint 4, off which the wrist point lies by d4; wrist 1 lies
-across joint 5, off which the flange axis lies by d5.
+Axis 1 is y, axis 2 is z. The forearm moves in a plane across joint 4, off which the wrist point
+lies by d4; wrist 1 lies across joint 5, off which the flange axis lies by d5.
 """
 
 
@@ -27,7 +27,7 @@ class LimbShapes:
     Attributes:
         arrays: Link of each capsule (c,), ends in the link frame (c, 2, 3) [m], radii (c,) [m],
             pairs of capsules that can meet (k, 2), and for each end the anchor its motion is
-            bounded from (c, 2) and the distance to it (c, 2) [m]; see `swept_kernels`.
+            bounded from (c, 2) and the distance to it (c, 2) [m]; see `swept_swing`.
         first_gripper: First capsule of the gripper; those from the mount on follow the order of
             `LINKS`.
         hand: First of the capsules that lie on the flange axis to the end: at a grasp they are
@@ -75,8 +75,8 @@ class LimbShapes:
                         [position + rotation @ capsule.start, position + rotation @ capsule.end]
                     )
                     mount_radius.append(capsule.radius)
-                    own = 2 if _upper_arm_can_meet(capsule, capsules) else 3
-                    least.append([own if other == limb else 2 for other in range(robot.limbs)])
+                    same = 2 if _upper_arm_can_meet(capsule, capsules) else 3
+                    least.append([same if other == limb else 2 for other in range(robot.limbs)])
         half = np.full(3, 0.5 * robot.body_size)
         self.fixed = (
             np.array(mounts).reshape(-1, 2, 3), np.array(mount_radius), half,
@@ -89,16 +89,19 @@ class LimbShapes:
         )
 
     def never(self, limb: int) -> list[tuple[str, str]]:
-        """Pairs of a limb's links, the body among them, that are not compared: neighbours, and those that cannot meet."""
+        """Pairs of a limb's links, the body among them, that are not compared.
+
+        They are neighbours, or cannot meet.
+        """
         names = (BODY, *LINKS)
         compared = {(self.names[i], self.names[j]) for i, j in self.arrays[3].tolist()}
-        meets_own_base = {
+        meets_base = {
             name
             for name in self.names
             if LINKS.index(name) >= int(self.fixed[3][limb].max(initial=2))
         }
         compared |= {(BODY, name) for name in self.names if LINKS.index(name) >= 2}
-        compared |= {("base", name) for name in meets_own_base}
+        compared |= {("base", name) for name in meets_base}
         return [
             (a, b) for k, a in enumerate(names) for b in names[k + 1 :] if (a, b) not in compared
         ]
@@ -112,7 +115,7 @@ def round_cube(half: float) -> tuple[Array, Array]:
     """Four capsules that together contain a cube of half edge `half` [m].
 
     Each holds a quarter of it, whose eighths lie in the spheres about their middles. They stand out
-    beyond the faces by 0.37 half edges, the sphere round the cube by 0.73.
+    of the faces by 0.37 half edges, the sphere round the cube by 0.73.
 
     Returns:
         Ends, shape (4, 2, 3), and radii, shape (4,) [m].
@@ -143,7 +146,10 @@ def _on_flange_axis(capsule: Capsule) -> bool:
 
 
 def _upper_arm_can_meet(base: Capsule, capsules: list[Capsule]) -> bool:
-    """Whether an upper arm can touch a capsule on its own limb's base: it moves in a plane beside joint 1."""
+    """Whether an upper arm can touch a capsule on the base of its limb.
+
+    It moves in a plane beside joint 1.
+    """
     off = max(float(np.hypot(end[0], end[1])) for end in (base.start, base.end)) + base.radius
     return any(
         min(c.start[2], c.end[2]) - c.radius < off for c in capsules if c.link == "upper_arm"
@@ -151,7 +157,10 @@ def _upper_arm_can_meet(base: Capsule, capsules: list[Capsule]) -> bool:
 
 
 def _anchor(robot: RobotSpec, link: int, end: Array) -> tuple[int, float]:
-    """Anchor (limb base, elbow, forearm end, wrist point) of a capsule end, and its distance from there [m]."""
+    """Anchor of a capsule end, and the distance from there [m].
+
+    Anchors are 0 limb base, 1 elbow, 2 forearm end, 3 wrist point; `end` is in the link frame [m].
+    """
     limb = robot.limb
     options = {
         1: ((0, (0.0, 0.0, 0.0)),),
@@ -161,6 +170,6 @@ def _anchor(robot: RobotSpec, link: int, end: Array) -> tuple[int, float]:
         5: ((3, (0.0, 0.0, 0.0)),),
         6: ((3, (0.0, 0.0, -limb.d6)),),
     }[link]
-    near = [(float(np.linalg.norm(end - np.array(place))), anchor) for anchor, place in options]
-    arm, anchor = min(near)
+    arms = [(float(np.linalg.norm(end - np.array(place))), anchor) for anchor, place in options]
+    arm, anchor = min(arms)
     return anchor, arm

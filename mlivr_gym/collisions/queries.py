@@ -1,33 +1,36 @@
-"""Compiled checks of postures against boxes."""
+"""Checks of postures against boxes (compiled)."""
 
 from __future__ import annotations
 
+from typing import Any
+
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.link_capsules import (
-    EVERY,
-    against_boxes,
-    bit,
-    body_against_boxes,
-    frames_of_branch,
-    place,
-    to_world,
-)
+from mlivr_gym.collisions.link_capsules import EVERY, against_boxes, bit, body_against_boxes
+from mlivr_gym.collisions.link_frames import frames_of_branch, place, to_world
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.stack_arrays import floats, zeros
 from mlivr_gym.kinematics.base_path import flange_in_limb
 
 
 @kernel
-def hands_clear(points, normals, tool_length, lengths, collision_model, answers):
-    """What the capsules on the flange axis touch when they hold each point, whatever the posture, into `answers`.
+def hands_clear(
+    points: Array,
+    normals: Array,
+    tool_length: float,
+    lengths: Array,
+    collision_model: tuple[Any, ...],
+    answers: IntArray,
+) -> None:
+    """What the capsules on the flange axis touch at each point, whatever the posture.
 
     Args:
-        points: Points of the map [m], shape (m, 3).
-        normals: Their surface normals, shape (m, 3).
+        points: Points of the map in the world [m], shape (m, 3).
+        normals: Their surface normals in the world, shape (m, 3).
         tool_length: Flange to grasp [m].
         lengths: d1, a2, a3, d4, d5, d6 [m].
-        bodies: `Bodies.arrays`.
-        answers: Filled, shape (m,).
+        collision_model: `CollisionModel.arrays`.
+        answers: Filled with what they touch, shape (m,).
     """
     shapes, gripper, hand, _, world, clearance, _ = collision_model
     link, local = shapes[0], shapes[1]
@@ -54,30 +57,31 @@ def hands_clear(points, normals, tool_length, lengths, collision_model, answers)
 
 @kernel
 def clear_of_world(
-    start, stop, chosen, points, positions, normals, tool_length, position, rotation, branch, mask,
-    check, mount_rotations,
-    mount_positions, lengths, collision_model, cause,
-):  # fmt: skip
-    """Take the branches that touch a box out of the masks of postures that keep clear of themselves.
+    start: int, stop: int, chosen: IntArray, points: IntArray, positions: Array, normals: Array,
+    tool_length: float, position: Array, rotation: Array, branch: IntArray, mask: IntArray,
+    check: bool, mount_rotations: Array, mount_positions: Array, lengths: Array,
+    collision_model: tuple[Any, ...], cause: IntArray,
+) -> None:  # fmt: skip
+    """Take the branches that touch a box out of the masks of postures.
 
     Args:
         start: First of `chosen`.
         stop: One past the last.
-        chosen: Stances to look at.
+        chosen: Stances to check.
         points: Point indices of all stances, shape (k, N).
-        positions: Points of the map [m], shape (m, 3).
-        normals: Their surface normals, shape (m, 3).
+        positions: Points of the map in the world [m], shape (m, 3).
+        normals: Their surface normals in the world, shape (m, 3).
         tool_length: Flange to grasp [m].
-        position: Base positions [m], shape (k, 3).
-        rotation: Base rotations, shape (k, 3, 3).
-        branch: The postures' own branches, shape (k, N).
+        position: Base positions in the world [m], shape (k, 3).
+        rotation: Base rotations in the world, shape (k, 3, 3).
+        branch: Branch of each limb in the posture, shape (k, N).
         mask: Branches and flips of each limb, shape (k, N), changed.
-        check: Whether branches other than the own ones count.
-        mount_rotations: Shape (N, 3, 3).
-        mount_positions: Shape (N, 3) [m].
+        check: Whether branches other than these count.
+        mount_rotations: Limb base axes in the body frame, shape (N, 3, 3).
+        mount_positions: Limb base origins in the body frame [m], shape (N, 3).
         lengths: d1, a2, a3, d4, d5, d6 [m].
-        bodies: `Bodies.arrays`.
-        cause: Shape (k,), filled with the cause where an own branch touches a box.
+        collision_model: `CollisionModel.arrays`.
+        cause: Filled with the cause where a branch of the posture touches a box, shape (k,).
     """
     shapes, gripper, hand, _, world, clearance, body = collision_model
     capsules = len(shapes[0])
@@ -112,8 +116,8 @@ def clear_of_world(
                 z,
             )
             for b in range(8):
-                own = b == branch[k, i]
-                if not own and not (check and mask[k, i] & (0x0101 << b)):
+                in_posture = b == branch[k, i]
+                if not in_posture and not (check and mask[k, i] & (0x0101 << b)):
                     continue
                 found = CLEAR + 1
                 if frames_of_branch(p, z, lengths, b, frames):
@@ -134,5 +138,5 @@ def clear_of_world(
                 if found != CLEAR:
                     if check:
                         mask[k, i] &= ~(0x0101 << b)
-                    if own:
+                    if in_posture:
                         cause[k] = found

@@ -1,19 +1,15 @@
-"""Compiled checks of limbs that hold while the base moves; the reasoning is in `swept_kernels`."""
+"""Checks of limbs that hold while the base moves (compiled); the reasoning is in `swept_swing`."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
-from mlivr_gym.collisions.link_capsules import (
-    EVERY,
-    against_body,
-    against_boxes,
-    against_limb,
-    frames_of_angles,
-    place,
-    to_world,
-)
+from mlivr_gym.collisions.link_capsules import EVERY, against_body, against_boxes, against_limb
+from mlivr_gym.collisions.link_frames import frames_of_angles, place, to_world
 from mlivr_gym.collisions.motion_bounds import (
     capsule_motion,
     joint_motion,
@@ -28,19 +24,39 @@ from mlivr_gym.compiled.stack_arrays import floats, integers
 from mlivr_gym.kinematics.base_path import position_on_path, relative_rotation, turn
 from mlivr_gym.kinematics.ur import branch_angles, wrap
 
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
+
 STANDING, MOVER, BOTH = 1, 2, 3
 """Parts of what a limb that holds is checked against, see `hold_free`."""
 
 
 @kernel
 def holding_angles(
-    grip, tool, path, axis, omega, s, mount_rotation, mount_position, lengths, branch, scratch, q
-):
-    """Joint angles of a holding limb at `s` on a base path, into `q`; whether the branch exists there.
+    grip: Array, tool: Array, path: tuple[Any, ...], axis: Array, omega: float, s: float,
+    mount_rotation: Array, mount_position: Array, lengths: Array, branch: int, scratch: Array,
+    q: Array,
+) -> bool:  # fmt: skip
+    """Joint angles of a limb that holds, at `s` on a base path.
 
-    `scratch` has shape (4, 3).
+    Args:
+        grip: Flange position in the world [m], shape (3,).
+        tool: Flange rotation in the world, shape (3, 3).
+        path: Base path (t0, r0, t1, r1, kind, pivot).
+        axis: Axis of its rotation in the body frame at the start, shape (3,).
+        omega: Angle of its rotation [rad].
+        s: Path parameter from 0 to 1.
+        mount_rotation: Limb base axes in the body frame, shape (3, 3).
+        mount_position: Limb base origin in the body frame [m], shape (3,).
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        branch: Branch label.
+        scratch: Shape (4, 3).
+        q: Filled, shape (6,) [rad].
+
+    Returns:
+        Whether the branch exists there.
     """
-    t0, r0, t1, r1, kind, pivot = path
+    t0, r0, t1, _, kind, pivot = path
     here, p, x, z = scratch[0], scratch[1], scratch[2], scratch[3]
     position_on_path(t0, t1, kind, pivot, s, here)
     c, sine = np.cos(s * omega), -np.sin(s * omega)
@@ -59,8 +75,13 @@ def holding_angles(
 
 
 @kernel
-def seen_from_base(r0, axis, c, s, x, y, z):
-    """A vector of the world in the axes of a base turned from `r0` about `axis` by the angle of cosine `c` and sine `-s`."""
+def seen_from_base(
+    r0: Array, axis: Array, c: float, s: float, x: float, y: float, z: float
+) -> Triple:
+    """A vector of the world in the axes of a base that has turned from `r0` about `axis`.
+
+    The angle has the cosine `c` and the sine `-s`; `axis` is given in the body frame at `r0`.
+    """
     return turn(
         axis,
         c,
@@ -73,15 +94,16 @@ def seen_from_base(r0, axis, c, s, x, y, z):
 
 @kernel
 def hold_free(
-    limb, grip, tool, path, u0, u1, branch, lengths, mount_rotation, mount_position, q0, q1,
-    mover_rotation, mover_position,
-    shapes, hand, fixed, world, clearance, inside, parts,
-):  # fmt: skip
+    limb: int, grip: Array, tool: Array, path: tuple[Any, ...], u0: float, u1: float, branch: int,
+    lengths: Array, mount_rotation: Array, mount_position: Array, q0: Array, q1: Array,
+    mover_rotation: Array, mover_position: Array, shapes: tuple[Any, ...], hand: int,
+    fixed: tuple[Any, ...], world: tuple[Any, ...], clearance: float, inside: bool, parts: int,
+) -> int:  # fmt: skip
     """Whether a limb can hold on one branch while the base goes from `u0` to `u1` on a path.
 
-    It is checked against the boxes, the body, its own links, and the limb that moves from `q0` to
-    `q1` meanwhile. Its hand stands still in the world and is not compared with the boxes again:
-    `clear_kernels.hands_clear` has done so.
+    It is checked against the boxes, the body, itself, and the limb that moves from `q0` to `q1`
+    meanwhile. Its hand stands still in the world and is not compared with the boxes again:
+    `queries.hands_clear` has done so.
 
     Args:
         limb: Index of the limb.
@@ -92,20 +114,20 @@ def hold_free(
         u1: Where it is at the end.
         branch: Branch label.
         lengths: d1, a2, a3, d4, d5, d6 [m].
-        mount_rotation: Of the limb that holds, shape (3, 3).
-        mount_position: Shape (3,) [m].
-        q0: Joint angles of the limb that moves at the start [rad].
-        q1: At the end.
-        mover_rotation: Mount of the limb that moves, shape (3, 3).
-        mover_position: Shape (3,) [m].
+        mount_rotation: Limb base axes in the body frame, shape (3, 3).
+        mount_position: Limb base origin in the body frame [m], shape (3,).
+        q0: Joint angles of the limb that moves at the start, shape (6,) [rad].
+        q1: Joint angles of the limb that moves at the end, shape (6,) [rad].
+        mover_rotation: Base axes of the limb that moves in the body frame, shape (3, 3).
+        mover_position: Base origin of the limb that moves in the body frame [m], shape (3,).
         shapes: `LimbShapes.arrays`.
         hand: First capsule of the hand, see `LimbShapes`.
         fixed: `LimbShapes.fixed`.
         world: `BoxWorld.arrays`.
         clearance: Least distance [m].
-        inside: Whether the robot's own shapes are looked at, not the boxes alone.
-        parts: Bits of what to look at: `STANDING`, boxes, body and own links, and `MOVER`, the limb
-            that moves.
+        inside: Whether the robot's shapes are compared with each other too, not with boxes alone.
+        parts: Bits of what to compare with: `STANDING`, boxes, body and the limb itself, and
+            `MOVER`, the limb that moves.
 
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
@@ -232,11 +254,17 @@ def hold_free(
 
 @kernel
 def holds_apart(
-    grip_a, tool_a, branch_a, rotation_a, position_a, grip_b, tool_b, branch_b, rotation_b,
-    position_b, path, lengths, shapes,
-    clearance,
-):  # fmt: skip
-    """Whether two limbs that hold keep clear of each other while the base follows a path; arguments as in `hold_free`."""
+    grip_a: Array, tool_a: Array, branch_a: int, rotation_a: Array, position_a: Array,
+    grip_b: Array, tool_b: Array, branch_b: int, rotation_b: Array, position_b: Array,
+    path: tuple[Any, ...], lengths: Array, shapes: tuple[Any, ...], clearance: float,
+) -> int:  # fmt: skip
+    """Whether two limbs that hold keep clear of each other while the base follows a path.
+
+    Grips, tools, branches and mounts of both limbs `a` and `b`, path and shapes as in `hold_free`.
+
+    Returns:
+        `CLEAR`, `UNDECIDED` (too close for the depth), or `SELF`.
+    """
     count = len(shapes[0])
     ends, others = floats(count, 2, 3), floats(count, 2, 3)
     motion, other_motion = floats(count, 2), floats(count, 2)

@@ -1,22 +1,24 @@
-"""Compiled checks of whole motions: departures and swings; limbs that hold while the base moves are in `hold_kernels`.
+"""Checks of whole departures and swings (compiled).
+
+Limbs that hold while the base moves are in `swept_hold`.
 
 **Advancement.** A motion is cut into intervals. At the middle of one the shapes are put in place
-and compared with everything they can meet, see `collision_kernels`. If every distance exceeds radii
-and clearance by more than the shapes can move from the middle to either end, nothing comes nearer
+and compared with everything they can meet, see `link_capsules`. If every distance exceeds radii
+and clearance by more than the shapes can move from the middle to either end, nothing comes closer
 than the clearance anywhere on the interval, however thin it is: no step can skip a shape. If a
 distance is below radii and clearance the motion is blocked; otherwise the interval is halved, down
 to `2^-DEPTH` of the motion, where the answer errs on the safe side. On the halves only what was not
-clear on the whole is looked at again.
+clear on the whole is compared again.
 
 **How far shapes move.** Each capsule end hangs on an anchor, limb base, elbow E, forearm end F or
 wrist point w, and moves no farther than the anchor moves plus its distance from it times the turn
 of its link. Joints 2 to 4 are parallel and across joint 1, so link k up to 4 turns by `hypot(q1, q2
-+ .. + qk)`, and joint 5 adds its own; E, F and w follow one from the other. Two links of one limb
++ .. + qk)`, and joint 5 adds its turn; E, F and w follow one from the other. Two links of one limb
 are compared as one sees the other: only the joints between them count. On a line in joint space all
 this is exact. A limb whose flange is given (it holds, or departs along the normal) is solved at the
 middle and both ends of an interval; its joints are taken to stay within the larger of the two
 changes plus the whole second difference, eight times what a parabola through the three values
-needs. The limb stays away from its singularities there, which `base_path.certify` has proved.
+needs. The limb stays away from its singularities there, which `certificate.certify` has proved.
 
 On a moving base a point at distance rho from its origin moves in the world at most `v + omega rho`
 more. A limb that holds is also followed from its grasp, which stands still: the flange does not
@@ -26,8 +28,11 @@ smaller bound counts.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
 from mlivr_gym.collisions.link_capsules import (
     EVERY,
@@ -36,10 +41,8 @@ from mlivr_gym.collisions.link_capsules import (
     against_limb,
     bit,
     body_against_boxes,
-    frames_of_angles,
-    place,
-    to_world,
 )
+from mlivr_gym.collisions.link_frames import frames_of_angles, place, to_world
 from mlivr_gym.collisions.motion_bounds import (
     capsule_motion,
     joint_motion,
@@ -61,35 +64,38 @@ FIRST_INTERVAL = 0.6
 
 @kernel
 def departure_free(
-    limb, p, x, z, away, lift, lengths, branch, mount_rotation, mount_position, position, rotation,
-    others, shapes, gripper,
-    fixed, world, point, normal, clearance, inside,
-):  # fmt: skip
-    """Whether a limb can move off its grasp along the surface normal on one branch, while all else stands still.
+    limb: int, p: Array, x: Array, z: Array, away: Array, lift: float, lengths: Array, branch: int,
+    mount_rotation: Array, mount_position: Array, position: Array, rotation: Array, others: Array,
+    shapes: tuple[Any, ...], gripper: int, fixed: tuple[Any, ...], world: tuple[Any, ...],
+    point: Array, normal: Array, clearance: float, inside: bool,
+) -> int:  # fmt: skip
+    """Whether a limb can depart from its grasp on one branch, while all else stands still.
+
+    It moves along the surface normal.
 
     Args:
         limb: Index of the limb.
         p: Flange position at the grasp in the limb base frame [m], shape (3,).
-        x: First axis of the flange there.
-        z: Flange axis there.
-        away: Surface normal there.
+        x: First axis of the flange in the limb base frame, shape (3,).
+        z: Flange axis in the limb base frame, shape (3,).
+        away: Surface normal in the limb base frame, shape (3,).
         lift: How far it departs [m].
         lengths: d1, a2, a3, d4, d5, d6 [m].
         branch: Branch label.
-        mount_rotation: Shape (3, 3).
-        mount_position: Shape (3,) [m].
-        position: Base position [m].
-        rotation: Base rotation.
+        mount_rotation: Limb base axes in the body frame, shape (3, 3).
+        mount_position: Limb base origin in the body frame [m], shape (3,).
+        position: Base position in the world [m], shape (3,).
+        rotation: Base rotation in the world, shape (3, 3).
         others: Capsule ends of other limbs in the body frame, one set for each branch, shape (k, c,
             2, 3).
         shapes: `LimbShapes.arrays`.
         gripper: First capsule of the gripper.
         fixed: `LimbShapes.fixed`.
         world: `BoxWorld.arrays`.
-        point: The grasp in the world [m].
-        normal: Surface normal in the world.
+        point: The grasp in the world [m], shape (3,).
+        normal: Surface normal in the world, shape (3,).
         clearance: Least distance [m].
-        inside: Whether the robot's own shapes are looked at, not the boxes alone.
+        inside: Whether the robot's shapes are compared with each other too, not with boxes alone.
 
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth), or the cause.
@@ -158,15 +164,40 @@ def departure_free(
 
 
 @kernel
-def changes(ends, q, minus, plus):
-    """Changes of joint angles from `q` in the middle to both `ends`, shape (2, 6), into `minus` and `plus` [rad]."""
+def changes(ends: Array, q: Array, minus: Array, plus: Array) -> None:
+    """Changes of joint angles from the middle to both ends, each less than half a turn.
+
+    Args:
+        ends: Joint angles at both ends, shape (2, 6) [rad].
+        q: Joint angles in the middle, shape (6,) [rad].
+        minus: Filled with the changes to the first end, shape (6,) [rad].
+        plus: Filled with the changes to the second, shape (6,) [rad].
+    """
     for joint in range(6):
         minus[joint], plus[joint] = wrap(ends[0, joint] - q[joint]), wrap(ends[1, joint] - q[joint])
 
 
 @kernel
-def halve(top, s, half, boxes, body, limbs, stack_s, stack_half, todo):
-    """Put both halves of the interval about `s` on the stacks from `top` on, with what to look at; returns the new top."""
+def halve(
+    top: int, s: float, half: float, boxes: int, body: int, limbs: int, stack_s: Array,
+    stack_half: Array, todo: IntArray,
+) -> int:  # fmt: skip
+    """Put both halves of an interval on the stacks.
+
+    Args:
+        top: Number of intervals on the stacks.
+        s: Middle of the interval.
+        half: Half its length.
+        boxes: Bits of what to compare with boxes on the halves.
+        body: Bits of what to compare with the body.
+        limbs: Bits of what to compare with other limbs.
+        stack_s: Middles.
+        stack_half: Half lengths.
+        todo: Bits, shape (n, 3).
+
+    Returns:
+        The new number.
+    """
     for side in range(2):
         stack_s[top], stack_half[top] = s + (side - 0.5) * half, 0.5 * half
         todo[top, 0], todo[top, 1], todo[top, 2] = boxes, body, limbs
@@ -175,8 +206,11 @@ def halve(top, s, half, boxes, body, limbs, stack_s, stack_half, todo):
 
 
 @kernel
-def share(top, q, stack_q):
-    """Joint angles at the ends of the two halves on top, whose whole lay where the first now lies; `q` in the middle."""
+def share(top: int, q: Array, stack_q: Array) -> None:
+    """Joint angles at the ends of the two halves on top of a stack.
+
+    Those of the whole, whose middle has the angles `q`, stand where those of the first half come.
+    """
     for joint in range(6):
         stack_q[top - 1, 0, joint], stack_q[top - 1, 1, joint] = (
             q[joint],
@@ -186,27 +220,37 @@ def share(top, q, stack_q):
 
 
 @kernel
-def against_branches(ends, motion, todo, others, still, shapes, clearance):
-    """A limb against another at rest on each of some branches: an answer, and the bits of the branches that are undecided."""
-    left = np.int64(0)
+def against_branches(
+    ends: Array, motion: Array, todo: int, others: Array, still: Array, shapes: tuple[Any, ...],
+    clearance: float,
+) -> tuple[int, int]:  # fmt: skip
+    """A limb against another at rest on each of some branches.
+
+    Returns:
+        An answer, and the bits of the branches that are undecided.
+    """
+    undecided = 0
     for k in range(others.shape[0]):
         if todo & bit(k):
             found, _ = against_limb(ends, motion, EVERY, others[k], still, shapes, clearance)
             if found > UNDECIDED:
-                return found, left
+                return found, undecided
             if found == UNDECIDED:
-                left |= bit(k)
-    return UNDECIDED if left else CLEAR, left
+                undecided |= bit(k)
+    return UNDECIDED if undecided else CLEAR, undecided
 
 
 @kernel
 def swing_free(
-    limb, path, u0, u1, q0, q1, lengths, mount_rotation, mount_position, others, shapes, fixed,
-    world, clearance, inside, body
-):  # fmt: skip
-    """Whether a free limb can go from `q0` to `q1` on a line in joint space while the base goes from `u0` to `u1` on a path.
+    limb: int, path: tuple[Any, ...], u0: float, u1: float, q0: Array, q1: Array, lengths: Array,
+    mount_rotation: Array, mount_position: Array, others: Array, shapes: tuple[Any, ...],
+    fixed: tuple[Any, ...], world: tuple[Any, ...], clearance: float, inside: bool,
+    body: tuple[Any, ...],
+) -> int:  # fmt: skip
+    """Whether a free limb can go from `q0` to `q1` while the base goes from `u0` to `u1` on a path.
 
-    Limbs that hold are not looked at (`hold_free` does), but for those at rest in `others`.
+    The limb moves on a line in joint space. Limbs that hold are left to `hold_free`, but for those
+    at rest in `others`.
 
     Args:
         limb: Index of the limb.
@@ -214,16 +258,16 @@ def swing_free(
         u0: Where the base is on it at the start.
         u1: Where it is at the end.
         q0: Joint angles at the start, shape (6,) [rad].
-        q1: Joint angles at the end.
+        q1: Joint angles at the end, shape (6,) [rad].
         lengths: d1, a2, a3, d4, d5, d6 [m].
-        mount_rotation: Shape (3, 3).
-        mount_position: Shape (3,) [m].
+        mount_rotation: Limb base axes in the body frame, shape (3, 3).
+        mount_position: Limb base origin in the body frame [m], shape (3,).
         others: See `departure_free`.
         shapes: `LimbShapes.arrays`.
         fixed: `LimbShapes.fixed`.
         world: `BoxWorld.arrays`.
         clearance: Least distance [m].
-        inside: Whether the robot's own shapes are looked at, not the boxes alone.
+        inside: Whether the robot's shapes are compared with each other too, not with boxes alone.
         body: `LimbShapes.body`, compared with the boxes if the base moves; at rest the stance was.
 
     Returns:
@@ -258,7 +302,7 @@ def swing_free(
             top = 1
         top -= 1
         s, half = stack_s[top], stack_half[top]
-        boxes, own, limbs = todo[top]
+        boxes, robot, limbs = todo[top]
         for k in range(6):
             q[k] = q0[k] + s * plus[k]
         frames_of_angles(q, lengths, frames)
@@ -268,7 +312,7 @@ def swing_free(
             pose_on_path(path, axis, omega, u0 + s * (u1 - u0), position, rotation)
             to_world(ends, position, rotation, world_ends)
             moved_by_base(ends, motion, speed * half, spin_rate * half, world_motion)
-            answer, left = against_boxes(
+            answer, undecided = against_boxes(
                 world_ends,
                 world_motion,
                 boxes,
@@ -289,11 +333,11 @@ def swing_free(
                 if answer > UNDECIDED:
                     return answer
                 if answer == UNDECIDED:
-                    left |= on_body
-            boxes = left
-        if inside and own:
-            answer, own = against_body(
-                limb, ends, motion, own, shift, spin, half, shapes, fixed, clearance
+                    undecided |= on_body
+            boxes = undecided
+        if inside and robot:
+            answer, robot = against_body(
+                limb, ends, motion, robot, shift, spin, half, shapes, fixed, clearance
             )
             if answer > UNDECIDED:
                 return answer
@@ -301,8 +345,8 @@ def swing_free(
             answer, limbs = against_branches(ends, motion, limbs, others, still, shapes, clearance)
             if answer > UNDECIDED:
                 return answer
-        if boxes or (inside and (own or limbs)):
+        if boxes or (inside and (robot or limbs)):
             if half < shortest:
                 return UNDECIDED
-            top = halve(top, s, half, boxes, own, limbs, stack_s, stack_half, todo)
+            top = halve(top, s, half, boxes, robot, limbs, stack_s, stack_half, todo)
     return CLEAR

@@ -14,7 +14,7 @@ from mlivr_gym.robot.capsules import LINKS
 BODY = "body"
 """Name of the robot's body among the links."""
 
-OWN, OTHER, ANY, BOXES = "one limb", "two limbs", "any limbs", "boxes"
+SAME, OTHER, ANY, BOXES = "one limb", "two limbs", "any limbs", "boxes"
 """Whose shapes a row is about: of one limb, of two, of one or two, or of a limb and the world."""
 
 FIXED = "fixed to each other"
@@ -28,7 +28,7 @@ class Uncompared(NamedTuple):
     second: str
     """Another of them, or which boxes."""
     whose: str
-    """`OWN`, `OTHER`, `ANY` or `BOXES`."""
+    """`SAME`, `OTHER`, `ANY` or `BOXES`."""
     reason: str
     """Why they need not be compared."""
     checked: bool = False
@@ -36,29 +36,29 @@ class Uncompared(NamedTuple):
 
 
 NOT_COMPARED: tuple[Uncompared, ...] = (
-    *(Uncompared(link, link, OWN, FIXED) for link in LINKS),
+    *(Uncompared(link, link, SAME, FIXED) for link in LINKS),
     Uncompared(BODY, "base", ANY, FIXED),
     Uncompared("base", "base", OTHER, "fixed to the body, both"),
-    Uncompared("wrist_3", "gripper", OWN, FIXED),
+    Uncompared("wrist_3", "gripper", SAME, FIXED),
     Uncompared(BODY, "shoulder", ANY, "joined by joint 1: the body is one link with the bases"),
     Uncompared("base", "shoulder", ANY, "joined by joint 1: the bases of all limbs are one link"),
-    Uncompared("shoulder", "upper_arm", OWN, "joined by joint 2"),
-    Uncompared("upper_arm", "forearm", OWN, "joined by joint 3"),
-    Uncompared("forearm", "wrist_1", OWN, "joined by joint 4"),
-    Uncompared("wrist_1", "wrist_2", OWN, "joined by joint 5"),
-    Uncompared("wrist_2", "wrist_3", OWN, "joined by joint 6"),
-    Uncompared("wrist_2", "gripper", OWN, "joined by joint 6: the gripper is fixed to wrist 3"),
-    Uncompared("base", "upper_arm", OWN, "the upper arm moves in a plane beside joint 1", True),
-    Uncompared("forearm", "wrist_2", OWN, "the wrist point lies beside the forearm, by d4", True),
-    Uncompared("wrist_1", "wrist_3", OWN, "the flange axis lies beside wrist 1, by d5", True),
-    Uncompared("wrist_1", "gripper", OWN, "the flange axis lies beside wrist 1, by d5", True),
+    Uncompared("shoulder", "upper_arm", SAME, "joined by joint 2"),
+    Uncompared("upper_arm", "forearm", SAME, "joined by joint 3"),
+    Uncompared("forearm", "wrist_1", SAME, "joined by joint 4"),
+    Uncompared("wrist_1", "wrist_2", SAME, "joined by joint 5"),
+    Uncompared("wrist_2", "wrist_3", SAME, "joined by joint 6"),
+    Uncompared("wrist_2", "gripper", SAME, "joined by joint 6: the gripper is fixed to wrist 3"),
+    Uncompared("base", "upper_arm", SAME, "the upper arm moves in a plane beside joint 1", True),
+    Uncompared("forearm", "wrist_2", SAME, "the wrist point lies beside the forearm, by d4", True),
+    Uncompared("wrist_1", "wrist_3", SAME, "the flange axis lies beside wrist 1, by d5", True),
+    Uncompared("wrist_1", "gripper", SAME, "the flange axis lies beside wrist 1, by d5", True),
     Uncompared("gripper", "behind the surface that it grasps", BOXES, "it takes hold there"),
 )  # fmt: skip
 """All pairs that are not compared.
 
 Gripper and boxes that lie behind the surface are left out at the grasp and on the line straight
 above it, nowhere else. What stands still in the world is compared with boxes once and not again
-along a motion, by `clear_kernels`: limbs at rest, and of a limb that holds the capsules on the
+along a motion, by `queries`: limbs at rest, and of a limb that holds the capsules on the
 flange axis.
 """
 
@@ -66,11 +66,11 @@ flange axis.
 _ROWS = {
     (frozenset((row.first, row.second)), whose): row
     for row in NOT_COMPARED
-    for whose in (OWN, OTHER)
+    for whose in (SAME, OTHER)
     if row.whose in (whose, ANY)
 }
 
 
-def not_compared(first: str, second: str, whose: str = OWN) -> Uncompared | None:
-    """The row of two links of one limb (`OWN`) or of two (`OTHER`), None if they are compared."""
+def not_compared(first: str, second: str, whose: str = SAME) -> Uncompared | None:
+    """The row of two links of one limb (`SAME`) or of two (`OTHER`), None if they are compared."""
     return _ROWS.get((frozenset((first, second)), whose))

@@ -1,4 +1,4 @@
-"""Where answers and machine code are kept between runs, and a digest of the sources that they depend on."""
+"""Where answers and machine code are kept between runs, keyed by the sources they depend on."""
 
 from __future__ import annotations
 
@@ -13,7 +13,12 @@ CACHE_VARIABLE = "MLIVR_GYM_CACHE"
 """Environment variable that names another cache folder; empty: no step tables are kept."""
 
 PACKAGE = Path(__file__).parent.parent
-IMPORT = re.compile(r"^(?:from|import) mlivr_gym((?:\.\w+)+)(?: import (.+))?", re.MULTILINE)
+"""The package whose imports are followed."""
+
+IMPORT = re.compile(
+    r"^(?:from|import) mlivr_gym((?:\.\w+)+)(?: import (\([^)]*\)|.+))?", re.MULTILINE
+)
+"""An import from the package as a file is loaded: the module, and what is taken from it."""
 
 
 def cache_folder() -> Path | None:
@@ -23,10 +28,10 @@ def cache_folder() -> Path | None:
 
 
 def kernel_folder(source: str) -> Path:
-    """Where machine code of the kernels in a source file is kept: one folder for each state of the sources they call.
+    """Where machine code of the kernels in a source file is kept.
 
-    Without such a folder it goes where step tables go, or to the user's own cache if those are not
-    kept.
+    There is one folder for each state of that file and of those that it imports. It lies where step
+    tables are kept, or in the user's cache folder if they are not.
     """
     folder = cache_folder() or _default_folder()
     return folder / "kernels" / source_digest(Path(source))
@@ -42,17 +47,21 @@ def _default_folder() -> Path:
 
 @cache
 def source_digest(source: Path) -> str:
-    """Digest of the contents of a source file and of all files of this package that it imports, at whatever path they lie."""
+    """Digest of the contents of a source file and of all files of this package that it imports.
+
+    Where the files lie plays no part.
+    """
     contents = sorted(hashlib.sha256(path.read_bytes()).digest() for path in _sources(source))
     return hashlib.sha256(b"".join(contents)).hexdigest()[:16]
 
 
 def _sources(source: Path) -> set[Path]:
-    found, open_ = {source}, [source]
-    while open_:
-        fresh = _imported(open_.pop()) - found
+    """The file and all files of this package that it imports, directly or not."""
+    found, pending = {source}, [source]
+    while pending:
+        fresh = _imported(pending.pop()) - found
         found |= fresh
-        open_.extend(fresh)
+        pending.extend(fresh)
     return found
 
 

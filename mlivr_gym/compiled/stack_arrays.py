@@ -1,7 +1,7 @@
 """Small arrays on the stack for compiled kernels.
 
-`kernel`s do without Numba's reference counts, see `compiled`; what they need for themselves they
-put on the stack, where it lives until they return: never return such an array. Called from Python
+A `kernel` does without Numba's reference counts, see `kernels`. What it needs for itself it puts on
+the stack, where it lives until the kernel returns: never return such an array. Called from Python
 the functions make ordinary arrays.
 """
 
@@ -16,26 +16,27 @@ from numba.core import cgutils, types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import lower_builtin
 from numba.np.arrayobj import make_array, populate_array
-from numpy.typing import NDArray
+
+from mlivr_gym.arrays import Array, IntArray
 
 
-def floats(*shape: int) -> NDArray[np.float64]:
+def floats(*shape: int) -> Array:
     """An array of numbers that is not filled."""
     return np.empty(shape)
 
 
-def zeros(*shape: int) -> NDArray[np.float64]:
+def zeros(*shape: int) -> Array:
     """An array of numbers that are zero."""
     return np.zeros(shape)
 
 
-def integers(*shape: int) -> NDArray[np.int64]:
+def integers(*shape: int) -> IntArray:
     """An array of whole numbers that is not filled."""
     return np.empty(shape, dtype=np.int64)
 
 
 def _on_the_stack(function: Any, dtype: Any, clear: bool = False) -> None:
-    """Teach Numba a function that makes an array of some type."""
+    """Teach Numba a function that makes an array of some type, filled with zeros if `clear`."""
 
     class Typer(AbstractTemplate):
         prefer_literal = True
@@ -47,7 +48,6 @@ def _on_the_stack(function: Any, dtype: Any, clear: bool = False) -> None:
 
     infer_global(function)(Typer)
 
-    @lower_builtin(function, types.VarArg(types.Any))
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         item = context.get_data_type(dtype)
         width = context.get_abi_sizeof(item)
@@ -81,6 +81,8 @@ def _on_the_stack(function: Any, dtype: Any, clear: bool = False) -> None:
             array, data=data, shape=lengths, strides=strides, itemsize=width, meminfo=None
         )
         return array._getvalue()
+
+    lower_builtin(function, types.VarArg(types.Any))(lower)
 
 
 _on_the_stack(floats, types.float64)

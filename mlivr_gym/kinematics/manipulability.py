@@ -15,13 +15,11 @@ where `A_i` is the base twist that limb i alone gives and `S = diag(1/l_c, 1/l_c
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.stack_arrays import floats
 from mlivr_gym.kinematics.ur import limb_axes
-
-Array = NDArray[np.float64]
 
 
 def scaling(characteristic_length: float) -> Array:
@@ -55,9 +53,9 @@ def base_manipulability(
     for i, (limb_jacobian, (x, y, z)) in enumerate(
         zip(limb_jacobians, grasps_from_base, strict=True)
     ):
-        carry = np.eye(6)
-        carry[:3, 3:] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        j_base[6 * i : 6 * i + 6] = carry
+        transfer = np.eye(6)
+        transfer[:3, 3:] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        j_base[6 * i : 6 * i + 6] = transfer
         j_support[6 * i : 6 * i + 6, joints * i : joints * (i + 1)] = limb_jacobian
     inverse = np.linalg.pinv(j_base)
     constraint = (np.eye(6 * count) - j_base @ inverse) @ j_support
@@ -68,7 +66,10 @@ def base_manipulability(
 
 
 @kernel
-def limb_information(p, z, lengths, branch, mount_rotation, mount_position, l_c, out):
+def limb_information(
+    p: Array, z: Array, lengths: Array, branch: int, mount_rotation: Array, mount_position: Array,
+    l_c: float, out: Array,
+) -> bool:  # fmt: skip
     """`K^-1` of one limb in base axes, written into `out`, shape (6, 6).
 
     Args:
@@ -135,7 +136,7 @@ def limb_information(p, z, lengths, branch, mount_rotation, mount_position, l_c,
 
 
 @kernel
-def inverse_root_determinant(m, scratch):
+def inverse_root_determinant(m: Array, scratch: Array) -> float:
     """`det(m)^(-1/2)` of a symmetric positive definite matrix, shape (6, 6), by Cholesky."""
     product = 1.0
     for i in range(6):

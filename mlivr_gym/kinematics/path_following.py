@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.stack_arrays import floats
 from mlivr_gym.kinematics.base_path import position_on_path, relative_rotation, turn
@@ -11,16 +12,19 @@ from mlivr_gym.kinematics.ur import inverse_kinematics
 
 
 @kernel
-def poses_along(t0, r0, t1, r1, kind, pivot, s, positions, rotations):
-    """Base poses along a path.
+def poses_along(
+    t0: Array, r0: Array, t1: Array, r1: Array, kind: int, pivot: Array, s: Array, positions: Array,
+    rotations: Array,
+) -> None:  # fmt: skip
+    """Base poses in the world along a path.
 
     Args:
-        t0: Base position at the start [m], shape (3,).
-        r0: Base rotation at the start, shape (3, 3).
-        t1: Base position at the end [m].
-        r1: Base rotation at the end.
+        t0: Base position in the world at the start [m], shape (3,).
+        r0: Base rotation in the world at the start, shape (3, 3).
+        t1: Base position in the world at the end [m], shape (3,).
+        r1: Base rotation in the world at the end, shape (3, 3).
         kind: `STRAIGHT` or `ARC`.
-        pivot: Centre of the arc [m], shape (3,).
+        pivot: Centre of the arc in the world [m], shape (3,).
         s: Path parameters from 0 to 1, shape (k,).
         positions: Filled, shape (k, 3) [m].
         rotations: Filled, shape (k, 3, 3).
@@ -40,32 +44,25 @@ def poses_along(t0, r0, t1, r1, kind, pivot, s, positions, rotations):
 
 @kernel
 def joints_along(
-    flange_positions,
-    flange_rotations,
-    positions,
-    rotations,
-    mount_rotation,
-    mount_position,
-    lengths,
-    branch,
-    near,
-    out,
-):
-    """Joint angles of a limb on one branch at many poses, continuous from `near`.
+    flange_positions: Array, flange_rotations: Array, positions: Array, rotations: Array,
+    mount_rotation: Array, mount_position: Array, lengths: Array, branch: int,
+    reference: Array, out: Array,
+) -> int:  # fmt: skip
+    """Joint angles of a limb on one branch at many poses, continuous from given ones.
 
     Args:
         flange_positions: Flange positions in the world [m], shape (k, 3), or (1, 3) for one that
             stays.
         flange_rotations: Flange rotations in the world up to a half turn about their z axes, shape
             (k, 3, 3) or (1, 3, 3).
-        positions: Base positions [m], shape (k, 3), or (1, 3).
-        rotations: Base rotations, shape (k, 3, 3), or (1, 3, 3).
-        mount_rotation: Shape (3, 3).
-        mount_position: Shape (3,) [m].
+        positions: Base positions in the world [m], shape (k, 3), or (1, 3).
+        rotations: Base rotations in the world, shape (k, 3, 3), or (1, 3, 3).
+        mount_rotation: Limb base axes in the body frame, shape (3, 3).
+        mount_position: Limb base origin in the body frame [m], shape (3,).
         lengths: d1, a2, a3, d4, d5, d6 [m].
         branch: Branch label.
-        near: Angles near the first pose, shape (6,) [rad]; they tell winding and half turn of the
-            tool.
+        reference: Angles close to those at the first pose, shape (6,) [rad]; they tell the
+            windings and the half turn of the tool.
         out: Filled, shape (k, 6) [rad].
 
     Returns:
@@ -75,7 +72,7 @@ def joints_along(
     limb_rotation, offset, q = floats(3, 3), floats(3), floats(6)
     half_turn = 0.0
     for joint in range(6):
-        q[joint] = near[joint]
+        q[joint] = reference[joint]
     for i in range(len(out)):
         flange, tool = (
             flange_positions[min(i, len(flange_positions) - 1)],
@@ -102,7 +99,7 @@ def joints_along(
                     r[row, column] += limb_rotation[k, row] * tool[k, column]
         if not inverse_kinematics(p, r, lengths, solutions) >> branch & 1:
             return i
-        if i == 0 and np.cos(near[5] - solutions[branch, 5]) < 0.0:
+        if i == 0 and np.cos(reference[5] - solutions[branch, 5]) < 0.0:
             half_turn = np.pi
         for joint in range(6):
             angle = solutions[branch, joint] + (half_turn if joint == 5 else 0.0)

@@ -13,14 +13,14 @@ shoulder to forearm end gives joint 3. The eight solutions are labelled by
 where `shoulder` is 1 if the wrist lies behind the shoulder (`u < 0`), `wrist`
 is 1 if `s5 < 0`, `elbow` is 1 if `s3 < 0`. Labels change only where
 `det J = -+ a2 a3 s3 s5 u` is zero. A half turn of the tool about its axis is a
-half turn of joint 6 and touches nothing else.
+half turn of joint 6 and changes nothing else.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 
 BRANCHES = 8
@@ -30,14 +30,17 @@ SINGULAR = 1e-9
 """Squared sines and lengths [m^2] within this of zero count as zero."""
 
 STRETCHED = 1e-7
-"""A stretched arm may fall short by this share of `c3^2`, about 1e-8 m: wrist noise is magnified there."""
+"""Share of `c3^2` by which a stretched arm may fall short, about 1e-8 m.
+
+Noise of the wrist position is magnified there.
+"""
 
 WRIST_SINGULAR = 1e-9
-"""Below this |s5| inverse kinematics takes joints 4 and 6 as in line; its error is no larger [rad]."""
+"""Least |s5| at which joints 4 and 6 are not taken as in line; the error is no larger [rad]."""
 
 
 @kernel
-def branch_terms(p, z, lengths, out):
+def branch_terms(p: Array, z: Array, lengths: Array, out: Array) -> None:
     """Squares that decide reach and singularity of the four shoulder and wrist choices.
 
     Args:
@@ -80,16 +83,16 @@ def branch_terms(p, z, lengths, out):
 
 
 @kernel
-def limb_axes(p, z, lengths, branch, axes, origins):
+def limb_axes(p: Array, z: Array, lengths: Array, branch: int, axes: Array, origins: Array) -> bool:
     """Joint axes of one branch, without forming joint angles.
 
     Args:
         p: Flange position in the limb base frame [m], shape (3,).
-        z: Flange axis, shape (3,).
+        z: Flange axis in the limb base frame, shape (3,).
         lengths: Shape (6,).
         branch: Branch label.
-        axes: Shape (6, 3), filled with the unit axes of the joints.
-        origins: Shape (6, 3), filled with a point on each axis [m].
+        axes: Shape (6, 3), filled with the unit axes of the joints in the limb base frame.
+        origins: Shape (6, 3), filled with a point on each axis there [m].
 
     Returns:
         Whether the pose is within reach and away from the wrist singularity.
@@ -137,13 +140,14 @@ def limb_axes(p, z, lengths, branch, axes, origins):
 
 
 @kernel
-def wrap(angle):
+def wrap(angle: float) -> float:
     """The angle plus whole turns that lies nearest to zero [rad]."""
-    return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
+    wrapped: float = angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
+    return wrapped
 
 
 @kernel
-def inverse_kinematics(p, r, lengths, out):
+def inverse_kinematics(p: Array, r: Array, lengths: Array, out: Array) -> int:
     """All closed-form joint solutions of a flange pose.
 
     At the wrist singularity (joints 4 and 6 in line) only their sum or difference is
@@ -151,7 +155,7 @@ def inverse_kinematics(p, r, lengths, out):
 
     Args:
         p: Flange position in the limb base frame [m], shape (3,).
-        r: Flange rotation, shape (3, 3).
+        r: Flange rotation in the limb base frame, shape (3, 3).
         lengths: Shape (6,).
         out: Shape (8, 6), row `branch` filled with joint angles in (-pi, pi], NaN if there are
             none.
@@ -180,8 +184,8 @@ def inverse_kinematics(p, r, lengths, out):
         s5 = np.sqrt(zr * zr + z[2] * z[2])
         if s5 < WRIST_SINGULAR:
             theta = np.arctan2(u, d1 - wz)
-            near = np.hypot(u, wz - d1) - abs(d5)
-            if abs(near) < abs(abs(a2) - abs(a3)):
+            closest = np.hypot(u, wz - d1) - abs(d5)
+            if abs(closest) < abs(abs(a2) - abs(a3)):
                 theta += np.pi
             s5 = 0.0
         else:
@@ -214,13 +218,13 @@ def inverse_kinematics(p, r, lengths, out):
 
 
 @kernel
-def branch_angles(p, x, z, lengths, branch, q):
+def branch_angles(p: Array, x: Array, z: Array, lengths: Array, branch: int, q: Array) -> bool:
     """Joint angles of one branch away from singularities.
 
     Args:
         p: Flange position in the limb base frame [m], shape (3,).
-        x: First axis of the flange, shape (3,).
-        z: Flange axis, shape (3,).
+        x: First axis of the flange in the limb base frame, shape (3,).
+        z: Flange axis in the limb base frame, shape (3,).
         lengths: d1, a2, a3, d4, d5, d6 [m].
         branch: Branch label.
         q: Filled with joint angles [rad], shape (6,), on no particular winding.
@@ -265,7 +269,7 @@ def branch_angles(p, x, z, lengths, branch, q):
     return True
 
 
-def forward_kinematics(q: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+def forward_kinematics(q: Array, lengths: Array) -> Array:
     """Frames 0 to 6 of a UR arm in the limb base frame.
 
     Args:
@@ -294,8 +298,11 @@ def forward_kinematics(q: NDArray[np.float64], lengths: NDArray[np.float64]) -> 
     return frames
 
 
-def jacobian(q: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Geometric Jacobian of the flange in limb base axes, shape (6, 6), linear rows first [m, 1]."""
+def jacobian(q: Array, lengths: Array) -> Array:
+    """Geometric Jacobian of the flange in the limb base frame, shape (6, 6) [m, 1].
+
+    Linear rows come first.
+    """
     frames = forward_kinematics(q, lengths)
     axes, origins = frames[:6, :3, 2], frames[:6, :3, 3]
     return np.vstack([np.cross(axes, frames[6, :3, 3] - origins).T, axes.T])

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Contact, contacts
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE
@@ -19,14 +19,12 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import LONGEST, numbers
 from mlivr_gym.world.boxes import Box
 
-Array = NDArray[np.float64]
-
 JOINT_TOLERANCE = 0.02
 """How far given joint angles may lie from those that hold the points at the base pose [rad]."""
 
 
 def given_pose(pose: Any) -> tuple[float, ...]:
-    """A base pose as seven numbers: x, y, z [m] and the unit quaternion w, x, y, z.
+    """A base pose in the world as seven numbers: x, y, z [m] and the unit quaternion w, x, y, z.
 
     Args:
         pose: The seven numbers, or a pair of position (3,) and quaternion (4,).
@@ -49,7 +47,7 @@ def given_pose(pose: Any) -> tuple[float, ...]:
 
 
 def rotation_of(pose: Sequence[float]) -> Array:
-    """Base rotation of a pose of seven numbers, shape (3, 3)."""
+    """Base rotation in the world of a pose of seven numbers, shape (3, 3)."""
     matrix: Array = Rotation.from_quat(pose[3:], scalar_first=True).as_matrix()
     return matrix
 
@@ -72,8 +70,8 @@ def given_joints(robot: RobotSpec, joints: Any) -> Array:
         limb, joint = outside[0]
         low, high = limits[joint]
         raise SettingError(
-            f"start_joints: joint {joint + 1} of limb {limb} is at {given[limb, joint]:.4f} rad, outside its limits "
-            f"{low:.4f} to {high:.4f} rad"
+            f"start_joints: joint {joint + 1} of limb {limb} is at {given[limb, joint]:.4f} rad, "
+            f"outside its limits {low:.4f} to {high:.4f} rad"
         )
     return given
 
@@ -101,12 +99,14 @@ def masks_of_joints(
                     best, bit, worst = float(away.max()), b, int(away.argmax())
         if best > JOINT_TOLERANCE:
             raise StanceError(
-                f"start_joints of limb {limb} do not hold {name!r} at this base pose: joint {worst + 1} is {best:.3f} rad "
-                f"off the nearest solution (at most {JOINT_TOLERANCE:g} rad)"
+                f"start_joints of limb {limb} do not hold {name!r} at this base pose: joint "
+                f"{worst + 1} is {best:.3f} rad off the nearest solution "
+                f"(at most {JOINT_TOLERANCE:g} rad)"
             )
         if not int(posture.mask[0, limb]) >> bit & 1:
             raise StanceError(
-                f"start_joints put limb {limb} on a branch on which it touches something or could not leave {name!r}"
+                f"start_joints put limb {limb} on a branch on which it touches something or could "
+                f"not leave {name!r}"
             )
         masks.append(1 << bit)
     return tuple(masks)
@@ -115,19 +115,26 @@ def masks_of_joints(
 def branch_angles_at(
     solver: PostureSolver, limb: int, point: int, posture: Postures
 ) -> tuple[Array, int]:
-    """Joint angles with which a limb holds a point at a posture, one row a branch (8, 6) [rad], and which there are."""
+    """Joint angles with which a limb holds a point at a posture, and which branches exist.
+
+    Returns:
+        One row a branch, shape (8, 6) [rad], and a bit mask of the branches.
+    """
     robot, rotation = solver.robot, posture.rotation[0]
     mount = rotation @ robot.mount_rotations[limb]
     origin = posture.position[0] + rotation @ robot.mount_positions[limb]
     out = np.full((8, 6), np.nan)
     place, turn = mount.T @ (solver.flanges[point] - origin), mount.T @ solver.tools[point]
-    return out, int(inverse_kinematics(place, np.ascontiguousarray(turn), robot.limb.lengths, out))
+    return out, inverse_kinematics(place, np.ascontiguousarray(turn), robot.limb.lengths, out)
 
 
 def given_pose_fault(
     solver: PostureSolver, points: tuple[int, ...], posture: Postures, obstacles: Sequence[Box]
 ) -> str:
-    """Why a robot cannot hold a stance at a given base pose; `obstacles` stand beside the map's boxes."""
+    """Why a robot cannot hold a stance at a given base pose.
+
+    `obstacles` are boxes that stand beside the map's.
+    """
     robot, ids = solver.robot, solver.grasp_map.ids
     w = np.empty((1, robot.limbs, 4))
     choices_along(
@@ -141,19 +148,22 @@ def given_pose_fault(
             return f"limb {limb} does not reach point {ids[point]!r} from this base pose"
     free = solver.at(points, posture.position[0], posture.rotation[0], collisions=False)
     if not free.w_b[0] > 0.0:
-        return "at this base pose every combination of branches is singular or penetrates the robot itself"
+        return (
+            "at this base pose every combination of branches is singular or penetrates the robot "
+            "itself"
+        )
     if solver.settings.collisions:
         close = _closest(solver, points, free, obstacles)
         if close:
             return (
-                f"at this base pose {close[0].first} is {close[0].distance:.3f} m from {close[0].second}; "
-                f"{solver.settings.clearance:g} m are needed"
+                f"at this base pose {close[0].first} is {close[0].distance:.3f} m from "
+                f"{close[0].second}; {solver.settings.clearance:g} m are needed"
             )
     if free.mask.all():
         return "at this base pose every branch on which the limbs could depart touches something"
     return (
-        f"at this base pose a limb could not depart along the surface normal with limb manipulability above "
-        f"{solver.settings.path_floor:g} and inside its joint limits"
+        "at this base pose a limb could not depart along the surface normal with limb "
+        f"manipulability above {solver.settings.path_floor:g} and inside its joint limits"
     )
 
 

@@ -1,9 +1,12 @@
-"""Compiled rule by which one of a stance's candidates becomes its posture; `posture` states it."""
+"""The rule by which one of a stance's candidates becomes its posture (compiled); see `solver`."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.link_capsules import body_against_boxes
 from mlivr_gym.compiled.kernels import kernel
@@ -18,20 +21,26 @@ CLEARANCE_TIE = 1e-9
 
 
 @kernel
-def enter(c, floor, look, poses, centre, normals, arm, scale_m, checker, room):
-    """Prepare candidate `c` of a stance: nothing known of what its branches touch, `K^-1` of those above a margin.
+def enter(
+    c: int, floor: float, look: bool, poses: tuple[Any, ...], centre: Array, normals: Array,
+    arm: tuple[Any, ...], scale_m: float, checker: tuple[Any, ...], room: tuple[Any, ...],
+) -> bool:  # fmt: skip
+    """Prepare candidate `c` of a stance.
+
+    What its branches touch is not known any more; `K^-1` of those above a margin is worked out.
 
     Args:
         c: Index of the candidate.
         floor: Margin that branches must exceed.
         look: Whether the body must touch no box.
-        poses: Of every candidate: flange positions and axes in the limb frames, `w_m` of the
-            choices, base positions from the centroid [m] and rotations.
+        poses: Of every candidate: flange positions and axes in the limb base frames, `w_m` of the
+            choices, base positions from the centroid [m] and base rotations.
         centre: Centroid of the grasps in the world of `checker` [m], shape (3,).
-        normals: Shape (N, 3).
-        arm: Rotations and positions of the mounts, lengths, characteristic length.
+        normals: Surface normals in that world, shape (N, 3).
+        arm: Rotations and positions of the mounts in the body frame, lengths, characteristic
+            length.
         scale_m: Limb manipulability that counts as margin 1.
-        checker: See `branch_kernels.limb_status`.
+        checker: See `branches.limb_status`.
         room: Scratch arrays: `K^-1`, work, trial, status, pairs, ends, base position in the world.
 
     Returns:
@@ -57,7 +66,10 @@ def enter(c, floor, look, poses, centre, normals, arm, scale_m, checker, room):
 
 
 @kernel
-def touches_nothing(c, poses, points, normals, arm, checker, room):
+def touches_nothing(
+    c: int, poses: tuple[Any, ...], points: Array, normals: Array, arm: tuple[Any, ...],
+    checker: tuple[Any, ...], room: tuple[Any, ...],
+) -> bool:  # fmt: skip
     """Whether the limbs touch nothing on the branches `trial` of `room` at candidate `c`."""
     p, z, _, _, turned = poses
     mount_rotations, mount_positions, lengths, _ = arm
@@ -73,8 +85,14 @@ def touches_nothing(c, poses, points, normals, arm, checker, room):
 
 
 @kernel
-def _trial_bound(combination, w, scale_m, trial, status):
-    """Set `trial` to the branches that `combination` stands for; their least `w_m` as a margin, 0 if one touches."""
+def _trial_bound(
+    combination: int, w: Array, scale_m: float, trial: IntArray, status: IntArray
+) -> float:
+    """Set `trial` to the branches that `combination` stands for.
+
+    Returns:
+        Their least `w_m` as a margin, 0 if one touches something.
+    """
     bound = np.inf
     for i in range(len(trial)):
         trial[i] = combination & 7
@@ -85,25 +103,15 @@ def _trial_bound(combination, w, scale_m, trial, status):
 
 @kernel
 def _largest_margin(
-    floor,
-    look,
-    poses,
-    first_bounds,
-    bounds,
-    centre,
-    points,
-    normals,
-    arm,
-    scale_m,
-    scale_b,
-    checker,
-    room,
-):
+    floor: float, look: bool, poses: tuple[Any, ...], first_bounds: Array, bounds: Array,
+    centre: Array, points: Array, normals: Array, arm: tuple[Any, ...], scale_m: float,
+    scale_b: float, checker: tuple[Any, ...], room: tuple[Any, ...],
+) -> float:  # fmt: skip
     """Largest margin above `floor` of all candidates and branches of one stance, or `floor`.
 
-    With `look` only those count that touch nothing; they are looked at when their margin would be
-    the largest. `w_b` is formed only where `w_m` leaves room for a larger margin. Arguments as in
-    `_enter`; `bounds` is scratch.
+    With `look` only those count that touch nothing; they are checked when their margin would be the
+    largest. `w_b` is formed only where `w_m` leaves room for a larger margin. Arguments as in
+    `enter`; `bounds` is scratch.
     """
     information, work, trial, status = room[0], room[1], room[2], room[3]
     count, w = len(trial), poses[2]
@@ -134,24 +142,15 @@ def _largest_margin(
 
 @kernel
 def _choose(
-    margin,
-    poses,
-    first_bounds,
-    centre,
-    points,
-    normals,
-    arm,
-    scale_m,
-    scale_b,
-    checker,
-    fixed,
-    room,
-    branch,
-):
-    """The posture that the rule takes of those whose margin is `margin` within `TIE` and that touch nothing.
+    margin: float, poses: tuple[Any, ...], first_bounds: Array, centre: Array, points: Array,
+    normals: Array, arm: tuple[Any, ...], scale_m: float, scale_b: float, checker: tuple[Any, ...],
+    fixed: tuple[Any, ...], room: tuple[Any, ...], branch: IntArray,
+) -> tuple[int, float]:  # fmt: skip
+    """The posture that the rule takes of those that tie with the largest margin and touch nothing.
 
-    That with the largest clearance of the robot to itself; of those within `CLEARANCE_TIE` the
-    first, in the order of candidates and then of branch labels.
+    They tie if their margin is `margin` within `TIE`. The rule takes that with the largest
+    clearance of the robot to itself; of those within `CLEARANCE_TIE` the first, in the order of
+    candidates and then of branch labels.
 
     Returns:
         Its candidate, or -1 if all touch something, and its `w_b`; `branch` is filled.
@@ -183,25 +182,14 @@ def _choose(
 
 @kernel
 def best_posture(
-    floor,
-    lazily,
-    poses,
-    first_bounds,
-    bounds,
-    centre,
-    points,
-    normals,
-    arm,
-    scale_m,
-    scale_b,
-    checker,
-    fixed,
-    room,
-    branch,
-):
+    floor: float, lazily: bool, poses: tuple[Any, ...], first_bounds: Array, bounds: Array,
+    centre: Array, points: Array, normals: Array, arm: tuple[Any, ...], scale_m: float,
+    scale_b: float, checker: tuple[Any, ...], fixed: tuple[Any, ...], room: tuple[Any, ...],
+    branch: IntArray,
+) -> tuple[int, float, float]:  # fmt: skip
     """The posture that the rule takes of those of a margin above `floor` that touch nothing.
 
-    With `lazily` shapes are looked at only where the margin is the largest of all, touching or not;
+    With `lazily` shapes are compared only where the margin is the largest of all, touching or not;
     what is found is the same.
 
     Returns:

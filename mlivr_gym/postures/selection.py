@@ -1,9 +1,12 @@
-"""Compiled kernels of posture selection; see `posture` for what they serve."""
+"""Selection of postures among candidates (compiled); see `solver` for what it serves."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CLEAR, SELF
 from mlivr_gym.compiled.kernels import allocating_kernel, kernel
 from mlivr_gym.compiled.stack_arrays import floats, zeros
@@ -16,33 +19,26 @@ from mlivr_gym.postures.rule import best_posture, enter, touches_nothing
 
 @kernel
 def limb_choices(
-    grasps,
-    normals,
-    tool_length,
-    position,
-    rotation,
-    mount_rotations,
-    mount_positions,
-    lengths,
-    l_c,
-    p,
-    z,
-    w,
-):
-    """Flange poses in the limb frames and `w_m` of the four shoulder and wrist choices, for one base pose.
+    grasps: Array, normals: Array, tool_length: float, position: Array, rotation: Array,
+    mount_rotations: Array, mount_positions: Array, lengths: Array, l_c: float, p: Array, z: Array,
+    w: Array,
+) -> float:  # fmt: skip
+    """Flange poses and `w_m` of the shoulder and wrist choices of each limb, for one base pose.
+
+    Grasps, normals and base pose are given in one frame.
 
     Args:
-        grasps: Shape (N, 3) [m].
-        normals: Shape (N, 3).
+        grasps: Held points [m], shape (N, 3).
+        normals: Surface normals, shape (N, 3).
         tool_length: Flange to grasp [m].
         position: Base position [m], shape (3,).
-        rotation: Shape (3, 3).
-        mount_rotations: Shape (N, 3, 3).
-        mount_positions: Shape (N, 3) [m].
+        rotation: Base rotation, shape (3, 3).
+        mount_rotations: Limb base axes in the body frame, shape (N, 3, 3).
+        mount_positions: Limb base origins in the body frame [m], shape (N, 3).
         lengths: d1, a2, a3, d4, d5, d6 [m].
         l_c: Characteristic length [m].
-        p: Filled with flange positions [m], shape (N, 3).
-        z: Filled with flange axes, shape (N, 3).
+        p: Filled with flange positions in the limb base frames [m], shape (N, 3).
+        z: Filled with flange axes in the limb base frames, shape (N, 3).
         w: Filled, shape (N, 4); 0 out of reach.
 
     Returns:
@@ -79,21 +75,14 @@ def limb_choices(
 
 @kernel
 def choices_along(
-    points,
-    grasps,
-    normals,
-    tool_length,
-    position,
-    rotation,
-    mount_rotations,
-    mount_positions,
-    lengths,
-    l_c,
-    p,
-    z,
-    w,
-):
-    """`limb_choices` of K stances given by point indices, shape (K, N); `grasps` and `normals` are those of the map."""
+    points: IntArray, grasps: Array, normals: Array, tool_length: float, position: Array,
+    rotation: Array, mount_rotations: Array, mount_positions: Array, lengths: Array, l_c: float,
+    p: Array, z: Array, w: Array,
+) -> None:  # fmt: skip
+    """`limb_choices` of K stances given by point indices, shape (K, N).
+
+    `grasps` and `normals` are those of the map, in the world, as the base poses are.
+    """
     count, limbs = points.shape
     here, out = floats(limbs, 3), floats(limbs, 3)
     for k in range(count):
@@ -109,9 +98,10 @@ def choices_along(
 
 @kernel
 def base_along(
-    p, z, branches, mount_rotations, mount_positions, lengths, l_c, information, scratch, w_b
-):
-    """`w_b` of K stances on the branches given, shape (K, N), from the flange poses of `choices_along`."""
+    p: Array, z: Array, branches: IntArray, mount_rotations: Array, mount_positions: Array,
+    lengths: Array, l_c: float, information: Array, scratch: Array, w_b: Array,
+) -> None:  # fmt: skip
+    """`w_b` of K stances on given branches, shape (K, N), from flange poses of `choices_along`."""
     count, limbs = branches.shape
     for k in range(count):
         for i in range(limbs):
@@ -131,27 +121,32 @@ def base_along(
 
 @allocating_kernel
 def solve_geometries(
-    start, stop, grasps, normals, tools, frames, outs, lines, opposed, mount_rotations,
-    mount_positions, lengths, limits,
-    full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b,
-    w_m_min, w_b_min, floor,
-    nodes_margin, first_avoid, check, collide, centres, collision_model, position, rotation, w_m, w_b,
-    branch, mask, cause,
-):  # fmt: skip
+    start: int, stop: int, grasps: Array, normals: Array, tools: Array, frames: Array, outs: Array,
+    lines: Array, opposed: BoolArray, mount_rotations: Array, mount_positions: Array,
+    lengths: Array, limits: Array, full_turn: bool, tool_length: float, lift: float, l_c: float,
+    heights: Array, rolls: Array, wide_heights: Array, wide_rolls: Array, scale_m: float,
+    scale_b: float, w_m_min: float, w_b_min: float, floor: float, nodes_margin: float,
+    first_avoid: bool, check: bool, collide: bool, centres: Array, collision_model: tuple[Any, ...],
+    position: Array, rotation: Array, w_m: Array, w_b: Array, branch: IntArray, mask: IntArray,
+    cause: IntArray,
+) -> None:  # fmt: skip
     """Best posture of each geometry from `start` to `stop`.
+
+    Grasps, directions and base poses of a geometry are given in its frame, about the grasps'
+    centroid; `centres` says where that lies in the world of `collision_model`.
 
     Args:
         start: First geometry.
         stop: One past the last.
         grasps: Held points from their centroid [m], shape (k, N, 3).
-        normals: Shape (k, N, 3).
+        normals: Surface normals, shape (k, N, 3).
         tools: Flange rotations at the grasps, flip 0, shape (k, N, 3, 3).
         frames: Unrolled body axes, shape (k, 3, 3).
         outs: Outward directions, shape (k, 3).
         lines: Roll axes, shape (k, 3).
         opposed: Whether the walls are opposed, shape (k,).
-        mount_rotations: Shape (N, 3, 3).
-        mount_positions: Shape (N, 3) [m].
+        mount_rotations: Limb base axes in the body frame, shape (N, 3, 3).
+        mount_positions: Limb base origins in the body frame [m], shape (N, 3).
         lengths: d1, a2, a3, d4, d5, d6 [m].
         limits: Joint limits [rad], shape (6, 2).
         full_turn: Whether the limits rule out nothing.
@@ -169,12 +164,12 @@ def solve_geometries(
         floor: Least `w_m` on the departure.
         nodes_margin: A margin below that of every node.
         first_avoid: Whether the best posture of all is known to touch something.
-        check: Whether branches are looked at; if not, every node has all of them.
+        check: Whether branches are checked; if not, every node has all of them.
         collide: Whether postures must touch nothing.
         centres: Centroids of the grasps in the world of `collision_model` [m], shape (k, 3).
-        bodies: `Bodies.arrays`.
-        position: Filled, from the centroid, shape (k, 3).
-        rotation: Filled, shape (k, 3, 3).
+        collision_model: `CollisionModel.arrays`.
+        position: Filled with base positions from the centroid [m], shape (k, 3).
+        rotation: Filled with base rotations, shape (k, 3, 3).
         w_m: Filled, shape (k, N); 0 where nothing is in reach.
         w_b: Filled, shape (k,).
         branch: Filled, shape (k, N).
@@ -199,21 +194,23 @@ def solve_geometries(
         mount_positions, lengths, limits,
         full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m,
         scale_b, w_m_min, w_b_min, floor,
-        nodes_margin, first_avoid, check, collide, centres, collision_model, position, rotation, w_m, w_b,
-        branch, mask, cause, scratch,
+        nodes_margin, first_avoid, check, collide, centres, collision_model, position, rotation,
+        w_m, w_b, branch, mask, cause, scratch,
     )  # fmt: skip
 
 
 @kernel
 def _solve(
-    start, stop, grasps, normals, tools, frames, outs, lines, opposed, mount_rotations,
-    mount_positions, lengths, limits,
-    full_turn, tool_length, lift, l_c, heights, rolls, wide_heights, wide_rolls, scale_m, scale_b,
-    w_m_min, w_b_min, floor,
-    nodes_margin, first_avoid, check, collide, centres, collision_model, position, rotation, w_m, w_b,
-    branch, mask, cause, scratch,
-):  # fmt: skip
-    """What `solve_geometries` does, with room to work in, whose size depends on the number of limbs."""
+    start: int, stop: int, grasps: Array, normals: Array, tools: Array, frames: Array, outs: Array,
+    lines: Array, opposed: BoolArray, mount_rotations: Array, mount_positions: Array,
+    lengths: Array, limits: Array, full_turn: bool, tool_length: float, lift: float, l_c: float,
+    heights: Array, rolls: Array, wide_heights: Array, wide_rolls: Array, scale_m: float,
+    scale_b: float, w_m_min: float, w_b_min: float, floor: float, nodes_margin: float,
+    first_avoid: bool, check: bool, collide: bool, centres: Array, collision_model: tuple[Any, ...],
+    position: Array, rotation: Array, w_m: Array, w_b: Array, branch: IntArray, mask: IntArray,
+    cause: IntArray, scratch: tuple[Any, ...],
+) -> None:  # fmt: skip
+    """What `solve_geometries` does, with scratch arrays sized by the number of limbs."""
     count = grasps.shape[1]
     (
         members, allowed, kept, w_class, bounds, first_bounds, p, z, turned, origins, information,
@@ -288,7 +285,7 @@ def _solve(
         )
         ahead, rest = first_bounds[:candidates], bounds[:candidates]
         # First the best posture that does not penetrate the robot itself; only if that comes too
-        # near something, the best of those that keep the clearance.
+        # close to something, the best of those that keep the clearance.
         chosen, node, touches = -1, False, CLEAR
         checker = loose
         for avoid in range(2):

@@ -1,10 +1,10 @@
 """Postures: the base pose that belongs to a stance.
 
 Body z lies along the mean outward normal of the held points, for two limbs along its part across
-the line through the grasps; yaw (and, for N > 2, which way round) follows from the Procrustes fit
+the line through the grasps; yaw (and, for N > 2, the sense of z) follows from the Procrustes fit
 of the mounts' azimuths to the grasps; the origin is the grasps' centroid plus a height along that
 direction. Candidates are heights, rolls about the line through the grasps, and the branches of each
-limb. Between opposite walls the mean normal vanishes: there the body rolls all the way round that
+limb. Between opposite walls the mean normal vanishes: there the body rolls right round that
 line, from the rail of the first grasp on.
 
 **The rule.** A candidate in which the robot penetrates itself is none. Of the others the one with
@@ -16,10 +16,10 @@ limb 0, the lower base, the lower branch labels from the last limb to the first.
 round when two limbs change places, so no side of the module is favoured; only between opposite
 walls does the sign of the rail's direction enter. The order in which heights and rolls are listed
 plays no part. With collisions checked the rule is the same among candidates that touch nothing, so
-the posture differs only where the rule's choice comes too near something.
+the posture differs only where the rule's choice comes too close to something.
 
 But for the surroundings, the result depends on the relative geometry of the grasps alone. It is
-worked out in the frame of the first grasp on figures rounded to `RESOLUTION`, once for each
+worked out in the frame of the first grasp on rounded figures, see `geometries`, once for each
 geometry; where that posture touches the surroundings, the candidates are tried once more in place.
 """
 
@@ -27,29 +27,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.queries import clear_of_world, hands_clear
 from mlivr_gym.compiled.kernels import in_parallel
+from mlivr_gym.postures.base_frames import base_frames as base_frames
+from mlivr_gym.postures.geometries import Grasps, grasps_of_geometries, relative_geometries
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_geometries
 from mlivr_gym.robot.specification import RobotSpec, geometric_order
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
-RESOLUTION = 1e-7
-"""Relative positions [m] and directions that agree within this count as equal."""
-
-OPPOSED = 0.2
-"""Mean normals shorter than this belong to stances between opposite walls."""
 
 OPPOSED_HEIGHTS = (0.15, 0.25, 0.35, 0.45)
 """Distances of the base from the line through the grasps tried there [m]."""
@@ -63,14 +57,14 @@ class Postures:
     """Postures of k stances.
 
     Attributes:
-        position: Base positions [m], shape (k, 3).
-        rotation: Base rotations, shape (k, 3, 3).
+        position: Base positions in the world [m], shape (k, 3).
+        rotation: Base rotations in the world, shape (k, 3, 3).
         w_m: Limb manipulability, shape (k, N); 0 where the stance cannot be held.
         w_b: Base manipulability, shape (k,).
         branch: Branch of each limb that gives the margin, shape (k, N).
         mask: Branches and flips each limb may hold on, 16-bit masks, shape (k, N).
         cause: What the best posture touches where that alone keeps the stance from being held,
-            shape (k,); see `collision_kernels`.
+            shape (k,); one of the causes in `distances`.
     """
 
     position: Array
@@ -82,12 +76,12 @@ class Postures:
     cause: IntArray
 
     @property
-    def reachable(self) -> NDArray[np.bool_]:
+    def reachable(self) -> BoolArray:
         """Whether inverse kinematics has a solution, shape (k,)."""
-        reachable: NDArray[np.bool_] = (self.w_b > 0.0) | (self.cause > 0)
+        reachable: BoolArray = (self.w_b > 0.0) | (self.cause > 0)
         return reachable
 
-    def take(self, index: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Postures:
+    def take(self, index: NDArray[np.intp] | BoolArray | slice) -> Postures:
         """Postures of the chosen stances."""
         return Postures(*(getattr(self, name)[index] for name in FIELDS))
 
@@ -96,61 +90,44 @@ FIELDS = tuple(field.name for field in fields(Postures))
 """Names of a posture's arrays."""
 
 
-def base_frames(
-    grasps: Array, normals: Array, rails: Array
-) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Unrolled body axes of stances.
+class _Candidates(NamedTuple):
+    """Base poses that are tried."""
 
-    Two limbs: x along the line through the grasps, z along the mean normal's part across that line.
-    More limbs: z along the mean normal, or against it where that order of the mounts fits better; x
-    by the Procrustes fit.
-
-    Args:
-        grasps: Held points from their centroid [m], shape (k, N, 3).
-        normals: Shape (k, N, 3).
-        rails: Rail directions at the first grasps, shape (k, 3).
-
-    Returns:
-        Body axes as columns, shape (k, 3, 3); outward directions (k, 3); roll axes (k, 3); whether
-        the held walls are opposed (k,).
-    """
-    count = grasps.shape[1]
-    line = grasps[:, 0].copy()
-    degenerate = (line**2).sum(axis=1) < 1e-12
-    line[degenerate] = rails[degenerate]
-    line /= np.linalg.norm(line, axis=1, keepdims=True)
-    out = normals.mean(axis=1)
-    if count == 2:
-        out = _across(out, line)
-    opposed = (out**2).sum(axis=1) < OPPOSED**2
-    sides = np.cross(normals[:, 0], rails)
-    around = _across(rails, line)
-    along_rail = (around**2).sum(axis=1) < 1e-6
-    around[along_rail] = _across(sides, line)[along_rail]
-    out[opposed] = around[opposed]
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
-    e1 = _across(rails, out)
-    upright = (e1**2).sum(axis=1) < 1e-6
-    e1[upright] = _across(sides, out)[upright]
-    e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
-    e2 = np.cross(out, e1)
-    mounts = np.exp(-2j * np.pi * np.arange(count) / count)
-    grasp = np.einsum("kni,ki->kn", grasps, e1) + 1j * np.einsum("kni,ki->kn", grasps, e2)
-    fit, mirrored = grasp @ mounts, grasp.conj() @ mounts
-    other = np.abs(mirrored) > np.abs(fit) * (1.0 + TIE) + TIE
-    yaw = np.angle(np.where(other, mirrored.conj(), fit))[:, None]
-    x = np.cos(yaw) * e1 + np.sin(yaw) * e2
-    z = np.where(other[:, None], -out, out)
-    return np.stack([x, np.cross(z, x), z], axis=2), out, line, opposed
-
-
-def _across(vectors: Array, axes: Array) -> Array:
-    """Parts of `vectors` at right angles to the unit `axes`, both (k, 3)."""
-    return vectors - axes * (vectors * axes).sum(axis=1, keepdims=True)
+    frames: tuple[Array, Array, Array, BoolArray]
+    """What `base_frames` returns."""
+    heights: Array
+    """Heights over the centroid [m]."""
+    rolls: Array
+    """Rolls [rad]."""
+    opposed_heights: Array
+    """Heights between opposite walls [m]."""
+    opposed_rolls: Array
+    """Rolls between opposite walls [rad]."""
 
 
 class PostureSolver:
-    """Postures of stances on a map, each relative geometry solved once."""
+    """Postures of stances on a map, each relative geometry solved once.
+
+    Attributes:
+        grasp_map: The map.
+        robot: The robot.
+        settings: Thresholds and switches.
+        mount_rotations: Limb base axes in the body frame, shape (N, 3, 3).
+        mount_positions: Limb base origins in the body frame [m], shape (N, 3).
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        limits: Joint limits [rad], shape (6, 2).
+        full_turn: Whether the limits rule out nothing.
+        tools: Flange rotation in the world at each grasp, flip 0, shape (m, 3, 3).
+        flanges: Flange position in the world at each grasp [m], shape (m, 3).
+        points: Points of the map in the world [m], shape (m, 3).
+        normals: Surface normals in the world, shape (m, 3).
+        rails: Rail directions in the world, shape (m, 3).
+        folds: Joints 1 to 5 of folded limbs [rad], shape (f, 5).
+        shapes: The robot's shapes.
+        collision_model: These shapes among the map's boxes.
+        point_cause: What a hand touches that holds each point, one of the causes in `distances`, 0
+            if nothing; shape (m,).
+    """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Keep the figures of map, robot and thresholds in the kernels' form."""
@@ -161,24 +138,18 @@ class PostureSolver:
         self.limits, self.full_turn = robot.limb.limits, robot.full_turn
         self.tools = tool_rotations(grasp_map)
         self.flanges: Array = grasp_map.positions + robot.tool_length * grasp_map.normals
-        """Flange position at each grasp [m], shape (m, 3)."""
-        self.points, self.normals = (
-            grasp_map.positions.copy(),
-            np.ascontiguousarray(grasp_map.normals),
-        )
-        self.rails, self.folds = (
-            np.ascontiguousarray(grasp_map.rotations[:, :, 0]),
-            np.array(robot.folds),
-        )
+        self.points = grasp_map.positions.copy()
+        self.normals = np.ascontiguousarray(grasp_map.normals)
+        self.rails = np.ascontiguousarray(grasp_map.rotations[:, :, 0])
+        self.folds = np.array(robot.folds)
         self.shapes = LimbShapes(robot)
         self.collision_model = CollisionModel(self.shapes, grasp_map.boxes, settings.clearance)
         self.point_cause = np.zeros(len(grasp_map), dtype=np.int64)
-        """What a hand touches that holds each point, see `collision_kernels`; 0 if nothing, shape (m,)."""
         if settings.collisions:
+            model = self.collision_model.arrays
             hands_clear(
-                self.points, self.normals, robot.tool_length, self.lengths, self.collision_model.arrays,
-                self.point_cause
-            )  # fmt: skip
+                self.points, self.normals, robot.tool_length, self.lengths, model, self.point_cause
+            )
         self._alone = CollisionModel(self.shapes, (), settings.clearance)
         self._rows: dict[bytes, int] = {}
         self._solved = _Table(robot.limbs)
@@ -190,7 +161,7 @@ class PostureSolver:
 
     def solve(self, stances: IntArray) -> Postures:
         """Postures of stances given as point indices, shape (k, N)."""
-        rows, inverse = self._group(stances)
+        rows, inverse = relative_geometries(self.grasp_map, stances)
         new: list[int] = []
         where = np.empty(len(rows), dtype=np.int64)
         for r, row in enumerate(rows):
@@ -219,7 +190,10 @@ class PostureSolver:
         return postures
 
     def _avoid_boxes(self, stances: IntArray, postures: Postures) -> None:
-        """Take branches that touch a box out of the postures, and choose another posture where the own ones do."""
+        """Take branches that touch a box out of the postures.
+
+        Where those of the posture itself do, another posture is chosen.
+        """
         nodes = np.flatnonzero(np.all(postures.mask > 0, axis=1))
         touching = self.point_cause[stances[nodes]].max(axis=1)
         postures.cause[nodes] = touching
@@ -240,8 +214,10 @@ class PostureSolver:
         centres = self.points[held].mean(axis=1)
         rotations = self.grasp_map.rotations[held]
         new = self._solve_in_place(
-            self.points[held] - centres[:, None], np.ascontiguousarray(rotations[..., 2]),
-            np.ascontiguousarray(rotations[..., 0]), centres, self.collision_model, True,
+            Grasps(
+                self.points[held] - centres[:, None], np.ascontiguousarray(rotations[..., 2]),
+                np.ascontiguousarray(rotations[..., 0]), centres,
+            ), self.collision_model, avoid=True,
         )  # fmt: skip
         better = np.all(new.mask > 0, axis=1)
         postures.mask[again] = 0
@@ -249,51 +225,16 @@ class PostureSolver:
             getattr(postures, name)[again[better]] = getattr(new, name)[better]
         postures.position[again[better]] += centres[better]
 
-    def _group(self, stances: IntArray) -> tuple[IntArray, NDArray[np.intp]]:
-        """Distinct relative geometries as whole multiples of `RESOLUTION`, and which one each stance has."""
-        positions, rotations = self.grasp_map.positions, self.grasp_map.rotations
-        first = stances[:, :1]
-        frames = rotations[stances[:, 0]]
-        moved = np.einsum("kij,kni->knj", frames, positions[stances[:, 1:]] - positions[first])
-        normals = np.einsum("kij,kni->knj", frames, rotations[stances[:, 1:], :, 2])
-        rails = np.einsum("kij,kni->knj", frames, rotations[stances[:, 1:], :, 0])
-        rows = np.rint(np.concatenate([moved, normals, rails], axis=2) / RESOLUTION).astype(
-            np.int64
-        )
-        rows = np.ascontiguousarray(rows.reshape(len(stances), -1))
-        rng = np.random.default_rng(0)
-        mix = rng.integers(1, 2**62, rows.shape[1], dtype=np.int64) | 1
-        with np.errstate(over="ignore"):
-            code = (rows * mix).sum(axis=1)
-        _, index, inverse = np.unique(code, return_index=True, return_inverse=True)
-        if not np.array_equal(rows[index[inverse]], rows):
-            _, index, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-        return rows[index], inverse
-
     def _solve_new(self, rows: IntArray) -> None:
-        k, count = len(rows), self.robot.limbs
-        blocks = rows.reshape(k, count - 1, 9) * RESOLUTION
-        grasps = np.zeros((k, count, 3))
-        normals, rails = np.zeros((k, count, 3)), np.zeros((k, count, 3))
-        normals[:, 0, 2] = rails[:, 0, 0] = 1.0
-        grasps[:, 1:] = blocks[:, :, :3]
-        normals[:, 1:] = blocks[:, :, 3:6] / np.linalg.norm(
-            blocks[:, :, 3:6], axis=2, keepdims=True
-        )
-        rails[:, 1:] = blocks[:, :, 6:] / np.linalg.norm(blocks[:, :, 6:], axis=2, keepdims=True)
-        centroid = grasps.mean(axis=1, keepdims=True)
-        out = self._solve_in_place(
-            grasps - centroid, normals, rails, np.zeros((k, 3)), self._alone, False
-        )
-        out.position[:] += centroid[:, 0]
+        grasps, centroid = grasps_of_geometries(rows, self.robot.limbs)
+        out = self._solve_in_place(grasps, self._alone, avoid=False)
+        out.position[:] += centroid
         self._solved.append(out)
 
     def _scales(self) -> tuple[float, float]:
         """Limb and base manipulability that count as margin 1."""
-        given, default = (
-            self.settings.thresholds(self.robot.limbs),
-            Settings().thresholds(self.robot.limbs),
-        )
+        given = self.settings.thresholds(self.robot.limbs)
+        default = Settings().thresholds(self.robot.limbs)
         return given[0] or default[0], given[1] or default[1]
 
     def at(
@@ -303,24 +244,22 @@ class PostureSolver:
         rotation: Array,
         collisions: bool | None = None,
     ) -> Postures:
-        """The posture of one stance, given by point indices, at a base pose of the robot's own.
+        """The posture of one stance, given by point indices, at a given base pose.
 
         Thresholds do not apply there, the floor of departures does.
 
         Args:
             stance: Point index of each limb.
-            position: Base position [m], shape (3,).
-            rotation: Base rotation, shape (3, 3).
+            position: Base position in the world [m], shape (3,).
+            rotation: Base rotation in the world, shape (3, 3).
             collisions: Whether branches that touch something are left out; by default as in the
                 settings.
         """
         held, settings = np.array([stance], dtype=np.int64), self.settings
         collisions = settings.collisions if collisions is None else collisions
         rotations = self.grasp_map.rotations[held]
-        normals, rails = (
-            np.ascontiguousarray(rotations[..., 2]),
-            np.ascontiguousarray(rotations[..., 0]),
-        )
+        normals = np.ascontiguousarray(rotations[..., 2])
+        rails = np.ascontiguousarray(rotations[..., 0])
         centre = self.points[held].mean(axis=1)
         away = position - centre[0]
         height = float(np.linalg.norm(away))
@@ -331,28 +270,22 @@ class PostureSolver:
             up[None].copy(),
             np.zeros(1, dtype=np.bool_),
         )
-        candidates = (np.array([height]), np.zeros(1), np.array([height]), np.zeros(1))
-        collision_model = self.collision_model if collisions else self._alone
+        heights, rolls = np.array([height]), np.zeros(1)
         out = self._run(
-            self.points[held] - centre[:, None], normals, rails, centre, collision_model, collisions,
-            collisions, frames, candidates,
-            (0.0, 0.0),
-        )  # fmt: skip
+            Grasps(self.points[held] - centre[:, None], normals, rails, centre),
+            _Candidates(frames, heights, rolls, heights, rolls),
+            self.collision_model if collisions else self._alone,
+            thresholds=(0.0, 0.0),
+            avoid=collisions,
+            collisions=collisions,
+        )
         out.position[:], out.rotation[:] = position, rotation
         if collisions and self.point_cause[held].any():
             out.mask[:] = 0
         return out
 
-    def _solve_in_place(
-        self,
-        grasps: Array,
-        normals: Array,
-        rails: Array,
-        centres: Array,
-        collision_model: CollisionModel,
-        avoid: bool,
-    ) -> Postures:
-        """Postures from the grasps' centroids; `centres` are these in the world of `collision_model`.
+    def _solve_in_place(self, held: Grasps, model: CollisionModel, *, avoid: bool) -> Postures:
+        """Postures among the robot's candidates, base positions from the grasps' centroids.
 
         With `avoid` the best posture of all is known to touch something.
         """
@@ -360,28 +293,37 @@ class PostureSolver:
         wide_rolls = np.array(
             geometric_order(2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS)
         )
-        frames = base_frames(grasps, normals, np.ascontiguousarray(rails[:, 0]))
-        candidates = (
+        candidates = _Candidates(
+            base_frames(held.grasps, held.normals, np.ascontiguousarray(held.rails[:, 0])),
             np.array(robot.heights),
             np.array(robot.rolls),
             np.array(OPPOSED_HEIGHTS),
             wide_rolls,
         )
         return self._run(
-            grasps, normals, rails, centres, collision_model, avoid, settings.collisions, frames, candidates,
-            settings.thresholds(robot.limbs),
-        )  # fmt: skip
+            held,
+            candidates,
+            model,
+            thresholds=settings.thresholds(robot.limbs),
+            avoid=avoid,
+            collisions=settings.collisions,
+        )
 
     def _run(
-        self, grasps: Array, normals: Array, rails: Array, centres: Array, collision_model: CollisionModel,
-        avoid: bool, collisions: bool,
-        frames: tuple[Any, ...], candidates: tuple[Array, ...], thresholds: tuple[float, float],
-    ) -> Postures:  # fmt: skip
-        """The rule over candidates of heights and rolls (and those between opposite walls) about given frames."""
+        self,
+        held: Grasps,
+        candidates: _Candidates,
+        model: CollisionModel,
+        *,
+        thresholds: tuple[float, float],
+        avoid: bool,
+        collisions: bool,
+    ) -> Postures:
+        """The posture that the rule takes of some candidates, for each stance."""
         robot, settings = self.robot, self.settings
-        k, count = grasps.shape[:2]
+        k, count = held.grasps.shape[:2]
         tools = np.empty((k, count, 3, 3))
-        tools[..., 0], tools[..., 2] = rails, -normals
+        tools[..., 0], tools[..., 2] = held.rails, -held.normals
         tools[..., 1] = np.cross(tools[..., 2], tools[..., 0])
         out = Postures(
             np.zeros((k, 3)), np.zeros((k, 3, 3)), np.zeros((k, count)), np.zeros(k),
@@ -390,13 +332,12 @@ class PostureSolver:
         )  # fmt: skip
         least = min(a / b for a, b in zip(thresholds, self._scales(), strict=True))
         in_parallel(
-            k, solve_geometries, grasps, normals, tools, *frames, self.mount_rotations,
-            self.mount_positions,
-            self.lengths, self.limits, self.full_turn, robot.tool_length, robot.lift,
-            robot.characteristic_length,
-            *candidates, *self._scales(), *thresholds, settings.path_floor,
+            k, solve_geometries, held.grasps, held.normals, tools, *candidates.frames,
+            self.mount_rotations, self.mount_positions, self.lengths, self.limits, self.full_turn,
+            robot.tool_length, robot.lift, robot.characteristic_length,
+            *candidates[1:], *self._scales(), *thresholds, settings.path_floor,
             least * (1.0 - 3.0 * TIE), avoid,
-            settings.transitions, collisions, centres, collision_model.arrays,
+            settings.transitions, collisions, held.centres, model.arrays,
             out.position, out.rotation, out.w_m, out.w_b, out.branch, out.mask, out.cause,
         )  # fmt: skip
         return out
@@ -434,6 +375,9 @@ class _Table:
 
 
 def tool_rotations(grasp_map: GraspMap) -> Array:
-    """Flange rotations that grasp each point, flip 0, shape (m, 3, 3): x along the rail, z into the surface."""
+    """Flange rotations in the world that grasp each point, flip 0, shape (m, 3, 3).
+
+    The x axis lies along the rail, the z axis points into the surface.
+    """
     rotations = grasp_map.rotations
     return np.stack([rotations[:, :, 0], -rotations[:, :, 1], -rotations[:, :, 2]], axis=2)

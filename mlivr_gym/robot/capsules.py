@@ -1,4 +1,4 @@
-"""Capsules fixed to the links of a limb, defined once for the planner's checks and for the MuJoCo scene."""
+"""Capsules fixed to the links of a limb, for the planner's checks and for the MuJoCo scene."""
 
 from __future__ import annotations
 
@@ -44,6 +44,7 @@ class Capsule:
         radius = number(self.radius, f"capsule on {self.link}: radius", ShapeError, LONGEST_ROBOT)
         if radius < SMALLEST:
             raise ShapeError(
-                f"capsule on {self.link}: radius is {radius:g}; it must be above 0 (at least {SMALLEST:g} m)"
+                f"capsule on {self.link}: radius is {radius:g}; it must be above 0 "
+                f"(at least {SMALLEST:g} m)"
             )
         object.__setattr__(self, "radius", radius)

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, RobotError, shown
 from mlivr_gym.files import read_json
@@ -44,7 +44,7 @@ def ur5e_data() -> dict[str, Any]:
 
 
 FARTHEST_TURN = 100.0
-"""Largest joint limit or angle [rad], 16 turns; a UR joint has one either way."""
+"""Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
 
 MASSES = (1e-3, 1e6)
 """Least and largest mass of a part [kg]: a gram, and twice the ISS."""
@@ -91,12 +91,12 @@ class Limb:
         object.__setattr__(self, "joint_limits", tuple((float(a), float(b)) for a, b in limits))
 
     @property
-    def lengths(self) -> NDArray[np.float64]:
+    def lengths(self) -> Array:
         """The six lengths d1, a2, a3, d4, d5, d6 [m], shape (6,)."""
         return np.array([self.d1, self.a2, self.a3, self.d4, self.d5, self.d6], dtype=np.float64)
 
     @property
-    def limits(self) -> NDArray[np.float64]:
+    def limits(self) -> Array:
         """Joint limits [rad], shape (6, 2)."""
         return np.array(self.joint_limits)
 
@@ -114,15 +114,16 @@ FOLDS = (
 """Joints 1 to 5 [rad] of a UR limb folded beside the body, on the side away from the surface.
 
 Chosen from a grid of postures that keep 0.04 m from the body: each in turn adds most stances of the
-JEM from which a limb can be folded, and steps over which it can be carried.
+JEM from which a limb can be folded, and steps over which it can stay folded.
 """
 
 
 def geometric_order(rolls: Iterable[float]) -> tuple[float, ...]:
-    """Rolls [rad] by their size, the positive of two opposite ones first: the last rule by which a posture is chosen.
+    """Rolls [rad] by their size, the positive of two opposite ones first.
 
-    The roll is counted about the line to the grasp of limb 0, so which side of a wall is preferred
-    changes with the limb that holds either point: no side of the module is favoured.
+    This order is the last rule by which a posture is chosen. The roll is counted about the line to
+    the grasp of limb 0, so which side of a wall is preferred changes with the limb that holds
+    either point: no side of the module is favoured.
     """
 
     def key(roll: float) -> tuple[float, bool]:
@@ -152,7 +153,7 @@ class RobotSpec:
         rolls: Rolls about the line from the grasps' centroid to that of limb 0 that are tried
             [rad], in any order; kept in `geometric_order`.
         lift: How far a gripper departs along the surface normal before it swings [m].
-        folds: Angles of joints 1 to 5 [rad] in which a free limb may be carried while the base
+        folds: Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base
             moves, at most four, the preferred first.
         capsules: Collision shapes of a limb; by default those of the UR5e, stretched to the limb's
             lengths, and a gripper from the flange to the grasp.
@@ -228,20 +229,17 @@ class RobotSpec:
         if not least <= value <= most:
             unit = "kg" if name.endswith("mass") else "m: lengths are in metres"
             raise RobotError(
-                f"{name} of robot {self.name!r} is {value:g}; it must lie between {least:g} and {most:g} {unit}"
+                f"{name} of robot {self.name!r} is {value:g}; "
+                f"it must lie between {least:g} and {most:g} {unit}"
             )
         object.__setattr__(self, name, value)
 
     @property
-    def mount_rotations(self) -> NDArray[np.float64]:
-        """Shape (N, 3, 3): limb base axes in the body frame; z is radial, x is the body's z axis."""
+    def mount_rotations(self) -> Array:
+        """Limb base axes in the body frame, shape (N, 3, 3); z is radial, x the body's z axis."""
         azimuth = 2.0 * np.pi * np.arange(self.limbs) / self.limbs
-        c, s, zero, one = (
-            np.cos(azimuth),
-            np.sin(azimuth),
-            np.zeros(self.limbs),
-            np.ones(self.limbs),
-        )
+        c, s = np.cos(azimuth), np.sin(azimuth)
+        zero, one = np.zeros(self.limbs), np.ones(self.limbs)
         return np.stack(
             [
                 np.stack([zero, s, c], -1),
@@ -252,8 +250,8 @@ class RobotSpec:
         )
 
     @property
-    def mount_positions(self) -> NDArray[np.float64]:
-        """Shape (N, 3): limb base origins in the body frame [m]."""
+    def mount_positions(self) -> Array:
+        """Limb base origins in the body frame [m], shape (N, 3)."""
         return self.mount_radius * self.mount_rotations[:, :, 2]
 
     @property
@@ -262,15 +260,18 @@ class RobotSpec:
         d1, a2, a3, d4, d5, d6 = np.abs(self.limb.lengths).tolist()
         # Distance of each link's origin from the limb's base at most, in the order of `LINKS`.
         origins = np.cumsum([0.0, d1, 0.0, a2, a3 + d4, d5, d6, 0.0]).tolist()
-        far = [self.limb.reach + self.tool_length]
+        farthest = self.limb.reach + self.tool_length
         for capsule in self.shapes:
             end = max(float(np.linalg.norm(end)) for end in (capsule.start, capsule.end))
-            far.append(origins[LINKS.index(capsule.link)] + end + capsule.radius)
-        return max(self.mount_radius + max(far), np.sqrt(0.75) * self.body_size)
+            farthest = max(farthest, origins[LINKS.index(capsule.link)] + end + capsule.radius)
+        return max(self.mount_radius + farthest, float(np.sqrt(0.75) * self.body_size))
 
     @cached_property
     def shapes(self) -> tuple[Capsule, ...]:
-        """Collision shapes of a limb in its link frames, the base fixed to the body, the gripper's frame the flange's."""
+        """Collision shapes of a limb in its link frames.
+
+        The base is fixed to the body; the gripper's frame is the flange's.
+        """
         if self.capsules is not None:
             return self.capsules
         data, limb = ur5e_data(), self.limb
@@ -293,7 +294,7 @@ class RobotSpec:
 
     @property
     def full_turn(self) -> bool:
-        """Whether every joint turns by 720 degrees or more, so that limits never rule out a posture."""
+        """Whether every joint turns by 720 degrees or more, so that limits rule out no posture."""
         limits = self.limb.limits
         return bool((limits[:, 1] - limits[:, 0] >= 4.0 * np.pi - 1e-9).all())
 
@@ -310,7 +311,9 @@ class RobotSpec:
 
     @classmethod
     def from_dict(cls, data: Any) -> RobotSpec:
-        """Build a robot from plain data, the inverse of `to_dict`; missing fields keep their defaults.
+        """Build a robot from plain data, the inverse of `to_dict`.
+
+        Missing fields keep their defaults.
 
         Raises:
             RobotError: naming an unknown field or a faulty value.
@@ -380,5 +383,6 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any]) -> RobotSpec:
     if isinstance(robot, str) and os.path.isfile(robot):
         return RobotSpec.load(robot)
     raise RobotError(
-        f"unknown robot {shown(robot)}; valid names are {', '.join(ROBOTS)}, or give the path of a JSON file"
+        f"unknown robot {shown(robot)}; valid names are {', '.join(ROBOTS)}, "
+        "or give the path of a JSON file"
     )

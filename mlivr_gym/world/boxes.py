@@ -1,4 +1,4 @@
-"""Boxes that stand round the robot, defined once for the planner's checks and for the MuJoCo scene."""
+"""Boxes that stand round the robot, for the planner's checks and for the MuJoCo scene."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import ShapeError, shown
 from mlivr_gym.files import read_json
 from mlivr_gym.values import (
@@ -26,8 +26,6 @@ from mlivr_gym.values import (
     unique,
 )
 
-Array = NDArray[np.float64]
-
 KINDS = ("panel", "rack", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
 """What a box can be."""
 
@@ -35,6 +33,7 @@ BOX, POINT = "box/", "point/"
 """What the names of boxes and of graspable points begin with in the MuJoCo scene."""
 
 UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Rows of the unit matrix."""
 
 
 def scene_name(kind: str, name: str) -> str:
@@ -57,8 +56,8 @@ class Box:
     Attributes:
         id: Name.
         kind: One of `KINDS`.
-        centre: Middle [m].
-        half: Half edges [m].
+        centre: Middle in the world [m].
+        half: Half edges along the box's axes [m].
         rotation: Rows of the rotation from the box's axes to the world's.
         face: Cabin face that it belongs to, for pictures.
     """
@@ -100,7 +99,7 @@ class Box:
     def between(
         cls, id: str, kind: str, low: Sequence[float], high: Sequence[float], face: str = ""
     ) -> Box:
-        """A box along the axes from its lower to its upper corner [m]."""
+        """A box along the world's axes from its lower to its upper corner [m]."""
         lower = numbers(low, (3,), f"box {shown(id)}: min", ShapeError, LONGEST)
         upper = numbers(high, (3,), f"box {shown(id)}: max", ShapeError, LONGEST)
         if not (lower < upper).all():
@@ -113,7 +112,10 @@ class Box:
 
     @classmethod
     def from_dict(cls, data: Any, kind: str = "obstacle") -> Box:
-        """A box from plain data: `id`, and `min` and `max` or `centre` and `half`; `kind`, `rotation`, `face` if wanted.
+        """A box from plain data.
+
+        Fields: `id`, and `min` and `max` or `centre` and `half`; `kind`, `rotation`, `face` if
+        wanted.
 
         Raises:
             ShapeError: If a field is missing, unknown or faulty.
@@ -129,7 +131,8 @@ class Box:
         if corners == middle or unknown:
             fault = f"unknown field {shown(unknown[0])}" if unknown else "its place is missing"
             raise ShapeError(
-                f"box {name!r}: {fault}; give 'min' and 'max', or 'centre', 'half' and, if turned, 'rotation'"
+                f"box {name!r}: {fault}; give 'min' and 'max', or 'centre', 'half' and, "
+                "if turned, 'rotation'"
             )
         kind, face = str(data.get("kind", kind)), str(data.get("face", ""))
         if corners:
@@ -145,7 +148,7 @@ class Box:
 
     @cached_property
     def bounds(self) -> Array:
-        """Lower and upper corner of the smallest box along the axes round it [m], shape (2, 3)."""
+        """Lower and upper corner in the world of the smallest upright box round it [m], (2, 3)."""
         centre, half = np.array(self.centre), np.abs(np.array(self.rotation)) @ np.array(self.half)
         return np.stack([centre - half, centre + half])
 
@@ -162,7 +165,9 @@ def boxes_from(data: Any, kind: str) -> tuple[Box, ...]:
 
 
 def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
-    """Boxes and ids of occupied points from a JSON file `{"boxes": [...], "occupied": [...]}`; see `Box.from_dict`.
+    """Boxes and ids of occupied points from a JSON file.
+
+    It holds `{"boxes": [...], "occupied": [...]}`; see `Box.from_dict`.
 
     Raises:
         ShapeError: If the file cannot be read or an entry is faulty; it names file and entry.

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import (
     GoalError,
@@ -49,11 +49,11 @@ class GraspMap:
 
     Attributes:
         ids: m point ids, for example `"D4a:3"`.
-        positions: Shape (m, 3), in the JEM frame [m].
-        rotations: Shape (m, 3, 3); columns are x along the rail, y, and z the outward surface
-            normal.
+        positions: Points in the map's frame, which is the world [m], shape (m, 3).
+        rotations: Axes of the points in that frame, shape (m, 3, 3); columns are x along the rail,
+            y, and z the outward surface normal.
         faces: m names out of `FACES`.
-        cabin: Shape (2, 3); lower and upper corner of the space a base may be in [m].
+        cabin: Lower and upper corner of the space a base may be in [m], shape (2, 3).
         name: Short name of the map.
         segments: Rails that the points lie on.
         handrails: Handrails.
@@ -61,10 +61,10 @@ class GraspMap:
     """
 
     ids: tuple[str, ...]
-    positions: NDArray[np.float64]
-    rotations: NDArray[np.float64]
+    positions: Array
+    rotations: Array
     faces: tuple[str, ...]
-    cabin: NDArray[np.float64]
+    cabin: Array
     name: str = "map"
     segments: tuple[Segment, ...] = ()
     handrails: tuple[Handrail, ...] = ()
@@ -105,8 +105,8 @@ class GraspMap:
         return len(self.ids)
 
     @cached_property
-    def normals(self) -> NDArray[np.float64]:
-        """Outward surface normals, shape (m, 3)."""
+    def normals(self) -> Array:
+        """Outward surface normals in the map's frame, shape (m, 3)."""
         return self.rotations[:, :, 2]
 
     def index(self, point: str | int) -> int:
@@ -122,7 +122,7 @@ class GraspMap:
             return int(point)
         raise UnknownPointError(point, self.ids)
 
-    def subset(self, keep: NDArray[np.bool_], name: str | None = None) -> GraspMap:
+    def subset(self, keep: BoolArray, name: str | None = None) -> GraspMap:
         """Map with only the points where `keep`, shape (m,), is true."""
         chosen = np.flatnonzero(keep)
         return GraspMap(
@@ -156,7 +156,7 @@ class GraspMap:
         kept[[self.index(point) for point in keep]] = True
         return self.subset(kept, name=f"{self.name}-sparse-{seed}")
 
-    def check_goal(self, goal: Any) -> NDArray[np.float64]:
+    def check_goal(self, goal: Any) -> Array:
         """Return `goal` as an array of shape (3,) [m].
 
         Raises:
@@ -171,7 +171,8 @@ class GraspMap:
         low, high = self.cabin
         if (array < low).any() or (array > high).any():
             raise GoalError(
-                f"goal {array.tolist()} lies outside the cabin, which reaches from {low.tolist()} to {high.tolist()}"
+                f"goal {array.tolist()} lies outside the cabin, which reaches from {low.tolist()} "
+                f"to {high.tolist()}"
             )
         return array
 
@@ -188,14 +189,15 @@ class GraspMap:
         return digest.hexdigest()[:16]
 
     def to_dict(self) -> dict[str, Any]:
-        """The map as plain data for JSON: `from_dict` makes the same map of it, to the last digit."""
+        """The map as plain data for JSON, from which `from_dict` makes the same map."""
         return {
             "name": self.name, "ids": list(self.ids), "faces": list(self.faces),
             "positions": self.positions.tolist(), "rotations": self.rotations.tolist(),
             "cabin": self.cabin.tolist(),
             "segments": [asdict(segment) for segment in self.segments],
             "handrails": [
-                {name: v for name, v in asdict(rail).items() if v is not None} for rail in self.handrails
+                {name: v for name, v in asdict(rail).items() if v is not None}
+                for rail in self.handrails
             ],
             "boxes": [box.to_dict() for box in self.boxes],
         }  # fmt: skip
@@ -248,14 +250,7 @@ class GraspMap:
         if not 0.0 < spacing < float("inf"):
             raise SettingError(f"spacing is {spacing!r}; it must be finite and above 0")
         clearance = nonnegative("clearance", given_number(clearance, data, "clearance", 0.03))
-        segments = tuple(
-            segment_of(entry, i)
-            for i, entry in enumerate(entries(data.get("segments", []), "segments", MapError))
-        )
-        handrails = tuple(
-            handrail_of(entry, i)
-            for i, entry in enumerate(entries(data.get("handrails", []), "handrails", MapError))
-        )
+        segments, handrails = _rails(data.get("segments", []), data.get("handrails", []))
         points = entries(data.get("points", []), "points", MapError, MOST_POINTS)
         rows = [point_of(entry, i) for i, entry in enumerate(points)]
         for segment in segments:
@@ -264,22 +259,12 @@ class GraspMap:
         if not rows:
             raise MapError("the map has no graspable point")
         ids, faces, positions, rotations, _ = zip(*rows, strict=True)
-        box = data.get("cabin")
-        if box is None:
-            cabin = np.array([np.min(positions, axis=0), np.max(positions, axis=0)])
-            flat = cabin[1] - cabin[0] < 1e-9
-            cabin[0, flat] -= 1.0
-            cabin[1, flat] += 1.0
-        else:
-            if not isinstance(box, dict):
-                raise MapError("cabin must be an object with 'min' and 'max'")
-            cabin = np.array([vector_of(box, "min", "cabin"), vector_of(box, "max", "cabin")])
         return cls(
             ids=ids,
             positions=np.array(positions),
             rotations=np.array(rotations),
             faces=faces,
-            cabin=cabin,
+            cabin=_cabin(data.get("cabin"), np.array(positions)),
             name=data.get("name", name),
             segments=segments,
             handrails=handrails,
@@ -326,6 +311,29 @@ _FIELDS = (
 """What `GraspMap.to_dict` writes."""
 
 
+def _rails(segments: Any, handrails: Any) -> tuple[tuple[Segment, ...], tuple[Handrail, ...]]:
+    """Rails and handrails from lists of plain data."""
+    rails = entries(segments, "segments", MapError)
+    bars = entries(handrails, "handrails", MapError)
+    return (
+        tuple(segment_of(entry, i) for i, entry in enumerate(rails)),
+        tuple(handrail_of(entry, i) for i, entry in enumerate(bars)),
+    )
+
+
+def _cabin(given: Any, positions: Array) -> Array:
+    """Lower and upper corner of the cabin [m], shape (2, 3), by default of all points."""
+    if given is None:
+        cabin = np.array([np.min(positions, axis=0), np.max(positions, axis=0)])
+        flat = cabin[1] - cabin[0] < 1e-9
+        cabin[0, flat] -= 1.0
+        cabin[1, flat] += 1.0
+        return cabin
+    if not isinstance(given, dict):
+        raise MapError("cabin must be an object with 'min' and 'max'")
+    return np.array([vector_of(given, "min", "cabin"), vector_of(given, "max", "cabin")])
+
+
 def _map_of_fields(data: dict[str, Any]) -> GraspMap:
     """The inverse of `GraspMap.to_dict`."""
     for name in (*_FIELDS, *data):
@@ -346,15 +354,16 @@ def _map_of_fields(data: dict[str, Any]) -> GraspMap:
         name: numbers(data[name], shape, name, MapError, LONGEST if name != "rotations" else np.inf)
         for name, shape in shapes.items()
     }
+    boxes = boxes_from(data["boxes"], "panel")
+    segments, handrails = _rails(data["segments"], data["handrails"])
     return GraspMap(
-        ids=ids, faces=faces, positions=arrays["positions"], rotations=arrays["rotations"],
-        cabin=arrays["cabin"], name=str(data["name"]), boxes=boxes_from(data["boxes"], "panel"),
-        segments=tuple(
-            segment_of(entry, i) for i,
-            entry in enumerate(entries(data["segments"], "segments", MapError))
-        ),
-        handrails=tuple(
-            handrail_of(entry, i) for i,
-            entry in enumerate(entries(data["handrails"], "handrails", MapError))
-        ),
-    )  # fmt: skip
+        ids=ids,
+        positions=arrays["positions"],
+        rotations=arrays["rotations"],
+        faces=faces,
+        cabin=arrays["cabin"],
+        name=str(data["name"]),
+        segments=segments,
+        handrails=handrails,
+        boxes=boxes,
+    )

@@ -1,12 +1,12 @@
-"""Entries of a map file: points, segments and handrails, each checked, and the points that lie on segments."""
+"""Entries of a map file, each checked: points, segments with their points, and handrails."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MapError, SettingError, shown
 from mlivr_gym.values import LONGEST, MOST_POINTS, number, numbers, rotation, text
 from mlivr_gym.world.rails import Handrail, Segment
@@ -17,13 +17,11 @@ FACES = ("deck", "forward", "aft", "overhead", "starboard", "port")
 UNIT_TOLERANCE = 1e-6
 """Largest deviation of a unit vector's length, and of its right angles, from 1 and 0."""
 
-Row = tuple[str, str, NDArray[np.float64], NDArray[np.float64], float]
-"""Id, face, position, rotation, width of the rail across [m]."""
+Row = tuple[str, str, Array, Array, float]
+"""Id, face, position and rotation in the map's frame, width of the rail across [m]."""
 
 
-def check_point(
-    point: str, face: str, position: NDArray[np.float64], turn: NDArray[np.float64]
-) -> None:
+def check_point(point: str, face: str, position: Array, turn: Array) -> None:
     """Refuse a point whose id, face, position or rotation is faulty."""
     text(point, "the id of a point", MapError)
     if face not in FACES:
@@ -34,9 +32,7 @@ def check_point(
     rotation(turn, f"point {point!r}: rotation", MapError)
 
 
-def _frame(
-    where: str, rail: NDArray[np.float64], normal: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _frame(where: str, rail: Array, normal: Array) -> Array:
     length = float(np.linalg.norm(normal))
     if abs(length - 1.0) > UNIT_TOLERANCE:
         raise MapError(f"{where}: normal {normal.tolist()} has length {length:.6g}; it must be 1")
@@ -49,7 +45,7 @@ def _frame(
 
 
 def discretise(segment: Segment, spacing: float, room: int) -> list[Row]:
-    """Points at multiples of `spacing` either side of the segment's middle, about `room` at most."""
+    """Points at multiples of `spacing` [m] from the segment's middle, about `room` at most."""
     start, end = np.array(segment.start), np.array(segment.end)
     length = float(np.linalg.norm(end - start))
     frame = _frame(f"segment {segment.id!r}", end - start, np.array(segment.normal))
@@ -75,7 +71,7 @@ def discretise(segment: Segment, spacing: float, room: int) -> list[Row]:
 def clear_of_handrails(
     rows: list[Row], handrails: tuple[Handrail, ...], clearance: float
 ) -> list[Row]:
-    """Points whose rail's strip keeps `clearance` from the footprint of each handrail on the face."""
+    """Points whose rail keeps `clearance` [m] from the footprint of each handrail on the face."""
     if not rows:
         return []
     faces, positions = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
@@ -98,7 +94,7 @@ def given_number(argument: float | None, data: dict[str, Any], key: str, default
     return number(data.get(key, default), key, MapError)
 
 
-def vector_of(entry: dict[str, Any], key: str, where: str) -> NDArray[np.float64]:
+def vector_of(entry: dict[str, Any], key: str, where: str) -> Array:
     """A vector of an entry, shape (3,)."""
     if key not in entry:
         raise MapError(f"{where}: {key!r} is missing")

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Segment:
-    """A straight rail along which points may be grasped, ends in [m]."""
+    """A straight rail along which points may be grasped.
+
+    Ends [m] and outward surface normal are given in the map's frame, width and thickness in [m].
+    """
 
     id: str
     face: str
@@ -20,7 +23,10 @@ class Segment:
 
 @dataclass(frozen=True)
 class Handrail:
-    """A handrail: its bounding box with posts, and the bar alone, in [m]."""
+    """A handrail: its bounding box with posts, and the bar alone.
+
+    Lower and upper corners are given in the map's frame [m]; `axis` is that of the bar.
+    """
 
     id: str
     face: str

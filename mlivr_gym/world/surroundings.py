@@ -1,4 +1,7 @@
-"""Boxes of a cabin: racks, closeouts, bulkheads, seat tracks and handrails, from the figures that a map brings."""
+"""Boxes of a cabin, from the figures that a map brings.
+
+Racks, closeouts, bulkheads, seat tracks and handrails.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MapError, shown
 from mlivr_gym.values import LONGEST, numbers
-from mlivr_gym.world.boxes import Array, Box
+from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.rails import Handrail, Segment
 
 if TYPE_CHECKING:
@@ -79,10 +83,8 @@ def module_boxes(scene: Any, racks: list[Any]) -> Iterator[Box]:
         centre, half = np.zeros(3), np.zeros(3)
         centre[0], half[0] = middle, half_x
         centre[axis], half[axis] = levels[face] - sign * 0.06, 0.02
-        centre[run], half[run] = (
-            0.5 * sum(levels[f] for f, (a, _) in FACE_AXES.items() if a == run),
-            1.02,
-        )
+        centre[run] = 0.5 * sum(levels[f] for f, (a, _) in FACE_AXES.items() if a == run)
+        half[run] = 1.02
         yield _box(f"{face}/shell", "panel", face, centre, half)
     yield from _racks(figures, racks, levels)
     yield from _closeouts(figures, middle, half_x)
@@ -90,10 +92,8 @@ def module_boxes(scene: Any, racks: list[Any]) -> Iterator[Box]:
 
 
 def _racks(figures: _Figures, racks: list[Any], levels: dict[str, float]) -> Iterator[Box]:
-    half_width, half_length = (
-        0.5 * figures.get("rack_outer_span"),
-        0.5 * figures.get("rack_post_length"),
-    )
+    half_width = 0.5 * figures.get("rack_outer_span")
+    half_length = 0.5 * figures.get("rack_post_length")
     for number, entry in enumerate(racks):
         rack = _Figures(entry, f"racks[{number}]")
         x, run_centre = rack.get("x_centre"), rack.get("run_centre")
@@ -135,37 +135,37 @@ def _ends(figures: _Figures) -> Iterator[Box]:
         yield _box(f"{face}/airlock_end", "panel", face, (centre_x, at, -0.05), (half_x, 0.01, 1.1))
     opening = [figures.get(f"node2_opening.{axis}", 2) for axis in "yz"]
     passage = [figures.get(f"node2_vestibule.{axis}", 2) for axis in "yz"]
-    yield from _ring(
-        "node2/bulkhead",
-        "starboard",
-        (-0.02, 0.0),
-        1.13,
-        [0.5 * sum(side) for side in opening],
-        0.6325,
-    )
+    middle_yz = [0.5 * sum(side) for side in opening]
+    yield from _ring("node2/bulkhead", "starboard", (-0.02, 0.0), middle_yz, 0.6325, outer=1.13)
     half = max(0.5 * (high - low) for low, high in passage)
     middle_yz, x = [0.5 * sum(side) for side in passage], figures.get("node2_vestibule.x", 2)
-    yield from _ring("node2/passage", "starboard", x, half + 0.02, middle_yz, half)
+    yield from _ring("node2/passage", "starboard", x, middle_yz, half, outer=half + 0.02)
     centre, inner = figures.get("airlock.centre_yz", 2), figures.get("airlock.inner_radius")
-    yield from _ring("airlock/bulkhead", "port", (x1, x1 + 0.02), 1.43, centre, inner)
-    tube = (figures.get("airlock.x", 2)[0], x1)
-    yield from _ring(
-        "airlock/tube", "port", tube, None, centre, inner, figures.get("airlock.outer_radius")
-    )
+    yield from _ring("airlock/bulkhead", "port", (x1, x1 + 0.02), centre, inner, outer=1.43)
+    tube, wall = (figures.get("airlock.x", 2)[0], x1), figures.get("airlock.outer_radius")
+    yield from _ring("airlock/tube", "port", tube, centre, inner, wall=wall)
 
 
 def _ring(
     name: str,
     face: str,
     x: Sequence[float],
-    outer: float | None,
     centre: list[float],
     inner: float,
+    *,
+    outer: float | None = None,
     wall: float = 0.0,
 ) -> Iterator[Box]:
-    """A square plate or tube from `x[0]` to `x[1]` with a square opening of half width `inner` at (y, z): four boxes.
+    """A square plate or tube with a square opening, as four boxes.
 
-    The outside is a square of half width `outer` about the axis, or of `wall` about the opening.
+    Args:
+        name: What their names begin with.
+        face: Cabin face.
+        x: Where it begins and ends [m].
+        centre: Middle of the opening, y and z [m].
+        inner: Half width of the opening [m].
+        outer: Half width of the outside about the axis [m].
+        wall: Half width of the outside about the opening [m], where there is no `outer`.
     """
     y, z = centre
     low_y, high_y, low_z, high_z = (

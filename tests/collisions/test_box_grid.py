@@ -24,9 +24,9 @@ def random_boxes(rng, count):
 FAR = [Box(f"far{side}", "obstacle", (side * 990.0,) * 3, (10.0,) * 3) for side in (-1, 1)]
 
 
-@pytest.mark.parametrize("far", [[], FAR], ids=["near", "far"])
+@pytest.mark.parametrize("far", [[], FAR], ids=["close", "far"])
 def test_the_grid_finds_what_pairwise_distances_find(far):
-    """Brute force over the boxes; with some 2 km apart the cells are large, the answers the same."""
+    """Brute force over the boxes; where some are 2 km apart the cells are large."""
     rng = np.random.default_rng(0)
     boxes = random_boxes(rng, 12) + far
     world = BoxWorld(boxes)

@@ -46,7 +46,7 @@ def turns():
 
 
 def postures(rng):
-    """Joint angles among which bounds are nearly reached: arms bent every way in their plane."""
+    """Joint angles that nearly reach the bounds: arms bent in all directions in their plane."""
     right = 0.5 * np.pi * np.arange(4)
     plane = np.stack(np.meshgrid(right, right, right), axis=-1).reshape(-1, 3)
     other = rng.uniform(-np.pi, np.pi, (len(plane), 3))
@@ -118,7 +118,7 @@ def test_the_turn_of_every_joint_counts(joint):
     q = np.array([0.3, -1.0, 1.4, 0.5, 0.9, -0.4])
     found, limit = farthest(q, -plus, plus), bounds(-plus, plus)
     moves = found[0] > 1e-6
-    assert moves.any() == (joint < 5)  # what is beyond joint 6 lies on its axis
+    assert moves.any() == (joint < 5)  # what comes after joint 6 lies on its axis
     assert (limit[0][moves] >= found[0][moves]).all()
     assert (found[6] <= from_grasp(-plus, plus) + 1e-12).all()
     assert (found[6] > 1e-6).any() == (joint > 0)
@@ -132,8 +132,8 @@ def test_bounds_are_no_more_than_three_times_what_some_posture_needs(plus):
     found = np.max([farthest(q, -plus, plus, (1.0,)) for q in many], axis=0)
     for row, limit in enumerate(bounds(-plus, plus)):
         # Seen from the base the shoulder turns in place.
-        beyond = max(row, 1) < LINK
-        assert limit[beyond].max() <= LOOSE * found[row][beyond].max() + 1e-9
+        after = max(row, 1) < LINK
+        assert limit[after].max() <= LOOSE * found[row][after].max() + 1e-9
     followed = from_grasp(-plus, plus)
     # Both ends of the upper arm have a bound from the grasp only where they hang on the elbow.
     assert np.isfinite(followed[LINK > 2]).all()
@@ -149,10 +149,10 @@ def test_bounds_are_no_more_than_three_times_what_some_posture_needs(plus):
     st.integers(0, 999),
 )
 @examples(max_examples=100, deadline=None)
-def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, own, seed):
-    """An end that moves by `own` in the body frame while the base travels and turns."""
+def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, moved, seed):
+    """An end that moves by `moved` in the body frame while the base travels and turns."""
     rng = np.random.default_rng(seed)
-    ends, motion, out = np.array([[place, -place]]), np.full((1, 2), own), np.empty((1, 2))
+    ends, motion, out = np.array([[place, -place]]), np.full((1, 2), moved), np.empty((1, 2))
     moved_by_base(ends, motion, travel, swing, out)
     across = np.cross(place, rng.normal(size=3))
     farthest = 0.0
@@ -161,11 +161,11 @@ def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, own, se
         for share in (0.5, 1.0):
             turn = Rotation.from_rotvec(share * swing * axis).as_matrix()
             away = turn @ place - place
-            for way in (away, rng.normal(size=3)):
-                length = np.linalg.norm(way)
-                way = way / length if length > 1e-12 else np.array([1.0, 0.0, 0.0])
-                end = place + own * (turn.T @ way)
-                gone = share * travel * way + turn @ end - place
+            for along in (away, rng.normal(size=3)):
+                length = np.linalg.norm(along)
+                along = along / length if length > 1e-12 else np.array([1.0, 0.0, 0.0])
+                end = place + moved * (turn.T @ along)
+                gone = share * travel * along + turn @ end - place
                 farthest = max(farthest, float(np.linalg.norm(gone)))
     assert farthest <= out.min() + 1e-12
     assert out.max() <= LOOSE * farthest + 1e-9
@@ -181,7 +181,7 @@ def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, own, se
 def test_the_base_is_no_faster_than_its_bound(start, end, pivot, kind):
     pivot = pivot + 0.5
     path = (start, np.eye(3), end, np.eye(3), kind, pivot)
-    where, _ = base_path(*path, np.linspace(0.0, 1.0, 201))
+    where, _ = base_path(path, np.linspace(0.0, 1.0, 201))
     fastest = np.linalg.norm(np.diff(where, axis=0), axis=1).max() * 200.0
     assert fastest <= path_speed(path) + 1e-9
     assert path_speed(path) <= LOOSE * fastest + 1e-9

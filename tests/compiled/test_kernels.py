@@ -9,7 +9,6 @@ from mlivr_gym import MlivrError
 from mlivr_gym.collisions.swept_hold import hold_free
 from mlivr_gym.collisions.swept_swing import swing_free
 from mlivr_gym.compiled import kernels as compiled
-from mlivr_gym.compiled.stack_arrays import floats, integers, zeros
 from mlivr_gym.planners import Planner, planner, warmup
 from mlivr_gym.planners.cost_to_go import backward
 from mlivr_gym.planners.pair_search import distance_to_goal, search, steps_to_goal
@@ -55,33 +54,6 @@ def test_in_parallel_covers_every_item_once(count):
     compiled.in_parallel(count, visit, seen, first=3, least=2)
     assert (seen[3:] == 1).all()
     assert (seen[:3] == 0).all()
-
-
-@compiled.kernel
-def on_the_stack(rows, out):
-    square, fixed, counts = zeros(rows, rows), floats(2, 3), integers(rows)
-    for i in range(rows):
-        counts[i] = i
-        square[i, i] = counts[i] + 1
-    for i in range(2):
-        for j in range(3):
-            fixed[i, j] = 10 * i + j
-    row = fixed[1]
-    for i in range(rows):
-        for j in range(rows):
-            out[i, j] = square[i, j]
-    out[0, rows] = row[2]
-
-
-def test_arrays_on_the_stack_are_arrays():
-    """Those of a size known beforehand and others, whole and in parts, once as compiled and once as plain Python."""
-    for rows in (1, 4, 50):
-        ours, plain = np.zeros((2, rows, rows + 1))
-        on_the_stack(rows, ours)
-        on_the_stack.py_func(rows, plain)
-        np.testing.assert_array_equal(ours, plain)
-        np.testing.assert_array_equal(ours[:, :rows], np.diag(np.arange(1, rows + 1)))
-        assert ours[0, rows] == 12.0
 
 
 def test_kernel_cache_is_told_apart(tmp_path):

@@ -1,90 +1,18 @@
 import numpy as np
 import pytest
+from held_paths import FLOOR, GRIP, LIMB, MOUNT, ORIGIN, TOOL, random_ends
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
-from mlivr_gym import Limb, robot_spec
 from mlivr_gym.kinematics.base_path import (
-    ARC,
     SAMPLES,
     STRAIGHT,
-    certify,
     follow,
     relative_rotation,
     within_limits,
 )
-from mlivr_gym.kinematics.holding import base_path
-from mlivr_gym.kinematics.ur import inverse_kinematics, jacobian
-
-ROBOT = robot_spec("mlivr2")
-LIMB = Limb()
-FLOOR = 0.03 * 0.87**3
-MOUNT, ORIGIN = ROBOT.mount_rotations[0].copy(), ROBOT.mount_positions[0].copy()
-TOOL = np.diag([1.0, -1.0, -1.0])
-GRIP = np.array([0.55, 0.0, -0.6])
-
-
-def random_ends(seed):
-    rng = np.random.default_rng(seed)
-    ends = []
-    for _ in range(2):
-        rotation = Rotation.from_rotvec(rng.normal(size=3) * 0.35).as_matrix()
-        ends += [rng.uniform([-0.35, -0.35, -0.15], [0.35, 0.35, 0.25]), rotation]
-    return ends
-
-
-def determinants(ends, kind, pivot, branch, samples=400):
-    """|det J| of one branch at points of the path; 0 where it does not exist."""
-    positions, rotations = base_path(*ends, kind, pivot, np.linspace(0, 1, samples))
-    out, q = np.zeros(samples), np.empty((8, 6))
-    for k in range(samples):
-        mount = rotations[k] @ MOUNT
-        p = mount.T @ (GRIP - positions[k] - rotations[k] @ ORIGIN)
-        if (
-            inverse_kinematics(p, np.ascontiguousarray(mount.T @ TOOL), LIMB.lengths, q) >> branch
-            & 1
-        ):
-            out[k] = abs(np.linalg.det(jacobian(q[branch], LIMB.lengths)))
-    return out
-
-
-@pytest.mark.parametrize("kind", [STRAIGHT, ARC])
-@given(st.integers(0, 10**6))
-@settings(max_examples=60, deadline=None)
-def test_certified_choices_keep_the_floor_at_every_point(kind, seed):
-    ends, pivot = random_ends(seed), np.array([0.55, 0.0, -0.65])
-    approach = TOOL[:, 2].copy()
-    classes = certify(GRIP, approach, *ends, kind, pivot, MOUNT, ORIGIN, LIMB.lengths, FLOOR, 15)
-    for c in range(4):
-        least = determinants(ends, kind, pivot, 2 * c).min()
-        if classes >> c & 1:
-            assert least >= FLOOR * (1 - 1e-9)
-        else:
-            # The proof may only fail close to the floor: conservatism is bounded.
-            assert least < FLOOR * 1.02
-
-
-@given(st.integers(0, 10**6))
-@settings(max_examples=60, deadline=None)
-def test_certificates_are_the_same_in_both_directions(seed):
-    ends, pivot = random_ends(seed), np.zeros(3)
-    approach = TOOL[:, 2].copy()
-    there = certify(GRIP, approach, *ends, STRAIGHT, pivot, MOUNT, ORIGIN, LIMB.lengths, FLOOR, 15)
-    back = certify(
-        GRIP,
-        approach,
-        *ends[2:],
-        *ends[:2],
-        STRAIGHT,
-        pivot,
-        MOUNT,
-        ORIGIN,
-        LIMB.lengths,
-        FLOOR,
-        15,
-    )
-    assert there == back
+from mlivr_gym.kinematics.certificate import certify
 
 
 @given(st.integers(0, 10**6))
@@ -120,19 +48,6 @@ def test_followed_joints_are_continuous_and_stay_on_their_branch(seed):
         np.testing.assert_allclose(coarse[0], fine[0], atol=1e-9)
         assert (coarse[1] >= fine[1] - 1e-9).all()
         assert (coarse[2] <= fine[2] + 1e-9).all()
-
-
-def test_base_path_is_slerp_on_a_line_or_on_an_arc():
-    ends, s = random_ends(3), np.linspace(0, 1, 11)
-    positions, rotations = base_path(*ends, STRAIGHT, np.zeros(3), s)
-    np.testing.assert_allclose(positions, ends[0] + s[:, None] * (ends[2] - ends[0]), atol=1e-12)
-    slerp = Slerp([0, 1], Rotation.from_matrix(np.array([ends[1], ends[3]])))
-    np.testing.assert_allclose(rotations, slerp(s).as_matrix(), atol=1e-12)
-    pivot = np.array([0.55, 0.0, -0.65])
-    positions, _ = base_path(*ends, ARC, pivot, s)
-    lengths = np.linalg.norm(positions - pivot, axis=1)
-    np.testing.assert_allclose(np.diff(lengths, 2), 0.0, atol=1e-12)
-    np.testing.assert_allclose(positions[[0, -1]], [ends[0], ends[2]], atol=1e-12)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1.0, np.pi - 1e-9, np.pi])

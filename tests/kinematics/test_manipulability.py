@@ -11,9 +11,10 @@ from mlivr_gym.kinematics.manipulability import (
     scaling,
 )
 from mlivr_gym.kinematics.ur import forward_kinematics, inverse_kinematics
-from mlivr_gym.settings import Settings, base_threshold
 
 LIMB = Limb()
+
+
 ARM = pinocchio_arm(LIMB)
 
 
@@ -101,12 +102,6 @@ def test_largest_limb_manipulability_of_a_ur5e_is_about_0_18():
         for _ in range(20000)
     )
     assert 0.165 < best < 0.185
-
-
-def test_base_threshold_falls_with_the_cube_of_the_number_of_limbs():
-    assert [base_threshold(n) for n in (2, 4)] == [0.001, 0.000125]
-    assert Settings().thresholds(3) == (0.1, pytest.approx(0.001 * 8 / 27))
-    assert Settings(manipulability=False).thresholds(2) == (0.0, 0.0)
 
 
 def test_forward_kinematics_of_the_flange_is_consistent():

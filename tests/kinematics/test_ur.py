@@ -55,7 +55,7 @@ def test_jacobian_agrees_with_finite_differences():
 
 
 def check_all_branches(q):
-    """Every solution reproduces the pose, they are distinct, and the given angles are among them."""
+    """Every solution reproduces the pose, and the given angles are among them."""
     pose, truth = flange(ARM, q)
     mask, out = solutions(pose)
     assert mask

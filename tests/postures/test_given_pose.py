@@ -11,7 +11,7 @@ from mlivr_gym.agents import ExpertPolicy, planner_policy
 from mlivr_gym.cli.main import main
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.motion.commitment import assemble
+from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.motion.trajectory import Durations
 from mlivr_gym.planners import Planner
@@ -22,7 +22,7 @@ START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
 
 def moved_pose(graph, stance, shift, turn=(0.0, 0.0, 0.0)):
-    """The stance's own posture, shifted [m] and turned [rad] in its own axes."""
+    """The posture of a stance, shifted [m] and turned [rad] in its axes."""
     posture = graph.posture(graph.indices(stance))
     rotation = posture.rotation[0] @ Rotation.from_rotvec(turn).as_matrix()
     position = posture.position[0] + posture.rotation[0] @ np.array(shift)
@@ -34,12 +34,12 @@ def pose(checked_graph):
     return moved_pose(checked_graph, START, (0.05, 0.03, 0.04), (0.03, -0.05, 0.1))
 
 
-def test_a_given_pose_that_is_the_stances_own_gives_the_same_state(checked_graph):
-    own = moved_pose(checked_graph, START, (0.0, 0.0, 0.0))
-    assert checked_graph.state(START, own).masks == checked_graph.state(START).masks
+def test_the_posture_of_the_graph_as_a_given_pose_gives_the_same_state(checked_graph):
+    pose = moved_pose(checked_graph, START, (0.0, 0.0, 0.0))
+    assert checked_graph.state(START, pose).masks == checked_graph.state(START).masks
     steps, given = (
         checked_graph.successors(checked_graph.state(START)),
-        checked_graph.successors(checked_graph.state(START, own)),
+        checked_graph.successors(checked_graph.state(START, pose)),
     )
     # Worked out one by one, and from the start on: other branches may be gained, no step more or
     # less.
@@ -88,7 +88,7 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(small_map, cost, 
 
 
 def least_cost(graph, first, goal, cost):
-    """Cost of the cheapest walk from a state to a base position near the goal, by Dijkstra."""
+    """Cost of the cheapest walk from a state to a base position close to the goal, by Dijkstra."""
     digraph, todo = nx.DiGraph(), [first]
     digraph.add_node(first)
     while todo:
@@ -112,7 +112,7 @@ def least_cost(graph, first, goal, cost):
         return None
 
 
-def test_a_plan_from_a_pose_of_its_own_keeps_clear_and_is_carried_out(checked_graph, pose):
+def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pose):
     graph = checked_graph
     plan = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
     motion = step_motion(graph, plan, 0, 12)
@@ -158,7 +158,7 @@ def test_given_joint_angles_are_kept_with_their_windings(checked_graph, pose):
             )
 
 
-def test_joint_angles_without_a_pose_belong_to_the_stances_own(checked_graph):
+def test_joint_angles_without_a_pose_belong_to_the_posture_of_the_graph(checked_graph):
     free = Planner(checked_graph).plan(START, GOAL, "steps").unwrap()
     joints = free.joint_positions[0]
     plan = Planner(checked_graph).plan(START, GOAL, "steps", start_joints=joints).unwrap()
@@ -167,14 +167,14 @@ def test_joint_angles_without_a_pose_belong_to_the_stances_own(checked_graph):
 
 
 def test_joint_angles_from_which_no_limb_can_let_go_are_told(checked_graph, pose):
-    """The first branch of each limb: it can hold there, but a limb on it cannot be carried away."""
+    """The first branch of each limb: it can hold there, but a limb on it cannot move away."""
     joints = checked_graph.configuration(checked_graph.state(START, pose))[2]
     result = Planner(checked_graph).plan(START, GOAL, "steps", start_pose=pose, start_joints=joints)
     assert result.plan is None
     assert "no step leaves the start" in result.message
 
 
-def test_three_limbs_start_in_a_pose_of_their_own(jem):
+def test_three_limbs_start_in_a_given_pose(jem):
     from mlivr_gym.envs.tasks import random_state
 
     graph = stance_graph(jem, "mlivr3")
@@ -210,7 +210,7 @@ def test_the_environment_starts_in_the_given_pose(pose):
     mask[steps.limb * len(env.graph.grasp_map) + steps.point] = True
     np.testing.assert_array_equal(env.action_masks(), mask)
     for limb, point in plan.actions:
-        observation, reward, terminated, truncated, info = env.step(
+        observation, _, _, _, info = env.step(
             limb * len(env.graph.grasp_map) + env.graph.grasp_map.index(point)
         )
         assert not info["invalid_action"]
@@ -218,7 +218,7 @@ def test_the_environment_starts_in_the_given_pose(pose):
     assert info["base_translation"] == pytest.approx(plan.base_translation, abs=1e-9)
 
 
-def test_a_grasp_that_fails_leaves_the_robot_in_its_own_pose(pose):
+def test_a_grasp_that_fails_leaves_the_robot_in_the_given_pose(pose):
     env = gymnasium.make("MLIVR-JEM-v0", grasp_failure=np.full(331, 0.9)).unwrapped
     env.reset(seed=0, options={"start": START, "start_pose": pose, "goal": GOAL})
     action = int(np.flatnonzero(env.action_masks())[0])
@@ -228,7 +228,7 @@ def test_a_grasp_that_fails_leaves_the_robot_in_its_own_pose(pose):
 
 
 @pytest.mark.parametrize("make", [ExpertPolicy, lambda: planner_policy("steps")])
-def test_policies_walk_from_a_pose_of_its_own_in_the_fewest_steps(small_map, make):
+def test_policies_walk_from_a_given_pose_in_the_fewest_steps(small_map, make):
     env = gymnasium.make("MLIVR-JEM-v0", map=small_map, precompute=True).unwrapped
     graph = env.graph
     rng, done = np.random.default_rng(0), 0
@@ -251,7 +251,7 @@ def test_policies_walk_from_a_pose_of_its_own_in_the_fewest_steps(small_map, mak
     assert done > 3
 
 
-def test_a_plan_from_a_pose_of_its_own_is_replayed_in_simulation(checked_graph, pose):
+def test_a_plan_from_a_given_pose_is_replayed_in_simulation(checked_graph, pose):
     graph = checked_graph
     plan = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
     joints = plan.motion.joint_positions[0]
@@ -334,11 +334,11 @@ def test_joint_angles_that_do_not_fit_are_told_why(checked_graph, pose):
     wrong[1, 2] += 0.2
     result = Planner(graph).plan(START, GOAL, start_pose=pose, start_joints=wrong)
     assert "start_joints of limb 1 do not hold 'D2b:4'" in result.message
-    with pytest.raises(SettingError, match="a row of six angles a limb .* has shape"):
+    with pytest.raises(SettingError, match=r"a row of six angles a limb .* has shape"):
         Planner(graph).plan(START, GOAL, start_joints=[0.0] * 5)
     wrong = joints.copy()
     wrong[0, 1] += 4.0 * np.pi
-    with pytest.raises(SettingError, match="joint 2 of limb 0 is at .* outside its limits"):
+    with pytest.raises(SettingError, match=r"joint 2 of limb 0 is at .* outside its limits"):
         Planner(graph).plan(START, GOAL, start_pose=pose, start_joints=wrong)
     env = gymnasium.make("MLIVR-JEM-v0").unwrapped
     with pytest.raises(SettingError, match="need 'start'"):

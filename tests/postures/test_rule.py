@@ -1,4 +1,4 @@
-"""The rule by which a stance gets its base pose, against its definition tried out one candidate after the other."""
+"""The rule by which a stance gets its base pose, against its definition."""
 
 from dataclasses import replace
 from itertools import product
@@ -16,15 +16,17 @@ from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.ur import inverse_kinematics
 from mlivr_gym.planners import Planner
-from mlivr_gym.postures.solver import base_frames
+from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.specification import RobotSpec, geometric_order
 
 TIE = 1e-9
 
 
 def choices(graph, stance, position, rotation):
-    """Of each limb the branches at a base pose: label, joint angles, `w_m`, Jacobian at the grasp in the base's axes."""
+    """Branches of each limb at a base pose.
+
+    Label, joint angles, `w_m`, and Jacobian at the grasp in body axes.
+    """
     robot, arm, out = graph.robot, pinocchio_arm(graph.robot.limb), []
     for i, point in enumerate(stance):
         mount = rotation @ robot.mount_rotations[i]
@@ -84,10 +86,10 @@ def chosen_by_definition(graph, stance):
     grasps = [
         (i, graph.grasp_map.positions[p], graph.grasp_map.normals[p]) for i, p in enumerate(stance)
     ]
-    left = sorted(candidates(graph, stance), key=lambda c: -c[0])
-    while left:
-        tied = [c for c in left if c[0] >= left[0][0] * (1.0 - TIE)]
-        left = left[len(tied) :]
+    untried = sorted(candidates(graph, stance), key=lambda c: -c[0])
+    while untried:
+        tied = [c for c in untried if c[0] >= untried[0][0] * (1.0 - TIE)]
+        untried = untried[len(tied) :]
         free = [c for c in tied if not contacts(graph.robot, boxes, c[2], clearance, grasps)]
         if free:
             gaps = [contacts(graph.robot, (), c[2], np.inf)[0].distance for c in free]
@@ -112,12 +114,12 @@ def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
     assert max(ties) > 4  # mirror postures and elbows
 
 
-def own_configuration(graph, s):
+def best_configuration(graph, s):
     masks = tuple((1 << graph.branch[s]).tolist())
     return graph.configuration(State(tuple(graph.points[s].tolist()), masks))
 
 
-def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_near(
+def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_close(
     graph, checked_graph
 ):
     at = {tuple(p): s for s, p in enumerate(graph.points.tolist())}
@@ -131,10 +133,10 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
         grasps = [
             (i, graph.solver.points[p], graph.solver.normals[p]) for i, p in enumerate(points)
         ]
-        near = contacts(
-            graph.robot, graph.grasp_map.boxes, own_configuration(graph, s), 0.02, grasps
+        close = contacts(
+            graph.robot, graph.grasp_map.boxes, best_configuration(graph, s), 0.02, grasps
         )
-        assert same == (not near)
+        assert same == (not close)
         moved += not same
     assert 0 < moved < 75
 
@@ -146,7 +148,7 @@ def test_no_posture_penetrates_the_robot_itself_in_the_papers_world(graph):
     body = coal.Box(*[robot.body_size] * 3)
     rng, nearest = np.random.default_rng(5), np.inf
     for s in rng.integers(0, len(graph), 150):
-        configuration = own_configuration(graph, s)
+        configuration = best_configuration(graph, s)
         ends = capsule_ends(robot, shapes, configuration)
         base = coal.Transform3s(graph.rotation[s], graph.position[s])
         limbs = []
@@ -178,7 +180,7 @@ def capsule(start, end, radius):
 
 
 def test_no_side_is_favoured_when_two_limbs_change_places(graph):
-    """On one wall the posture of (b, a) is that of (a, b) turned by half a turn about the normal between the points."""
+    """On one wall the posture of (b, a) is that of (a, b) after half a turn about the normal."""
     at = {tuple(p): s for s, p in enumerate(graph.points.tolist())}
     same = np.flatnonzero(
         (
@@ -230,30 +232,21 @@ def test_the_order_of_the_candidates_shows_in_nothing(small_map):
     assert len(walk[1]) > 1
 
 
-def test_rolls_are_ordered_by_size_the_positive_first():
-    assert geometric_order((-0.2, 0.0, 0.3, 0.2, 2 * np.pi - 0.1)) == (
-        0.0,
-        2 * np.pi - 0.1,
-        0.2,
-        -0.2,
-        0.3,
-    )
-    assert RobotSpec(rolls=(-0.1, 0.1)).fingerprint == RobotSpec(rolls=(0.1, -0.1)).fingerprint
-
-
 def test_stances_whose_every_posture_penetrates_the_robot_are_left_out_and_named(small_map):
-    """A ball on the body in the way of the limbs, then a body round their mounts."""
+    """A ball on the body where the limbs would be, then a body round their mounts."""
     settings, spec = Settings(collisions=False, manipulability=False), robot_spec("mlivr2")
     graph = stance_graph(small_map, spec, settings)
     ball = Capsule("base", (-0.3, 0.0, 0.4), (-0.3, 0.0, 0.4), 0.1)
-    hindered = stance_graph(small_map, replace(spec, capsules=(*spec.shapes, ball)), settings)
-    assert 0 < len(hindered) < len(graph)
-    assert hindered.removed["self"] > 0
+    restricted = stance_graph(small_map, replace(spec, capsules=(*spec.shapes, ball)), settings)
+    assert 0 < len(restricted) < len(graph)
+    assert restricted.removed["self"] > 0
     missing = next(
-        s for s in graph.points.tolist() if hindered.find(s) < 0 and hindered.posture(s).cause[0]
+        s
+        for s in graph.points.tolist()
+        if restricted.find(s) < 0 and restricted.posture(s).cause[0]
     )
     with pytest.raises(StanceError, match="the robot itself"):
-        hindered.state(missing)
+        restricted.state(missing)
     with pytest.raises(RobotError, match="touch the robot itself"):
         stance_graph(small_map, replace(spec, body_size=1.1), settings)
 
@@ -266,9 +259,9 @@ def test_what_is_left_out_without_thresholds_is_counted(small_map):
     assert graph.no_departure == len(unchecked) - len(graph) > 0
     assert unchecked.no_departure == 0
     apart = np.linalg.norm(small_map.positions[:, None] - small_map.positions[None], axis=2)
-    near = replace(spec, span=1.2)
+    short = replace(spec, span=1.2)
     reach = 2.0 * (0.1 + spec.limb.reach + 0.05)
     assert (
-        stance_graph(small_map, near, settings).beyond_span
+        stance_graph(small_map, short, settings).farther_than_span
         == ((apart > 1.2 + 1e-9) & (apart <= reach)).sum()
     )

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, robot_spec, stance_graph
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
-from mlivr_gym.postures.solver import PostureSolver, base_frames
+from mlivr_gym.postures.base_frames import base_frames
+from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.stances.lazy_graph import LazyGraph
 
 
@@ -209,7 +210,7 @@ def test_stances_between_opposite_walls_have_a_posture(kinematic_graph):
 
 
 def test_counts_agree_with_the_independent_calculation(jem):
-    """43,540 ordered pairs within 2.4 m; 27,010 in reach with heights alone and no opposite walls."""
+    """43,540 ordered pairs within 2.4 m; 27,010 in reach by heights alone, no opposite walls."""
     from dataclasses import replace
 
     graph = stance_graph(

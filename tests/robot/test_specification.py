@@ -6,6 +6,7 @@ import pytest
 from mlivr_gym import Capsule, Limb, RobotSpec, Settings, robot_spec, stance_graph
 from mlivr_gym.errors import MlivrError, RobotError
 from mlivr_gym.robot.capsules import LINKS
+from mlivr_gym.robot.specification import geometric_order
 
 CAPSULE = {"link": "forearm", "start": [0, 0, 0], "end": [0, 0, 0.3], "radius": 0.05}
 
@@ -33,7 +34,7 @@ def test_default_figures_are_the_published_ones():
 
 
 def test_a_robot_survives_json(tmp_path):
-    robot = RobotSpec(name="own", limbs=3, limb=Limb(a2=-0.6127, a3=-0.5716), heights=(0.8,))
+    robot = RobotSpec(name="large", limbs=3, limb=Limb(a2=-0.6127, a3=-0.5716), heights=(0.8,))
     path = tmp_path / "robot.json"
     path.write_text(json.dumps(robot.to_dict()))
     assert robot_spec(str(path)) == robot
@@ -55,7 +56,7 @@ def test_a_robot_survives_json(tmp_path):
         ({"body_mass": "heavy"}, "body_mass is 'heavy'"),
         ({"body_mass": 1e-300}, "body_mass .* is 1e-300; it must lie between 0.001 and"),
         ({"body_size": 10**400}, "body_size is"),
-        ({"limb": {"d1": 162.5, "a2": -425.0}}, "d1 is 162.5, beyond 100 m; .*millimetres"),
+        ({"limb": {"d1": 162.5, "a2": -425.0}}, "d1 is 162.5, larger than 100 m; .*millimetres"),
         ({"tool_length": 150.0}, "tool_length .* is 150; .*metres"),
         ({"heights": [0.6] * 1000}, "heights has 1000 entries"),
         ({"heights": [600.0]}, "heights is .*millimetres"),
@@ -68,7 +69,7 @@ def test_a_robot_survives_json(tmp_path):
         ({"capsules": [CAPSULE] * 65}, "capsules has 65 entries; at most 64"),
         ({"capsules": [3]}, "capsule must be an object, not 3"),
         ({"capsules": [{"link": "forearm"}]}, "capsule lacks field 'start'"),
-        ({"capsules": [CAPSULE | {"end": [0, 0, 1e19]}]}, "forearm: end is .*beyond 100 m"),
+        ({"capsules": [CAPSULE | {"end": [0, 0, 1e19]}]}, "forearm: end is .*larger than 100 m"),
         ({"capsules": [CAPSULE | {"radius": 1e-300}]}, "radius is 1e-300"),
         ([], "JSON object"),
     ],
@@ -98,7 +99,7 @@ def test_a_faulty_robot_file_is_named(tmp_path):
 
 
 def test_unknown_names_and_files_are_named(tmp_path):
-    with pytest.raises(RobotError, match="'mlivr9'.*mlivr2"):
+    with pytest.raises(RobotError, match=r"'mlivr9'.*mlivr2"):
         robot_spec("mlivr9")
     broken = tmp_path / "robot.json"
     broken.write_text("[")
@@ -107,5 +108,16 @@ def test_unknown_names_and_files_are_named(tmp_path):
 
 
 def test_mounts_that_cannot_reach_are_named(ladder):
-    with pytest.raises(RobotError, match="cannot hold any stance on map 'ladder'.*2.5 m"):
+    with pytest.raises(RobotError, match=r"cannot hold any stance on map 'ladder'.*2.5 m"):
         stance_graph(ladder, RobotSpec(name="wide", mount_radius=2.5))
+
+
+def test_rolls_are_ordered_by_size_the_positive_first():
+    assert geometric_order((-0.2, 0.0, 0.3, 0.2, 2 * np.pi - 0.1)) == (
+        0.0,
+        2 * np.pi - 0.1,
+        0.2,
+        -0.2,
+        0.3,
+    )
+    assert RobotSpec(rolls=(-0.1, 0.1)).fingerprint == RobotSpec(rolls=(0.1, -0.1)).fingerprint

@@ -46,7 +46,7 @@ def apart(first, second):
 def mujoco_pairs(model):
     """Names of the geoms that MuJoCo compares, as sorted pairs.
 
-    With a margin beyond every distance all of them are in contact.
+    With a margin larger than every distance all of them are in contact.
     """
     kept = model.geom_margin.copy(), model.opt.disableflags
     model.geom_margin[:] = 100.0
@@ -66,8 +66,8 @@ class Ruler:
         self.model = scene_spec(GraspMap.from_dict({"segments": [FLOOR]}), robot).compile()
         self.data = mujoco.MjData(self.model)
         names = [self.model.geom(g).name for g in range(self.model.ngeom)]
-        own = ("body", "limb")
-        self.shapes = {g: name for g, name in enumerate(names) if name.startswith(own)}
+        parts = ("body", "limb")
+        self.shapes = {g: name for g, name in enumerate(names) if name.startswith(parts)}
         self.geoms, self.radii = {}, {}
         for g, name in self.shapes.items():
             size = self.model.geom_size[g]
@@ -86,8 +86,8 @@ class Ruler:
         self.bounds = np.array([box.bounds for box in boxes]).reshape(-1, 2, 3)
         return self
 
-    def measured(self, configuration, grasps=(), beyond=0.1):
-        """Distances below `beyond` [m] with the names of both shapes, the least first.
+    def measured(self, configuration, grasps=(), below=0.1):
+        """Distances below `below` [m] with the names of both shapes, the least first.
 
         Left out are pairs that MuJoCo leaves out, and grippers with what lies behind the surface
         they are at; `grasps` are limb, point and normal.
@@ -97,16 +97,16 @@ class Ruler:
         placed = {g: (self.geoms[g], coal.Transform3s(turned[g], where[g])) for g in self.shapes}
         found = []
         for a, b in self.pairs:
-            if np.linalg.norm(where[a] - where[b]) < self.radii[a] + self.radii[b] + beyond:
+            if np.linalg.norm(where[a] - where[b]) < self.radii[a] + self.radii[b] + below:
                 found.append((apart(placed[a], placed[b]), self.shapes[a], self.shapes[b]))
         at_grasp = {f"limb{limb}/gripper": (point, normal) for limb, point, normal in grasps}
         for g, name in self.shapes.items():
             away = where[g] - np.clip(where[g], self.bounds[:, 0], self.bounds[:, 1])
-            for k in np.flatnonzero((away**2).sum(axis=1) < (self.radii[g] + beyond) ** 2):
+            for k in np.flatnonzero((away**2).sum(axis=1) < (self.radii[g] + below) ** 2):
                 grasp = at_grasp.get(name.rsplit("/", 1)[0])
                 if grasp is None or not behind(self.boxes[k], *grasp):
                     found.append((apart(placed[g], self.solids[k]), name, self.boxes[k].id))
-        return sorted(entry for entry in found if entry[0] < beyond)
+        return sorted(entry for entry in found if entry[0] < below)
 
 
 FLOOR = {"id": "R", "face": "deck", "start": [-0.4, 0, 0], "end": [0.4, 0, 0], "normal": [0, 0, 1]}
@@ -127,7 +127,7 @@ def grasps_of(graph, points):
 
 @contextmanager
 def obstacles(graph, *boxes):
-    """A graph with boxes in the way for a while."""
+    """A graph with boxes among its obstacles for a while."""
     graph.add_obstacles(boxes)
     try:
         yield

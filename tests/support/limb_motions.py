@@ -1,15 +1,18 @@
-"""Limbs over k moments: capsule ends in the body frame, limbs that hold, how far two are apart."""
+"""Limbs over k moments: where their capsules are, limbs that hold, how far they are from what."""
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from coal_ruler import apart, capsule
+from coal_ruler import Ruler, apart, capsule
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym import robot_spec
+from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.contacts import capsule_ends
-from mlivr_gym.collisions.distances import segments_apart
+from mlivr_gym.collisions.distances import CLEAR, segments_apart
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.swept_hold import hold_free
 from mlivr_gym.kinematics.holding import base_path
@@ -17,12 +20,22 @@ from mlivr_gym.kinematics.path_following import joints_along
 from mlivr_gym.stances.stance_graph import join
 
 ROBOT = robot_spec("mlivr2")
+
+
 SHAPES = LimbShapes(ROBOT)
+
+
 RADII = SHAPES.arrays[2]
+
+
 MOUNTS = ROBOT.mount_rotations, ROBOT.mount_positions
+
+
 NO_LIMBS = np.empty((0, len(SHAPES), 2, 3))
+
+
 NOBODY = np.zeros(6), np.zeros(6), MOUNTS[0][0], MOUNTS[1][0]
-"""A mover that is not looked at."""
+"""A mover that does not count."""
 
 
 def draw(rng):
@@ -68,7 +81,8 @@ def by_coal(first, second, at):
 def shift_to(first, second, direction, gap):
     """A shift of the second limb after which its least distance from the first is `gap` [m].
 
-    From where both forearms cross half way it goes in a direction until they are that far apart.
+    From where both forearms cross in the middle it goes in a direction until they are that far
+    apart.
     """
     half = len(first) // 2
     crossed = first[half, 2].mean(axis=0) - second[half, 2].mean(axis=0)
@@ -135,14 +149,14 @@ class Hold(NamedTuple):
 
     def world(self):
         """Ends of its capsules in the world, shape (k, c, 2, 3)."""
-        where, turned = base_path(*self.path, np.linspace(0.0, 1.0, len(self.joints)))
+        where, turned = base_path(self.path, np.linspace(0.0, 1.0, len(self.joints)))
         return np.array([
             w + ends @ r.T
             for w, r, ends in zip(where, turned, in_body(self.limb, self.joints), strict=True)
         ])  # fmt: skip
 
     def answer(self, collision_model, mover, parts):
-        """What the compiled check says of `parts`, given `Bodies.arrays`.
+        """What the compiled check says of `parts`, given `CollisionModel.arrays`.
 
         The mover's joint angles at both ends, and its mount.
         """
@@ -157,8 +171,86 @@ class Hold(NamedTuple):
 def held_joints(graph, limb, point, branch, path, samples):
     """Joint angles of a limb that holds along a base path, shape (samples, 6)."""
     out = np.empty((samples, 6))
-    poses = base_path(*path, np.linspace(0.0, 1.0, samples))
+    poses = base_path(path, np.linspace(0.0, 1.0, samples))
     grip = graph.solver.flanges[point][None], graph.solver.tools[point][None]
     mount = MOUNTS[0][limb], MOUNTS[1][limb], ROBOT.limb.lengths
     assert joints_along(*grip, *poses, *mount, branch, np.zeros(6), out) == samples
     return out
+
+
+AT_ORIGIN = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def verdicts(check, least):
+    """Whether a motion is called clear whose least distance is 0.8 and 1.2 times the clearance."""
+    return [
+        check(CollisionModel(SHAPES, (), least / share).arrays) == CLEAR for share in (0.8, 1.2)
+    ]
+
+
+class Limb:
+    """Distances of limb 0 from itself, body and mounts and, if wanted, from others."""
+
+    def __init__(self, other=False, boxes=()):
+        self.ruler = Ruler(ROBOT, boxes)
+        names = self.ruler.shapes
+
+        def counts(*pair):
+            there = [names[g] for g in pair]
+            moving = [name for name in there if name.startswith("limb0/") and "/base/" not in name]
+            apart = [name for name in there if name.startswith("limb1/") and "/base/" not in name]
+            return moving and (other or not apart)
+
+        self.ruler.pairs = [pair for pair in self.ruler.pairs if counts(*pair)]
+
+    def nearest(self, configurations, grasps=()):
+        """Least distance over some configurations, below 0.5 m, and what limb 0 is nearest to."""
+        best = (0.5, "")
+        for here in configurations:
+            for gap, first, second in self.ruler.measured(here, grasps, best[0]):
+                shape = first if first.startswith("limb0/") and "/base/" not in first else second
+                if shape.startswith("limb0/") and "/base/" not in shape:
+                    best = min(best, (gap, second if shape == first else first))
+        return best
+
+
+def kind_of(name):
+    """Body, a mount, another limb, or the hand or the arm of limb 0 itself."""
+    if "/base/" in name or not name.startswith("limb0/"):
+        return "mount" if "/base/" in name else name.split("/")[0]
+    return "arm" if name.split("/")[1] in ("shoulder", "upper_arm", "forearm") else "hand"
+
+
+class Spheres(NamedTuple):
+    """Spheres in which limb 0, mounts and body reach farthest in any direction, at k moments."""
+
+    centres: np.ndarray  # (k, n, 3)
+    radii: np.ndarray  # (n,)
+
+    @classmethod
+    def of(cls, moments, still=False, containing=False):
+        """The body as its corners or, if `containing`, as the capsules that the checks take for it.
+
+        Only the limb if `still`.
+        """
+        mounts, mount_radius, half, _ = SHAPES.fixed
+        body, thick = np.array(list(product((-1.0, 1.0), repeat=3))) * half, 0.0
+        if containing:
+            body, thick = SHAPES.body[0][:4].reshape(-1, 3), SHAPES.body[1][0]
+        fixed = np.zeros((0, 3)) if still else np.concatenate([mounts.reshape(-1, 3), body])
+        centres = []
+        for here in moments:
+            base = Rotation.from_quat(here[1], scalar_first=True).as_matrix()
+            limb = capsule_ends(ROBOT, SHAPES, here)[0].reshape(-1, 3)
+            centres.append(np.concatenate([limb, here[0] + fixed @ base.T]))
+        radii = np.concatenate(
+            [np.repeat(RADII, 2), np.repeat(mount_radius, 2), np.full(len(body), thick)]
+        )
+        return cls(np.array(centres), radii[: centres[0].shape[0]])
+
+    def farthest(self, direction):
+        """Where they reach farthest in a direction: point, moment and kind of shape."""
+        heights = self.centres @ direction + self.radii
+        k, c = np.unravel_index(int(np.argmax(heights)), heights.shape)
+        kind = "limb" if c < 14 else "mount" if c < 18 else "body"
+        return self.centres[k, c] + self.radii[c] * direction, int(k), kind

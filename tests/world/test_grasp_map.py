@@ -3,9 +3,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from map_data import BOX, POINT, RAIL, SEGMENT
 
 from mlivr_gym import GraspMap, MlivrError, jem_map
-from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import GoalError, MapError, SettingError, UnknownPointError
 
 
@@ -52,16 +52,6 @@ def test_sparse_map_halves_the_points_and_clears_the_deck(jem):
     assert "D1a:4" in sparse.ids
 
 
-POINT = {"id": "P", "face": "deck", "position": [0, 0, 0], "normal": [0, 0, 1], "rail": [1, 0, 0]}
-
-
-SEGMENT = {"id": "S", "face": "aft", "start": [0, 1, 0], "end": [0, 1, 1], "normal": [0, -1, 0]}
-
-RAIL = {"id": "H", "face": "deck", "min": [4, 0, 0], "max": [5, 1, 1]}
-
-BOX = {"id": "B", "min": [6, 0, 0], "max": [7, 1, 1]}
-
-
 def test_points_and_segments_load_from_a_file(tmp_path):
     path = tmp_path / "map.json"
     path.write_text(json.dumps({"points": [POINT], "segments": [SEGMENT], "spacing": 0.25}))
@@ -72,7 +62,7 @@ def test_points_and_segments_load_from_a_file(tmp_path):
 
 
 def test_rounding_does_not_make_another_map(jem):
-    """The last digits of turned boxes differ between machines; a plan made on one must serve on the other."""
+    """The last digits of turned boxes differ between machines; a plan serves on all of them."""
     nudged = [
         replace(box, centre=tuple(value + 1e-13 for value in box.centre)) for box in jem.boxes
     ]
@@ -82,24 +72,6 @@ def test_rounding_does_not_make_another_map(jem):
     ]
     same, other = (replace(jem, boxes=tuple(boxes)) for boxes in (nudged, moved))
     assert same.fingerprint == jem.fingerprint != other.fingerprint
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"normal": [0, 0, 2]}, "'P': normal"),
-        ({"position": [0, float("nan"), 0]}, "'P': position"),
-        ({"rail": [0, 0, 1]}, "'P': the rail"),
-        ({"rail": [0, 0, 0]}, "'P': the rail"),
-        ({"face": "cellar"}, "'cellar'"),
-        ({"id": ""}, "number 0"),
-        ({"position": [0, 0]}, "'P': position"),
-        ({"position": "here"}, "'P': position"),
-    ],
-)
-def test_a_fault_of_a_point_names_the_entry(change, words):
-    with pytest.raises(MapError, match=words):
-        GraspMap.from_dict({"points": [POINT | change]})
 
 
 @pytest.mark.parametrize(
@@ -162,80 +134,8 @@ def test_a_fault_of_a_map_is_named(data, words):
     ],
 )
 def test_a_map_in_millimetres_is_told_so(data, words):
-    with pytest.raises(MlivrError, match=f"{words} is .*beyond 1000 m; .*millimetres"):
+    with pytest.raises(MlivrError, match=f"{words} is .*larger than 1000 m; .*millimetres"):
         GraspMap.from_dict(data)
-
-
-def test_every_figure_of_the_scene_is_needed_and_named():
-    """A hole or a fault anywhere in the figures of the JEM is one error that says where."""
-    jem = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
-
-    def places(found, path):
-        for key, value in found.items():
-            yield (*path, key)
-            if isinstance(value, dict):
-                yield from places(value, (*path, key))
-
-    unused = {"rack_post_section", "jlp_hatch_ring", "end_bulkhead_x", "inner_hatch_diameter"}
-    seen = 0
-    for path in places(jem["scene"], ()):
-        if unused & set(path) or path == ("panel_planes",):
-            continue
-        for fault in (None, "far", [], {"a": 1}, 1e7):
-            data = json.loads(json.dumps(jem))
-            place = data["scene"]
-            for key in path[:-1]:
-                place = place[key]
-            if fault is None:
-                del place[path[-1]]
-            else:
-                place[path[-1]] = fault
-            with pytest.raises(MapError, match=r"scene\." + r"\.".join(path)):
-                GraspMap.from_dict(data)
-            seen += 1
-    assert seen > 80
-
-
-@pytest.mark.parametrize(
-    "change", [{"face": "port"}, {"id": "\ud800"}, {"x_centre": "far"}, {"run_centre": None}, 3]
-)
-def test_a_faulty_rack_is_named(change):
-    jem = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
-    jem["racks"][4] = change if change == 3 else jem["racks"][4] | change
-    with pytest.raises(MlivrError, match=r"racks\[4\]|id of a box"):
-        GraspMap.from_dict(jem)
-
-
-@pytest.mark.parametrize("spacing", [1e-300, 1e-9, 1e-7, 1e-6])
-def test_too_small_a_spacing_is_refused_before_the_points_are_made(spacing):
-    for make in (
-        lambda: GraspMap.from_dict({"segments": [SEGMENT], "spacing": spacing}),
-        lambda: jem_map(spacing=spacing),
-    ):
-        with pytest.raises(MapError, match="at most 100000; take a larger spacing"):
-            make()
-
-
-def test_points_at_handrails_are_left_out_as_one_by_one(jem):
-    """The definition, point by point and rail by rail, on every point of the tracks."""
-    every = jem_map(clearance=0.0)
-    data = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
-    bare = GraspMap.from_dict(data | {"handrails": []})
-    for clearance, kept in ((0.0, every), (0.03, jem)):
-        left = []
-        for point, face, position, turn in zip(
-            bare.ids, bare.faces, bare.positions, bare.rotations, strict=True
-        ):
-            width = next(s.width for s in bare.segments if s.id == point.split(":")[0])
-            reach = clearance + 0.5 * width * np.abs(turn[:, 1])
-            plane = np.abs(turn[:, 2]) < 0.5
-            blocked = any(
-                rail.face == face
-                and ((rail.min - reach <= position) & (position <= rail.max + reach))[plane].all()
-                for rail in jem.handrails
-            )
-            left += [] if blocked else [point]
-        assert tuple(left) == kept.ids
 
 
 def test_missing_and_broken_files_are_named(tmp_path):
@@ -265,7 +165,7 @@ def test_goals_are_checked(jem):
 
 
 def test_unknown_points_are_named(jem):
-    with pytest.raises(UnknownPointError, match="'X9:9'.*331 points.*D1a:0"):
+    with pytest.raises(UnknownPointError, match=r"'X9:9'.*331 points.*D1a:0"):
         jem.index("X9:9")
     with pytest.raises(UnknownPointError, match="331"):
         jem.index(331)

@@ -1,0 +1,66 @@
+"""Distances and how they compare with lengths; coal and dense samples are the rulers."""
+
+import coal
+import numpy as np
+import pytest
+from coal_ruler import apart, capsule
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+
+from mlivr_gym.collisions.distances import segment_box_apart, segments_apart, stays_away
+
+
+def vectors(low=-1.0, high=1.0):
+    return st.lists(st.floats(low, high), min_size=3, max_size=3).map(np.array)
+
+
+@given(vectors(), vectors(), vectors(0.05, 0.6))
+@examples(max_examples=300, deadline=None)
+def test_segment_to_box_agrees_with_coal(start, end, half):
+    if np.linalg.norm(end - start) < 1e-3:
+        return
+    ours = np.sqrt(segment_box_apart(tuple(start), tuple(end - start), tuple(half)))
+    theirs = apart(
+        capsule(1e-3, start, end), (coal.Box(*(2.0 * half)), coal.Transform3s.Identity())
+    )
+    assert ours == pytest.approx(max(theirs + 1e-3, 0.0), abs=2e-4)
+
+
+@given(vectors(), vectors(), vectors(), vectors())
+@examples(max_examples=300, deadline=None)
+def test_segment_to_segment_agrees_with_coal(a, b, c, d):
+    if min(np.linalg.norm(b - a), np.linalg.norm(d - c)) < 1e-3:
+        return
+    ours = np.sqrt(segments_apart(tuple(a), tuple(b - a), tuple(c), tuple(d - c)))
+    theirs = apart(capsule(1e-3, a, b), capsule(1e-3, c, d)) + 2e-3
+    assert ours == pytest.approx(max(theirs, 0.0), abs=2e-4)
+
+
+@given(
+    st.booleans(),
+    st.tuples(vectors(), vectors()),
+    st.tuples(vectors(), vectors()),
+    st.tuples(st.floats(0.01, 0.8), st.floats(0.01, 0.8)),
+)
+@examples(max_examples=300, deadline=None)
+def test_an_axis_is_compared_with_a_length_that_changes_along_it(box, axis, other, lengths):
+    """Told apart as samples tell it, but for what rounding or the number of places leaves open."""
+    (start, end), (first, second), (at_start, at_end) = axis, other, lengths
+    shape = np.abs(first) + 0.05 if box else first
+    answer = stays_away(
+        box, tuple(shape), tuple(second - first), tuple(start), tuple(end - start), at_start, at_end
+    )
+    t = np.linspace(0.0, 1.0, 2001)
+    points = start + t[:, None] * (end - start)
+    if box:
+        distance = np.linalg.norm(np.maximum(np.abs(points) - shape, 0.0), axis=1)
+    else:
+        along = second - first
+        share = np.clip((points - first) @ along / max(along @ along, 1e-14), 0.0, 1.0)
+        distance = np.linalg.norm(points - first - share[:, None] * along, axis=1)
+    spare = (distance - at_start - t * (at_end - at_start)).min()
+    if answer:
+        assert spare >= -1e-9
+    elif spare > 0.0:
+        assert spare < 0.01

@@ -1,0 +1,66 @@
+"""What is left out cannot meet; what contains body and mounts contains them."""
+
+import itertools
+
+import numpy as np
+
+from mlivr_gym import Box, robot_spec
+from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.collisions.contacts import capsule_ends
+from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, segments_apart
+from mlivr_gym.collisions.limb_shapes import NEVER_NEARER, LimbShapes
+from mlivr_gym.collisions.link_capsules import body_against_boxes
+
+ROBOT = robot_spec("mlivr2")
+
+
+SHAPES = LimbShapes(ROBOT)
+
+
+def test_links_that_are_not_compared_never_meet():
+    """No posture brings two of those that are two joints apart closer than touching."""
+    left_out = {tuple(sorted((a, b))) for a, b in NEVER_NEARER}
+    compared = {tuple(SHAPES.arrays[0][[i, j]].tolist()) for i, j in SHAPES.arrays[3]}
+    rng = np.random.default_rng(1)
+    least = dict.fromkeys(left_out, np.inf)
+    for _ in range(3000):
+        here = (np.zeros(3), np.array([1.0, 0, 0, 0]), rng.uniform(-np.pi, np.pi, (2, 6)))
+        ends = capsule_ends(ROBOT, SHAPES, here)[0]
+        for i, j in itertools.combinations(range(len(SHAPES)), 2):
+            pair = tuple(SHAPES.arrays[0][[i, j]].tolist())
+            if pair in left_out and pair not in compared:
+                gap = np.sqrt(
+                    segments_apart(
+                        tuple(ends[i, 0]),
+                        tuple(ends[i, 1] - ends[i, 0]),
+                        tuple(ends[j, 0]),
+                        tuple(ends[j, 1] - ends[j, 0]),
+                    )
+                )
+                least[pair] = min(least[pair], gap - SHAPES.arrays[2][i] - SHAPES.arrays[2][j])
+    assert min(least.values()) > 0.0
+
+
+def test_what_moves_with_the_base_contains_body_and_mounts():
+    """A millimetre box anywhere in the body or a mount is found, one 22 cm away is not."""
+    robot, rng = robot_spec("mlivr3"), np.random.default_rng(0)
+    shapes = LimbShapes(robot)
+    mounts, radius, half, _ = shapes.fixed
+
+    def answer(point):
+        speck = Box("speck", "obstacle", tuple(point), (5e-4, 5e-4, 5e-4))
+        collision_model = CollisionModel(shapes, (speck,), 0.0).arrays
+        return body_against_boxes(
+            np.zeros(3), np.eye(3), 0.0, 0.0, collision_model[6], collision_model[4], 0.0
+        )
+
+    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
+    inside = [*corners, *rng.uniform(-half, half, (200, 3))]
+    for m in range(len(mounts)):
+        share, out = rng.uniform(size=(50, 1)), rng.normal(size=(50, 3))
+        out *= radius[m] * rng.uniform(size=(50, 1)) / np.linalg.norm(out, axis=1, keepdims=True)
+        inside += [*(mounts[m, 0] + share * (mounts[m, 1] - mounts[m, 0]) + out)]
+    assert all(answer(point) == OBSTACLE for point in inside)
+    outside = rng.normal(size=(200, 3))
+    outside *= 0.22 / np.linalg.norm(outside, axis=1, keepdims=True)
+    assert all(answer(point) == CLEAR for point in outside)

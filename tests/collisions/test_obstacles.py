@@ -1,0 +1,276 @@
+"""Graphs and plans among obstacles and occupied points, and with shapes of a user."""
+
+import json
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from coal_ruler import Ruler, grasps_of
+
+from mlivr_gym import Box, Capsule, GraspMap, RobotSpec, Settings, robot_spec, stance_graph
+from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.errors import SettingError, ShapeError, StanceError
+from mlivr_gym.kinematics.base_path import STRAIGHT
+from mlivr_gym.motion.plan_motion import step_motion
+from mlivr_gym.motion.sampling import sampled_line
+from mlivr_gym.motion.swings import SwingFinder
+from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.pair_steps import PAIR_BITS, edge_entry, turned
+from mlivr_gym.stances.stance_graph import State
+
+START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+
+
+ROBOT = robot_spec("mlivr2")
+
+
+def test_whole_graph_and_lazy_graph_agree(small_map, small_checked_graph):
+    graph = small_checked_graph
+    lazy = LazyGraph(small_map, graph.robot, graph.settings)
+    rng = np.random.default_rng(5)
+    for s in rng.permutation(len(graph))[:6]:
+        stance = tuple(graph.points[s].tolist())
+        ours, theirs = graph.successors(graph.state(stance)), lazy.successors(lazy.state(stance))
+        np.testing.assert_array_equal(ours.limb, theirs.limb)
+        np.testing.assert_array_equal(ours.point, theirs.point)
+        # The whole graph looks for the branches that serve most and stops there.
+        assert not (ours.masks & ~theirs.masks).any()
+
+
+def test_plans_among_obstacles_are_optimal(small_checked_graph):
+    """The exact table, made by another search, and Dijkstra agree with A*.
+
+    A* learns what is blocked as it goes.
+    """
+    graph, rng = small_checked_graph, np.random.default_rng(6)
+    start, goal = sample_task(graph, rng, 0.3)
+    planner = Planner(graph)
+    for boxes in ((), (Box.between("crate", "obstacle", (1.4, -0.3, -0.9), (1.7, 0.3, -0.4)),)):
+        graph.add_obstacles(boxes)
+        costs = [
+            planner.plan(start.stance, goal, method=method).plan for method in ("astar", "dijkstra")
+        ]
+        exact = planner.cost_to_go(goal).value(graph.state(start.stance))
+        assert all(plan.statistics.cost == pytest.approx(exact) for plan in costs)
+    graph.remove_obstacles()
+
+
+def test_a_larger_clearance_leaves_fewer_stances(small_map):
+    sizes = [
+        len(stance_graph(small_map, settings=Settings(clearance=c))) for c in (0.0, 0.012, 0.024)
+    ]
+    assert sizes[0] >= sizes[1] >= sizes[2]
+    assert sizes[0] > sizes[2]
+
+
+def test_obstacles_take_away_and_give_back(checked_graph):
+    graph, planner = checked_graph, Planner(checked_graph)
+    free = planner.plan(START, GOAL, "steps").unwrap()
+    before = graph.successors(graph.state(START))
+    box = Box.between("crate", "obstacle", (3.4, -1.0, -1.0), (3.7, 1.0, 0.2))
+    graph.add_obstacles([box])
+    blocked = planner.plan(START, GOAL, "steps").unwrap()
+    assert blocked.cost >= free.cost
+    assert blocked.obstacles == (box,)
+    for k in range(len(blocked.steps)):
+        motion = step_motion(graph, blocked, k, 10)
+        for n in range(len(motion.phase)):
+            here = (motion.base_positions[n], motion.base_quaternions[n], motion.joint_positions[n])
+            assert not contacts(graph.robot, (box,), here, 0.02 - 1e-9)
+    assert Plan.from_dict(json.loads(json.dumps(blocked.to_dict())), graph.grasp_map).obstacles == (
+        box,
+    )
+    graph.remove_obstacles(["crate"])
+    after = graph.successors(graph.state(START))
+    for ours, theirs in zip(before, after, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    assert planner.plan(START, GOAL, "steps").unwrap().stances == free.stances
+
+
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
+def test_occupied_points_are_not_grasped(jem, checked_graph, robot):
+    graph = checked_graph if robot == "mlivr2" else stance_graph(jem, robot)
+    start, goal = sample_task(graph, np.random.default_rng(0), 0.2)
+    cost = {"cost": "weighted", "regrasp_price": 0.2}
+    plan = Planner(graph).plan(start.stance, goal, **cost).unwrap()
+    held = set(plan.stances[0])
+    taken = sorted({point for stance in plan.stances for point in stance} - held)[:2]
+    graph.occupy(taken)
+    result = Planner(graph).plan(start.stance, goal, **cost)
+    if result.plan is not None:
+        assert not any(point in taken for stance in result.plan.stances for point in stance)
+    graph.occupy([plan.stances[0][0]])
+    assert Planner(graph).plan(plan.stances[0], goal).reason == "start infeasible"
+    with pytest.raises(StanceError, match="occupied"):
+        graph.state(plan.stances[0])
+    graph.vacate()
+    assert Planner(graph).plan(start.stance, goal, **cost).unwrap().stances == plan.stances
+
+
+def test_a_sampled_line_is_clear_and_reproducible(checked_graph):
+    graph = checked_graph
+    s = graph.find(graph.indices(START))
+    path = (
+        graph.position[s],
+        graph.rotation[s],
+        graph.position[s],
+        graph.rotation[s],
+        STRAIGHT,
+        graph.position[s],
+    )
+    finder = SwingFinder(graph, 0, path, [])
+    start, end = (np.array([0.0, *fold, 0.0]) for fold in graph.robot.folds[:2])
+    line = sampled_line(finder.clear, finder.graph.robot.limb.limits, start, end)
+    np.testing.assert_allclose(line[[0, -1]], [start, end])
+    np.testing.assert_array_equal(
+        line, sampled_line(finder.clear, finder.graph.robot.limb.limits, start, end)
+    )
+    assert finder.clear(line)
+
+
+def test_edges_serve_both_directions(checked_graph):
+    graph, rng = checked_graph, np.random.default_rng(8)
+    for s in rng.choice(len(graph), 10, replace=False):
+        for held in range(2):
+            for other in graph.row(held, int(s))[:5]:
+                back = edge_entry(held, int(other), int(s), graph.edges)
+                assert edge_entry(held, int(s), int(other), graph.edges) == turned(back)
+
+
+def test_shapes_and_boxes_of_a_user_take_stances_away(ladder, tmp_path):
+    """A map's box and a robot's thicker capsules take stances away."""
+    plain = stance_graph(ladder, settings=Settings(limb_threshold=0.05))
+    data = {
+        "segments": [
+            {
+                "id": f"R{k}", "face": "deck",
+                "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0], "normal": [0, 0, 1],
+            }
+            for k, x in enumerate((0.0, 0.9, 1.8))
+        ],
+        "boxes": [{"id": "shelf", "min": [-0.5, -0.5, 0.45], "max": [2.3, 0.5, 0.55]}],
+    }  # fmt: skip
+    shelved = GraspMap.from_dict(data)
+    assert shelved.fingerprint != ladder.fingerprint
+    try:
+        remaining = len(stance_graph(shelved, settings=Settings(limb_threshold=0.05)))
+    except ValueError:
+        remaining = 0
+    assert remaining < len(plain)
+    thick = tuple(
+        replace(c, radius=1.3 * c.radius) if c.link == "forearm" else c for c in ROBOT.shapes
+    )
+    robot = RobotSpec.from_dict(json.loads(json.dumps(replace(ROBOT, capsules=thick).to_dict())))
+    assert robot.shapes == thick
+    assert len(stance_graph(ladder, robot, Settings(limb_threshold=0.05))) <= len(plain)
+
+
+CLEARANCE = 0.02
+
+
+def test_a_step_is_the_same_in_both_directions(small_map):
+    """Asked for in one graph forwards, and in another, that does not know it yet, backwards."""
+    first, second = stance_graph(small_map), stance_graph(small_map)
+    rng, found = np.random.default_rng(0), Counter()
+    for _ in range(800):
+        s, held = int(rng.integers(len(first))), int(rng.integers(2))
+        other = int(rng.choice(first.row(held, s)))
+        forth, back = (
+            edge_entry(held, s, other, first.edges),
+            edge_entry(held, other, s, second.edges),
+        )
+        found["possible" if forth & 0xFFFF else "blocked"] += 1
+        if not forth & DIRECT:
+            assert forth == back
+            continue
+        # The branches before and after the swing change places.
+        before, after = divmod(forth >> PAIR_BITS & 63, 8)
+        assert forth - (forth >> PAIR_BITS << PAIR_BITS) == back - (back >> PAIR_BITS << PAIR_BITS)
+        assert back >> PAIR_BITS == 8 * after + before
+        found["swapped"] += before != after
+    assert min(found.values()) > 5
+    assert len(found) == 3
+
+
+def test_whole_graph_and_lazy_graph_keep_the_same_branches(small_map, small_checked_graph):
+    """The limb that moves grasps on the same; the one that holds keeps some of them, mostly all."""
+    graph, rng = small_checked_graph, np.random.default_rng(1)
+    lazy = LazyGraph(small_map, graph.robot, graph.settings)
+    same = []
+    for s in rng.choice(len(graph), 6, replace=False):
+        stance = tuple(graph.points[s].tolist())
+        ours, theirs = graph.successors(graph.state(stance)), lazy.successors(lazy.state(stance))
+        rows, held = np.arange(len(ours.limb)), 1 - ours.limb
+        np.testing.assert_array_equal(ours.masks[rows, ours.limb], theirs.masks[rows, theirs.limb])
+        mine, whole = ours.masks[rows, held], theirs.masks[rows, held]
+        assert (mine > 0).all()
+        assert not (mine & ~whole).any()
+        same += (mine == whole).tolist()
+    assert len(same) > 50
+    assert np.mean(same) > 0.5
+
+
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
+def test_a_plan_goes_round_occupied_points(small_map, small_checked_graph, robot):
+    """There is one, it takes hold of none of them, and costs no less."""
+    graph = small_checked_graph if robot == "mlivr2" else stance_graph(small_map, robot)
+    rng, cost, round_them = np.random.default_rng(2), {"cost": "weighted", "regrasp_price": 0.2}, 0
+    for _ in range(4):
+        start, goal = sample_task(graph, rng, 0.4)
+        plan = Planner(graph).plan(start.stance, goal, **cost).unwrap()
+        used = {point for stance in plan.stances for point in stance}
+        taken = sorted(used - set(plan.stances[0]))[:1]
+        try:
+            graph.occupy(taken)
+            other = Planner(graph).plan(start.stance, goal, **cost).plan
+        finally:
+            graph.vacate()
+        if other is not None:
+            round_them += 1
+            assert not any(set(stance) & set(taken) for stance in other.stances)
+            assert graph.limbs > 2 or other.cost >= plan.statistics.cost - 1e-9
+    assert round_them >= 2
+
+
+def best_postures(graph, stances):
+    """Configuration of each stance in its best posture, and its grasps."""
+    for stance in stances:
+        s = graph.find(stance)
+        masks = tuple(1 << int(branch) for branch in graph.branch[s])
+        yield graph.configuration(State(tuple(stance), masks)), grasps_of(graph, enumerate(stance))
+
+
+def test_a_shelf_and_a_mast_take_away_what_they_touch(ladder):
+    """A map's box, and a capsule across each forearm.
+
+    Stances that are gone touch in their best posture, those that remain keep the clearance.
+    """
+    settings = Settings(limb_threshold=0.05)
+    shelf = Box.between("shelf", "obstacle", (0.3, -0.5, 0.5), (0.6, 0.5, 0.55))
+    mast = Capsule("forearm", (-0.2, -0.5, 0.007), (-0.2, 0.5, 0.007), 0.03)
+    masted = replace(ROBOT, name="masted", capsules=(*ROBOT.shapes, mast))
+    free = stance_graph(ladder, settings=replace(settings, collisions=False))
+    shelved = replace(ladder, boxes=(*ladder.boxes, shelf))
+    for world, robot in ((shelved, ROBOT), (ladder, masted)):
+        graph, ruler = stance_graph(world, robot, settings), Ruler(robot, world.boxes)
+        gone = [row for row in free.points.tolist() if graph.find(row) < 0]
+        assert len(gone) > 10
+        assert len(graph) == len(free) - len(gone) > 100
+        for here, grasps in best_postures(free, gone):
+            assert contacts(robot, world.boxes, here, CLEARANCE, grasps)
+        for here, grasps in best_postures(graph, graph.points.tolist()):
+            near = ruler.measured(here, grasps, 2.0 * CLEARANCE)
+            assert not near or near[0][0] >= CLEARANCE - 1e-9
+
+
+def test_faulty_obstacles_are_named(checked_graph, graph):
+    box = Box.between("crate", "obstacle", (0, 0, 0), (1, 1, 1))
+    with pytest.raises(ShapeError, match="there already"):
+        checked_graph.add_obstacles([box, box])
+    with pytest.raises(ShapeError, match="no obstacle 'chair'"):
+        checked_graph.remove_obstacles(["chair"])
+    with pytest.raises(SettingError, match="collisions=True"):
+        graph.add_obstacles([box])

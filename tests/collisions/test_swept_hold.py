@@ -1,0 +1,160 @@
+"""Limbs that hold are called clear at 1.2 times the clearance and never at 0.8 times.
+
+Coal is the ruler; see `test_swept_swing` for how obstacles are placed.
+"""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from coal_ruler import PLATE, ROD, apart, capsule, in_front, solid
+from limb_motions import (
+    AT_ORIGIN,
+    MOUNTS,
+    NOBODY,
+    RADII,
+    ROBOT,
+    SHAPES,
+    Hold,
+    Limb,
+    Spheres,
+    by_coal,
+    draw,
+    held_joints,
+    in_body,
+    kind_of,
+    least_apart,
+    shift_to,
+    verdicts,
+)
+
+from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.swept_hold import MOVER, STANDING, holds_apart
+from mlivr_gym.kinematics.base_path import STRAIGHT
+
+CLEARANCE = 0.02
+
+
+NEAR, FAR = 0.8 * CLEARANCE, 1.2 * CLEARANCE
+
+
+EMPTY = CollisionModel(SHAPES, (), CLEARANCE).arrays
+
+
+def test_a_limb_that_holds_keeps_clear_of_the_robot_and_no_more(small_checked_graph):
+    """Of itself, the body and the mounts, while the base follows a path."""
+    rng, limb, met = np.random.default_rng(4), Limb(), Counter()
+    while sum(met.values()) < 20:
+        hold = Hold.random(small_checked_graph, rng, 61)
+        if hold.limb == 0:
+            moments = [(*AT_ORIGIN, np.array([q, np.zeros(6)])) for q in hold.joints]
+            gap, other = limb.nearest(moments)
+            met[kind_of(other)] += 1
+            answers = verdicts(
+                lambda collision_model, h=hold: h.answer(collision_model, NOBODY, STANDING), gap
+            )
+            assert answers == [False, True]
+    assert len(met) > 1
+
+
+def test_a_limb_that_holds_keeps_the_clearance_to_boxes_and_no_more(small_checked_graph):
+    """A thin obstacle before the arm that follows the base; its hand stands still."""
+    rng = np.random.default_rng(1)
+    for n in range(30):
+        hold = Hold.random(small_checked_graph, rng)
+        ends, direction = hold.world()[:, : SHAPES.hand], draw(rng)
+        spheres = Spheres(ends.reshape(len(ends), -1, 3), np.repeat(RADII[: SHAPES.hand], 2))
+        point, k, _ = spheres.farthest(direction)
+        for gap in (NEAR, FAR):
+            box = in_front(point, direction, gap, (PLATE, ROD)[n % 2])
+            arm = [capsule(r, *axis) for r, axis in zip(RADII, ends[k], strict=False)]
+            least = min(apart(shape, solid(box)) for shape in arm)
+            assert least == pytest.approx(gap, abs=1e-5)
+            collision_model = CollisionModel(SHAPES, (box,), CLEARANCE).arrays
+            assert (hold.answer(collision_model, NOBODY, STANDING) == CLEAR) == (gap == FAR)
+
+
+def test_a_limb_that_holds_keeps_the_clearance_to_the_one_that_swings_and_no_more(
+    small_checked_graph,
+):
+    """The mover's mount is shifted until both limbs are 0.8 or 1.2 times the clearance apart."""
+    rng, places = np.random.default_rng(2), np.linspace(0.0, 1.0, 151)
+    for _ in range(6):
+        hold = Hold.random(small_checked_graph, rng)
+        mover = 1 - hold.limb
+        start = rng.uniform(-np.pi, np.pi, 6)
+        end = start + rng.uniform(-0.5, 0.5, 6)
+        ours = in_body(hold.limb, hold.joints)
+        theirs = in_body(mover, start + places[:, None] * (end - start))
+        direction = draw(rng)
+        for gap in (NEAR, FAR):
+            offset = shift_to(ours, theirs, direction, gap)
+            line = start, end, MOUNTS[0][mover], MOUNTS[1][mover] + offset
+            assert (hold.answer(EMPTY, line, MOVER) == CLEAR) == (gap == FAR)
+
+
+def test_a_line_through_a_limb_that_holds_is_not_clear(small_checked_graph):
+    """Random lines of the mover: clear only where coal finds the clearance at every sample."""
+    rng, places = np.random.default_rng(3), np.linspace(0.0, 1.0, 201)
+    answers = []
+    for _ in range(40):
+        hold = Hold.random(small_checked_graph, rng, 201)
+        mover = 1 - hold.limb
+        start, end = rng.uniform(-2.0, 2.0, (2, 6))
+        ours = in_body(hold.limb, hold.joints)
+        theirs = in_body(mover, start + places[:, None] * (end - start))
+        _, at = least_apart(ours, theirs)
+        least = by_coal(ours, theirs, at)
+        line = start, end, MOUNTS[0][mover], MOUNTS[1][mover]
+        clear = hold.answer(EMPTY, line, MOVER) == CLEAR
+        assert not clear or least >= CLEARANCE - 1e-9
+        assert clear or least < 2.0 * CLEARANCE
+        answers.append(clear)
+    assert 5 < sum(answers) < 35
+
+
+def both_hold(graph, rng):
+    """Two limbs that hold while the base moves a little without turning.
+
+    Their joint angles, branches, path and points.
+    """
+    while True:
+        s = int(rng.integers(len(graph)))
+        points, turn = graph.points[s].tolist(), graph.rotation[s]
+        path = (
+            graph.position[s],
+            turn,
+            graph.position[s] + 0.08 * draw(rng),
+            turn,
+            STRAIGHT,
+            np.zeros(3),
+        )
+        branches = graph.branch[s].tolist()
+        try:
+            joints = [held_joints(graph, i, points[i], branches[i], path, 101) for i in range(2)]
+        except AssertionError:
+            continue
+        return joints, branches, path, points
+
+
+def apart_answer(graph, branches, path, points, offset=(0.0, 0.0, 0.0)):
+    """`holds_apart`, the second limb's mount and grip shifted by an offset in the body frame."""
+    grips, tools = graph.solver.flanges[points].copy(), graph.solver.tools[points]
+    grips[1] += path[1] @ offset
+    places = MOUNTS[1].copy()
+    places[1] += offset
+    limbs = [(grips[i], tools[i], branches[i], MOUNTS[0][i], places[i]) for i in range(2)]
+    return holds_apart(*limbs[0], *limbs[1], path, ROBOT.limb.lengths, SHAPES.arrays, CLEARANCE)
+
+
+def test_two_limbs_that_hold_keep_the_clearance_and_no_more(small_checked_graph):
+    """The second limb is shifted until they are 0.8 or 1.2 times the clearance apart."""
+    rng, graph = np.random.default_rng(4), small_checked_graph
+    for _ in range(6):
+        joints, branches, path, points = both_hold(graph, rng)
+        first, second = (in_body(i, joints[i]) for i in range(2))
+        direction = draw(rng)
+        for gap in (NEAR, FAR):
+            offset = shift_to(first, second, direction, gap)
+            assert (apart_answer(graph, branches, path, points, offset) == CLEAR) == (gap == FAR)

@@ -1,0 +1,329 @@
+"""Swings and departures are called clear at 1.2 times the clearance and never at 0.8 times.
+
+Coal is the ruler. Obstacles are placed by construction: a motion is sampled densely, and a thin
+plate or rod is put in front of the point that reaches farthest in some direction, so that its
+distance to the swept shapes is known. For the shapes of the robot itself the least distance on a
+motion is measured, and the motion checked with a clearance a quarter above it and a sixth below.
+"""
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from coal_ruler import PLATE, ROD, Ruler, apart, capsule, grasps_of, in_front, solid
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from limb_motions import (
+    AT_ORIGIN,
+    MOUNTS,
+    NO_LIMBS,
+    RADII,
+    ROBOT,
+    SHAPES,
+    Limb,
+    Spheres,
+    draw,
+    in_body,
+    kind_of,
+    shift_to,
+    verdicts,
+)
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Box
+from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.collisions.contacts import capsule_ends, contacts
+from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.swept_swing import departure_free, swing_free
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
+from mlivr_gym.kinematics.holding import base_path, quaternion
+from mlivr_gym.kinematics.ur import branch_angles
+from mlivr_gym.stances.stance_graph import State
+from mlivr_gym.transitions.grasp_poses import flange_at
+
+CLEARANCE = 0.02
+
+
+NEAR, FAR = 0.8 * CLEARANCE, 1.2 * CLEARANCE
+
+
+SPLINTER = (0.0005, 0.01, 0.0005)
+
+
+REST = (np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), STRAIGHT, np.zeros(3))
+
+
+def swing_check(start, end, others):
+    """The check of a line of limb 0 while the base rests, given `CollisionModel.arrays`."""
+
+    def check(collision_model):
+        shapes, _, _, fixed, world, clearance, body = collision_model
+        return swing_free(
+            0, REST, 0.0, 0.0, start, end, ROBOT.limb.lengths, MOUNTS[0][0], MOUNTS[1][0], others,
+            shapes, fixed, world, clearance, True, body,
+        )  # fmt: skip
+
+    return check
+
+
+def test_a_swing_keeps_clear_of_the_robot_itself_and_no_more():
+    """Lines that come nearest to the body, to a mount, and to arm and hand of the limb itself."""
+    rng, limb, met = np.random.default_rng(0), Limb(), Counter()
+    share = np.linspace(0.0, 1.0, 61)[:, None]
+    while min(met[name] for name in ("body", "mount", "arm", "hand")) < 1:
+        start = rng.uniform(-np.pi, np.pi, 6)
+        end = start + rng.uniform(-0.3, 0.3, 6)
+        lines = [(*AT_ORIGIN, np.array([q, np.zeros(6)])) for q in start + share * (end - start)]
+        gap, other = limb.nearest(lines[30:31])
+        if not 0.01 < gap < 0.1 or met[kind_of(other)] == 5:
+            continue
+        gap, other = limb.nearest(lines)
+        if 0.01 < gap < 0.1:
+            met[kind_of(other)] += 1
+            assert verdicts(swing_check(start, end, NO_LIMBS), gap) == [False, True]
+
+
+def test_a_swing_keeps_clear_of_a_limb_at_rest_and_no_more():
+    """On each of three branches on which that may be; it is shifted to where it is met."""
+    rng, share, met = np.random.default_rng(1), np.linspace(0.0, 1.0, 101)[:, None], 0
+    while met < 8:
+        start, rest = rng.uniform(-np.pi, np.pi, (2, 6))
+        end = start + rng.uniform(-0.6, 0.6, 6)
+        if swing_check(start, end, NO_LIMBS)(CollisionModel(SHAPES, (), CLEARANCE).arrays) != CLEAR:
+            continue
+        met += 1
+        ours, theirs, direction = (
+            in_body(0, start + share * (end - start)),
+            in_body(1, [rest]),
+            draw(rng),
+        )
+        for gap in (0.8 * CLEARANCE, 1.2 * CLEARANCE):
+            branches = np.repeat(theirs + 9.0, 3, axis=0)
+            shift = shift_to(ours, np.repeat(theirs, 101, axis=0), direction, gap)
+            branches[rng.integers(3)] = theirs[0] + shift
+            answer = swing_check(start, end, branches)(CollisionModel(SHAPES, (), CLEARANCE).arrays)
+            assert (answer == CLEAR) == (gap > CLEARANCE)
+
+
+class Departure:
+    """Limb 0 lifts off a point along the surface normal, from a random stance of a graph."""
+
+    def __init__(self, graph, rng, samples=41):
+        s = int(rng.integers(len(graph)))
+        stance, solver = graph.points[s].tolist(), graph.solver
+        allowed = ([b for b in range(16) if mask >> b & 1] for mask in graph.mask[s].tolist())
+        bits = [int(rng.choice(some)) for some in allowed]
+        here = graph.configuration(State(tuple(stance), tuple(1 << bit for bit in bits)))
+        self.base, self.branch, self.grasps = (
+            here[:2],
+            bits[0] & 7,
+            grasps_of(graph, enumerate(stance)),
+        )
+        self.pose, self.at = [np.empty(3) for _ in range(4)], (graph.position[s], graph.rotation[s])
+        mount = MOUNTS[0][0], MOUNTS[1][0]
+        flange_at(
+            *self.grasps[0][1:],
+            solver.rails[stance[0]],
+            ROBOT.tool_length,
+            *self.at,
+            *mount,
+            *self.pose,
+        )
+        p, x, z, away = self.pose
+        self.joints = np.empty((samples, 6))
+        for q, height in zip(self.joints, np.linspace(0.0, ROBOT.lift, samples), strict=True):
+            assert branch_angles(p + height * away, x, z, ROBOT.limb.lengths, self.branch, q)
+        self.moments = [(*self.base, np.array([q, here[2][1]])) for q in self.joints]
+
+    def others(self, offset=(0.0, 0.0, 0.0)):
+        """Capsule ends of limb 1, shifted."""
+        return in_body(1, [self.moments[0][2][1]]) + np.array(offset)
+
+    def check(self, others, inside=True):
+        """The compiled check, as a function of `CollisionModel.arrays`."""
+
+        def check(collision_model):
+            shapes, gripper, _, fixed, world, clearance, _ = collision_model
+            return departure_free(
+                0, *self.pose, ROBOT.lift, ROBOT.limb.lengths, self.branch, MOUNTS[0][0],
+                MOUNTS[1][0], *self.at, others, shapes, gripper, fixed, world, *self.grasps[0][1:],
+                clearance, inside,
+            )  # fmt: skip
+
+        return check
+
+
+def test_a_departure_keeps_clear_of_the_robot_and_no_more(small_checked_graph):
+    """Of the limb itself, and of the other limb at rest, which is shifted to where it is met."""
+    rng, limb = np.random.default_rng(2), Limb()
+    for n in range(16):
+        lift = Departure(small_checked_graph, rng)
+        gap, _ = limb.nearest(lift.moments)
+        assert verdicts(lift.check(NO_LIMBS), gap) == [False, True]
+        if n < 5:
+            ours, direction = in_body(0, lift.joints), draw(rng)
+            for gap in (0.8 * CLEARANCE, 1.2 * CLEARANCE):
+                offset = shift_to(ours, np.repeat(lift.others(), len(ours), axis=0), direction, gap)
+                answer = lift.check(lift.others(offset))(
+                    CollisionModel(SHAPES, (), CLEARANCE).arrays
+                )
+                assert (answer == CLEAR) == (gap > CLEARANCE)
+
+
+def test_a_departure_keeps_clear_of_boxes_and_no_more(small_checked_graph):
+    """Of a plate before the capsule that reaches farthest, and of a splinter before the hand."""
+    rng, hand = np.random.default_rng(3), 0
+    for n in range(40):
+        lift = Departure(small_checked_graph, rng)
+        ends = np.array([capsule_ends(ROBOT, SHAPES, here)[0] for here in lift.moments])
+        first, half = ((0, PLATE), (SHAPES.hand, SPLINTER))[n % 2]
+        direction, normal = draw(rng), lift.grasps[0][2]
+        # Boxes behind the surface do not count for a gripper.
+        direction -= min(2.0 * direction @ normal, 0.0) * normal
+        heights = ends[:, first:] @ direction + RADII[first:, None]
+        k, c, e = np.unravel_index(int(np.argmax(heights)), heights.shape)
+        point = ends[k, first + c, e] + RADII[first + c] * direction
+        boxes = [in_front(point, direction, share * CLEARANCE, half) for share in (0.8, 1.2)]
+        gap = apart(capsule(RADII[first + c], *ends[k, first + c]), solid(boxes[0]))
+        assert gap == pytest.approx(0.8 * CLEARANCE, abs=1e-5)
+        assert (
+            lift.check(NO_LIMBS, False)(CollisionModel(SHAPES, boxes[:1], CLEARANCE).arrays)
+            != CLEAR
+        )
+        everywhere = ((r, axis) for limb in ends for r, axis in zip(RADII, limb, strict=True))
+        least = min(apart(capsule(r, *axis), solid(boxes[1])) for r, axis in everywhere)
+        if least > 1.2 * CLEARANCE - 1e-5:
+            hand += n % 2
+            assert (
+                lift.check(NO_LIMBS, False)(CollisionModel(SHAPES, boxes[1:], CLEARANCE).arrays)
+                == CLEAR
+            )
+    assert hand > 5
+
+
+class Swing(NamedTuple):
+    """A line in joint space of limb 0 while the base follows a path, or stands where it starts."""
+
+    path: tuple
+    last: float
+    start: np.ndarray
+    end: np.ndarray
+
+    def moments(self, places):
+        """Where the robot is at some places along the swing; limb 1 does not count."""
+        where, turned = base_path(self.path, places * self.last)
+        moving_limb = self.start + places[:, None] * (self.end - self.start)
+        joints = np.stack([moving_limb, np.zeros_like(moving_limb)], axis=1)
+        return [(w, quaternion(r), q) for w, r, q in zip(where, turned, joints, strict=True)]
+
+    def answer(self, box):
+        """What the compiled check says, boxes alone."""
+        shapes, _, _, fixed, world, clearance, body = CollisionModel(
+            SHAPES, (box,), CLEARANCE
+        ).arrays
+        return swing_free(
+            0, self.path, 0.0, self.last, self.start, self.end, ROBOT.limb.lengths, MOUNTS[0][0],
+            MOUNTS[1][0], NO_LIMBS, shapes, fixed, world, clearance, False, body,
+        )  # fmt: skip
+
+
+CASES = (
+    ("limb", 0.5, 0.1, 0.2), ("mount", 0.05, 0.01, 1.2), ("body", 0.05, 0.4, 0.2),
+    ("limb", 0.0, 0.4, 0.0), ("limb", 0.0, 0.0, 0.8),
+)  # fmt: skip
+"""What reaches farthest, and how far joints turn [rad] and the base travels [m] and turns [rad]."""
+
+
+def random_swing(rng, kind, joints, travel, swing):
+    """A swing from a random place; the base follows a path of a kind, or stays if that is None."""
+    start, turn = rng.uniform(-np.pi, np.pi, 6), Rotation.random(rng=rng)
+    first, more = rng.uniform(-1.0, 1.0, 3), travel * draw(rng)
+    after = (turn * Rotation.from_rotvec(swing * draw(rng))).as_matrix()
+    pivot = first + rng.uniform(-0.3, 0.3, 3) + (0.0, 0.0, -0.8)
+    path = (first, turn.as_matrix(), first + more, after, kind or STRAIGHT, pivot)
+    return Swing(path, float(kind is not None), start, start + joints * rng.uniform(-1.0, 1.0, 6))
+
+
+def moving(measured, still):
+    """Least distance of the thin box from what moves in a swing of limb 0 [m].
+
+    `still` if the base is at rest.
+    """
+    distances = [1.0]
+    for gap, name, other in measured:
+        fixed = name == "body" or "/base/" in name
+        if other == "thin" and (name.startswith("limb0/") or fixed) and not (still and fixed):
+            distances.append(gap)
+    return min(distances)
+
+
+def meeting(rng, kind, wanted, *motion):
+    """A random swing and a direction in which the limb, a mount or the body reaches farthest."""
+    places = np.linspace(0.0, 1.0, 151)
+    while True:
+        swing = random_swing(rng, kind, *motion)
+        moments = swing.moments(places)
+        exact = Spheres.of(moments, kind is None)
+        for direction in (draw(rng) for _ in range(30)):
+            point, k, shape = exact.farthest(direction)
+            if shape == wanted:
+                return swing, moments, direction, point, k
+
+
+@pytest.mark.parametrize("kind", [None, STRAIGHT, ARC], ids=["rest", "straight", "arc"])
+def test_a_swing_keeps_the_clearance_and_no_more(kind):
+    """A thin obstacle before limb, mount or body, whichever reaches farthest in a swing."""
+    rng, ruler, still = np.random.default_rng(0), Ruler(ROBOT), kind is None
+    for n in range(12 if still else 20):
+        case, half = CASES[0 if still else n % len(CASES)], (PLATE, ROD)[n % 2]
+        swing, moments, direction, point, k = meeting(rng, kind, *case)
+        close = in_front(point, direction, NEAR, half)
+        least = moving(ruler.among([close]).measured(moments[k]), still)
+        assert least == pytest.approx(NEAR, abs=1e-5)
+        assert swing.answer(close) != CLEAR
+        containing = Spheres.of(moments, still, True)
+        far = in_front(containing.farthest(direction)[0], direction, FAR, half)
+        ruler.among([far])
+        assert min(moving(ruler.measured(here), still) for here in moments[::10]) > FAR - 1e-5
+        assert swing.answer(far) == CLEAR
+
+
+def vectors(low=-1.0, high=1.0):
+    return st.lists(st.floats(low, high), min_size=3, max_size=3).map(np.array)
+
+
+angles = st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6).map(np.array)
+
+
+@given(angles, angles, vectors(-0.9, 0.9), st.floats(0.0005, 0.05))
+@examples(max_examples=100, deadline=None)
+def test_no_thin_plate_is_skipped(q0, q1, centre, half):
+    """A swing called clear of a plate of a millimetre keeps its clearance at many samples."""
+    plate = Box("plate", "obstacle", tuple(centre), (0.2, half, 0.2))
+    shapes, _, _, fixed, world, clearance, body = CollisionModel(SHAPES, (plate,), 0.02).arrays
+    here = (
+        np.zeros(3),
+        np.eye(3),
+        np.array([0.3, 0.1, -0.2]),
+        Rotation.from_rotvec([0.3, -0.2, 0.4]).as_matrix(),
+    )
+    path = (*here, STRAIGHT, np.zeros(3))
+    mount = ROBOT.mount_rotations[0], ROBOT.mount_positions[0]
+    answer = swing_free(
+        0, path, 0.0, 1.0, q0, q1, ROBOT.limb.lengths, *mount, np.empty((0, len(SHAPES), 2, 3)),
+        shapes, fixed, world, clearance,
+        True, body,
+    )  # fmt: skip
+    least = np.inf
+    where, turned = base_path(path, np.linspace(0.0, 1.0, 80))
+    for k, s in enumerate(np.linspace(0.0, 1.0, 80)):
+        joints = np.array([q0 + s * (q1 - q0), np.zeros(6)])
+        found = contacts(ROBOT, (plate,), (where[k], quaternion(turned[k]), joints), 0.02)
+        counted = [
+            c for c in found if c.first.startswith("limb0") and c.second[:6] not in ("limb1/",)
+        ]
+        least = min([least, *(c.distance for c in counted)])
+    if answer == CLEAR:
+        assert least >= 0.02 - 1e-9

@@ -1,0 +1,119 @@
+"""Machine code and tables are kept by the contents of the sources that they depend on."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mlivr_gym.compiled import cache
+
+SOURCES = {
+    "caller.py": """
+from mlivr_gym.callee import middle
+from mlivr_gym.compiled.kernels import kernel
+
+
+@kernel
+def outer(x):
+    return middle(x) + 1
+""",
+    "callee.py": """
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.part import (
+    inner,
+)
+
+
+@kernel
+def middle(x):
+    return 10 * inner(x)
+""",
+    "part/__init__.py": "from mlivr_gym.part.innermost import inner",
+    "part/innermost.py": """
+from mlivr_gym.compiled.kernels import kernel
+
+
+@kernel
+def inner(x):
+    return 2 * x
+""",
+    "bystander.py": "from mlivr_gym.caller import outer",
+}
+
+
+def package_in(folder):
+    """A small package with kernels that call each other across files, cached as ours are."""
+    package = folder / "mlivr_gym"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text("")
+    compiled = Path(cache.__file__).parent
+    shutil.copytree(compiled, package / "compiled", ignore=shutil.ignore_patterns("__pycache__"))
+    for name, text in SOURCES.items():
+        (package / name).parent.mkdir(exist_ok=True)
+        (package / name).write_text(text)
+    return package
+
+
+@pytest.fixture
+def digest(monkeypatch):
+    """Digest of the caller of a package, worked out anew."""
+
+    def fresh(package):
+        monkeypatch.setattr(cache, "PACKAGE", package)
+        cache.source_digest.cache_clear()
+        cache._imported.cache_clear()
+        return cache.source_digest(package / "caller.py")
+
+    yield fresh
+    cache.source_digest.cache_clear()
+    cache._imported.cache_clear()
+
+
+@pytest.mark.parametrize(
+    "name", ["caller.py", "callee.py", "part/__init__.py", "part/innermost.py", "compiled/cache.py"]
+)
+def test_an_edit_of_any_source_that_is_called_changes_the_digest(tmp_path, digest, name):
+    package = package_in(tmp_path)
+    before = digest(package)
+    (package / name).write_text((package / name).read_text() + "\n# edited\n")
+    assert digest(package) != before
+
+
+def test_an_unrelated_edit_and_another_place_change_nothing(tmp_path, digest):
+    package = package_in(tmp_path / "here")
+    before = digest(package)
+    (package / "bystander.py").write_text("# edited\n")
+    (package / "compiled" / "stack_arrays.py").write_text("# edited\n")
+    assert digest(package) == before
+    assert digest(package_in(tmp_path / "elsewhere")) == before
+
+
+CODE = """
+from mlivr_gym.caller import outer
+from mlivr_gym.compiled.kernels import is_cached
+print(is_cached(outer), outer(1))
+"""
+
+
+def test_a_cached_caller_sees_an_edited_callee(tmp_path):
+    """The edit is two files away. Numba's key alone is the caller's file: the answer would stay."""
+    package = package_in(tmp_path / "tree")
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment |= {"PYTHONPATH": str(package.parent), cache.CACHE_VARIABLE: str(tmp_path / "kept")}
+
+    def answer():
+        command = [sys.executable, "-c", CODE]
+        done = subprocess.run(
+            command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        return done.stdout.split()
+
+    assert answer() == ["False", "21"]
+    assert answer() == ["True", "21"]
+    innermost = package / "part" / "innermost.py"
+    innermost.write_text(innermost.read_text().replace("2 * x", "3 * x"))
+    assert answer() == ["False", "31"]
+    assert answer() == ["True", "31"]

@@ -1,0 +1,24 @@
+import pytest
+
+from mlivr_gym.errors import SettingError, nonnegative, shown
+
+
+def test_any_value_is_shown_in_brief():
+    deep: list = []
+    for _ in range(100_000):
+        deep = [deep]
+    for value in (
+        deep,
+        "x" * 10**6,
+        list(range(10**6)),
+        10**5000,
+        "\ud800",
+        {k: k for k in range(1000)},
+    ):
+        assert len(shown(value)) < 300
+        assert shown(value).isprintable()
+
+
+def test_a_number_larger_than_every_float_is_named():
+    with pytest.raises(SettingError, match="price is larger than every float"):
+        nonnegative("price", 10**400)

@@ -1,0 +1,113 @@
+"""Boxes from files stand where they should, and faulty ones are named."""
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Box, GraspMap, robot_spec
+from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.collisions.distances import CLEAR, OBSTACLE
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.collisions.link_capsules import EVERY, against_boxes
+from mlivr_gym.errors import ShapeError
+from mlivr_gym.simulation.scene import scene_spec
+from mlivr_gym.world.boxes import load_obstacles
+
+ROBOT = robot_spec("mlivr2")
+
+
+vectors = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).map(np.array)
+
+
+halves = st.lists(st.floats(0.05, 0.5), min_size=3, max_size=3).map(np.array)
+
+
+FLOOR = GraspMap.from_dict(
+    {
+        "segments": [
+            {
+                "id": "R",
+                "face": "deck",
+                "start": [-0.4, 0, 0],
+                "end": [0.4, 0, 0],
+                "normal": [0, 0, 1],
+            }
+        ]
+    }
+)
+
+
+SHAPES = LimbShapes(ROBOT)
+
+
+@given(vectors, halves, vectors, vectors)
+@examples(max_examples=60, deadline=None)
+def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn, point):
+    """Its fields, where MuJoCo puts it, and which points the compiled check finds in it."""
+    rotation = Rotation.from_rotvec(turn).as_matrix()
+    box = Box("crate", "obstacle", tuple(centre), tuple(half), Box.rows(rotation))
+    path = tmp_path_factory.getbasetemp() / "crate.json"
+    path.write_text(json.dumps({"boxes": [box.to_dict()]}))
+    (loaded,), _ = load_obstacles(path)
+    assert loaded == box
+    assert Box.from_dict(box.to_dict()) == box
+    np.testing.assert_allclose(loaded.rotation, rotation, atol=1e-15)
+    model = scene_spec(FLOOR, ROBOT, (loaded,)).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    geom = model.geom("box/crate").id
+    np.testing.assert_allclose(data.geom_xmat[geom].reshape(3, 3), rotation, atol=1e-7)
+    np.testing.assert_allclose(data.geom_xpos[geom], centre, atol=1e-12)
+    # A speck at a place in the box's axes, inside or outside.
+    local = 1.2 * half * np.clip(point, -1.0, 1.0)
+    inside = bool((np.abs(local) < half).all())
+    place = np.repeat((centre + rotation @ local)[None, None], 2, axis=1)
+    world = CollisionModel(SHAPES, (loaded,), 0.0).arrays[4]
+    speck, nowhere = np.array([1e-9]), np.zeros(3)
+    still = np.zeros((1, 2))
+    answer, _ = against_boxes(place, still, EVERY, 1, speck, world, 1, nowhere, nowhere, 0.0)
+    assert answer == (OBSTACLE if inside else CLEAR)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ({"id": "a", "min": [0, 0, 0], "max": [0, 1, 1]}, "min .* must be below max"),
+        ({"id": "a", "min": [0, 0, 0], "max": ["x", 1, 1]}, "must be numbers"),
+        ({"id": "a", "centre": [0, 0, 0], "half": [1, -1, 1]}, "half edges"),
+        (
+            {
+                "id": "a",
+                "centre": [0, 0, 0],
+                "half": [1, 1, 1],
+                "rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]],
+            },
+            "rotation",
+        ),
+        ({"id": "a", "centre": [0, 0, 0]}, "its place is missing"),
+        ({"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "colour": 1}, "unknown field 'colour'"),
+        ({"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "kind": "cloud"}, "unknown kind 'cloud'"),
+        ({"min": [0, 0, 0], "max": [1, 1, 1]}, "'id'"),
+        ("box", "'id'"),
+    ],
+)
+def test_faulty_boxes_are_named(entry, message):
+    with pytest.raises(ShapeError, match=message):
+        Box.from_dict(entry)
+
+
+def test_obstacles_are_read_and_faulty_files_named(tmp_path):
+    box = Box.between("crate", "obstacle", (0, 0, 0), (1, 1, 1))
+    path = tmp_path / "obstacles.json"
+    path.write_text(json.dumps({"boxes": [box.to_dict()], "occupied": ["D3a:4"]}))
+    assert load_obstacles(path) == ((box,), ("D3a:4",))
+    for text in ("[]", "{", '{"boxes": [], "things": 1}', '{"occupied": [3]}'):
+        path.write_text(text)
+        with pytest.raises(ShapeError, match=r"obstacles\.json"):
+            load_obstacles(path)
