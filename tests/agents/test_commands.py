@@ -39,7 +39,7 @@ def test_ctrl_c_ends_the_command_train_with_a_checkpoint_and_130(
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mlivr_gym.cli.agents.bar", lambda _: interrupt)
+    monkeypatch.setattr("mlivr_gym.cli.train.timed_bar", lambda _: interrupt)
     code = main(
         ["train", "--map", str(ladder_file), "--no-collisions", "--method", "bc",
          "--hyperparameters", str(tmp_path / "hyper.json"), "--out", str(tmp_path / "policy")]

@@ -66,7 +66,7 @@ def test_render_writes_the_file_that_is_named_and_no_other(run, tmp_path, plan_f
 
 def test_a_plan_of_another_map_or_with_a_branch_too_many_is_refused(run, tmp_path, plan_file):
     data = json.loads(plan_file.read_text())
-    data["branches"][1][0] = 1_000_000
+    data["motion"]["branches"][1][0] = 1_000_000
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(data))
     for command in ("simulate", "render"):

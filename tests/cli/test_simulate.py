@@ -14,7 +14,7 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
         Planner(checked_graph)
         .plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps")
         .unwrap()
-        .base_positions[1]
+        .motion.base_positions[1]
     )
     code, out, _ = run(
         "simulate",

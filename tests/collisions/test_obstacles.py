@@ -18,7 +18,7 @@ from mlivr_gym.motion.sampling import sampled_line
 from mlivr_gym.motion.swings import SwingFinder
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.pair_steps import PAIR_BITS, edge_entry, turned
+from mlivr_gym.stances.pair_steps import LINE, PAIR_BITS, edge_entry, turned
 from mlivr_gym.stances.stance_graph import State
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
@@ -74,15 +74,15 @@ def test_obstacles_take_away_and_give_back(checked_graph):
     graph.add_obstacles([box])
     blocked = planner.plan(START, GOAL, "steps").unwrap()
     assert blocked.cost >= free.cost
-    assert blocked.obstacles == (box,)
+    assert blocked.world.obstacles == (box,)
     for k in range(len(blocked.steps)):
         motion = step_motion(graph, blocked, k, 10)
         for n in range(len(motion.phase)):
             here = (motion.base_positions[n], motion.base_quaternions[n], motion.joint_positions[n])
             assert not contacts(graph.robot, (box,), here, 0.02 - 1e-9)
-    assert Plan.from_dict(json.loads(json.dumps(blocked.to_dict())), graph.grasp_map).obstacles == (
-        box,
-    )
+    assert Plan.from_dict(
+        json.loads(json.dumps(blocked.to_dict())), graph.grasp_map
+    ).world.obstacles == (box,)
     graph.remove_obstacles(["crate"])
     after = graph.successors(graph.state(START))
     for ours, theirs in zip(before, after, strict=True):
@@ -183,7 +183,7 @@ def test_a_step_is_the_same_in_both_directions(small_map):
             edge_entry(held, other, s, second.edges),
         )
         found["possible" if forth & 0xFFFF else "blocked"] += 1
-        if not forth & DIRECT:
+        if not forth & LINE:
             assert forth == back
             continue
         # The branches before and after the swing change places.

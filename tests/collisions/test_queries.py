@@ -127,8 +127,9 @@ def moving_base(graph, rng):
         stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
         masks_held = [0xFFFF, 0xFFFF]
         masks_held[held] = int(masks[0])
-        way = graph.way(*stances, 1 - held, graph.node_postures(np.array([s0, s1])), masks_held)
-        if way.kind == STRAIGHT and way.fold >= 0:
+        state = State(stances[0], tuple(masks_held))
+        edge = graph.edge(state, stances[1], graph.node_postures(np.array([s0, s1])))
+        if edge.kind == STRAIGHT and edge.fold >= 0:
             path = (
                 graph.position[s0],
                 graph.rotation[s0],
@@ -137,7 +138,7 @@ def moving_base(graph, rng):
                 STRAIGHT,
                 np.zeros(3),
             )
-            return s0, s1, held, path, np.array([*graph.robot.folds[way.fold], 0.0])
+            return s0, s1, held, path, np.array([*graph.robot.folds[edge.fold], 0.0])
 
 
 def test_a_rod_that_only_a_mount_meets_during_a_step_blocks_it(small_checked_graph):

@@ -9,7 +9,7 @@ from mlivr_gym import MlivrError
 from mlivr_gym.collisions.swept_hold import hold_free
 from mlivr_gym.collisions.swept_swing import swing_free
 from mlivr_gym.compiled import kernels as compiled
-from mlivr_gym.planners import Planner, planner, warmup
+from mlivr_gym.planners import Planner, searches, warmup
 from mlivr_gym.planners.cost_to_go import backward
 from mlivr_gym.planners.pair_search import distance_to_goal, search, steps_to_goal
 
@@ -20,7 +20,7 @@ def test_the_second_process_compiles_what_a_plan_calls(checked_graph, monkeypatc
     """A plan after it needs no further version of the search kernels: the types are the same."""
     warmup.main()
     before = [len(k.signatures) for k in KERNELS]
-    monkeypatch.setattr(planner, "PATIENCE", 1)
+    monkeypatch.setattr(searches, "PATIENCE", 1)
     for cost in ("base", "steps"):
         Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost).unwrap()
     assert [len(k.signatures) for k in KERNELS] == before

@@ -49,7 +49,9 @@ def test_a_plan_can_be_executed(jem, limbs):
                 Rotation.from_quat(plan.motion.base_quaternions[j], scalar_first=True).as_matrix(),
             ]
         kind = {"straight": 0, "arc": 1}[step.path]
-        positions, rotations = base_path(*ends, kind, np.array(step.pivot), np.linspace(0, 1, 200))
+        positions, rotations = base_path(
+            (*ends, kind, np.array(step.pivot)), np.linspace(0, 1, 200)
+        )
         for i in range(limbs):
             if i == step.limb:
                 assert plan.stances[k][i] == step.from_point

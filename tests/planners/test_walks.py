@@ -22,7 +22,7 @@ def test_a_walk_makes_a_plan(small_map):
     assert ours is not None
     assert ours.stances == plan.stances
     assert ours.cost == plan.statistics.cost
-    np.testing.assert_allclose(ours.joint_positions, plan.motion.joint_positions)
+    np.testing.assert_allclose(ours.motion.joint_positions, plan.motion.joint_positions)
 
 
 def test_steps_that_thresholds_forbid_are_found(small_map):

@@ -54,21 +54,21 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(small_map, cost, 
     Where a plan cannot be put together the planner does without one of its steps, of which
     `successors` knows nothing.
     """
-    left_out = []
+    not_executable = []
 
     def put_together(*given):
-        parts = assemble(*given)
-        left_out.append(parts.beyond is not None)
+        parts = committed_motion(*given)
+        not_executable.append(parts.failed is not None)
         return parts
 
-    monkeypatch.setattr(planner_module, "assemble", put_together)
+    monkeypatch.setattr(planner_module, "committed_motion", put_together)
     graph = stance_graph(small_map.subset(np.arange(len(small_map)) % 3 > 0, "smaller"))
     rng, found = np.random.default_rng(4), 0
     for s in rng.integers(0, len(graph), 12):
         stance = graph.ids(graph.points[s].tolist())
         pose = moved_pose(graph, stance, rng.uniform(-0.04, 0.04, 3), rng.uniform(-0.05, 0.05, 3))
         goal = graph.position[rng.integers(len(graph))]
-        left_out.clear()
+        not_executable.clear()
         result = Planner(graph).plan(stance, goal, cost, start_pose=pose, goal_tolerance=0.1)
         if result.reason == "start infeasible":
             continue
@@ -76,9 +76,9 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(small_map, cost, 
         truth = least_cost(graph, first, goal, cost)
         assert (result.plan is None) == (truth is None), result.message
         if result.plan is not None and len(result.plan.steps):
-            found += not any(left_out)
+            found += not any(not_executable)
             assert result.plan.statistics.cost >= truth - 1e-9
-            if not any(left_out):
+            if not any(not_executable):
                 assert result.plan.statistics.cost == pytest.approx(truth, abs=1e-9)
             np.testing.assert_allclose(result.plan.motion.base_positions[0], pose[:3], atol=1e-12)
             assert abs(
@@ -160,7 +160,7 @@ def test_given_joint_angles_are_kept_with_their_windings(checked_graph, pose):
 
 def test_joint_angles_without_a_pose_belong_to_the_posture_of_the_graph(checked_graph):
     free = Planner(checked_graph).plan(START, GOAL, "steps").unwrap()
-    joints = free.joint_positions[0]
+    joints = free.motion.joint_positions[0]
     plan = Planner(checked_graph).plan(START, GOAL, "steps", start_joints=joints).unwrap()
     np.testing.assert_allclose(plan.motion.joint_positions[0], joints, atol=1e-6)
     assert plan.statistics.cost == free.cost
@@ -272,7 +272,7 @@ def test_the_command_line_takes_a_pose_and_joint_angles(tmp_path, checked_graph,
         Planner(checked_graph)
         .plan(START, GOAL, "steps", start_pose=pose)
         .unwrap()
-        .joint_positions[0]
+        .motion.joint_positions[0]
     )
     out = tmp_path / "plan.json"
     words = [

@@ -1,7 +1,6 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from plans import first_steps
 
 from mlivr_gym.motion.trajectory import Durations
 from mlivr_gym.planners import Planner
@@ -14,17 +13,7 @@ from mlivr_gym.simulation.pace import MARGIN, longer_step, torque_demand
 def plan(checked_graph):
     """The first step of the README's plan."""
     whole = Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap()
-    arrays = (
-        "stances",
-        "base_positions",
-        "base_quaternions",
-        "joint_positions",
-        "branches",
-        "w_m",
-        "w_b",
-    )
-    short = {name: getattr(whole, name)[:2] for name in arrays}
-    return replace(whole, steps=whole.steps[:1], actions=whole.actions[:1], **short)
+    return first_steps(whole, 1)
 
 
 def test_the_torques_a_plan_needs_are_those_that_its_simulation_measures(checked_graph, plan):

@@ -1,10 +1,11 @@
 import argparse
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from plans import first_steps
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
@@ -13,7 +14,6 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.cli.simulate import add_arguments
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import PlanError, RobotError, SettingError, SimulationError
-from mlivr_gym.motion.plan import Motion
 from mlivr_gym.motion.plan_motion import step_motion, step_trajectory
 from mlivr_gym.motion.trajectory import FREE, Durations
 from mlivr_gym.planners import Planner
@@ -29,11 +29,7 @@ from mlivr_gym.simulation.simulator import Simulation
 def plan(checked_graph):
     """One step of 0.4 m."""
     whole = Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
-    first = {
-        field.name: getattr(whole.motion, field.name)[: 1 if field.name == "steps" else 2]
-        for field in fields(whole.motion)
-    }
-    return replace(whole, motion=Motion(**first))
+    return first_steps(whole, 1)
 
 
 @pytest.fixture(scope="module")
@@ -335,7 +331,9 @@ def test_a_collision_is_a_failure_that_names_what_touches(checked_graph, plan, j
     )
     place = robot.data.site(f"limb{step.limb}/grasp").xpos
     box = Box.between(name, "obstacle", place - 0.05, place + 0.05)
-    failure = execute(checked_graph, replace(plan, obstacles=(box,))).failure
+    failure = execute(
+        checked_graph, replace(plan, world=replace(plan.world, obstacles=(box,)))
+    ).failure
     assert failure is not None
     assert failure.kind == "collision"
     assert failure.limb == step.limb
@@ -364,13 +362,14 @@ def test_another_arm_is_not_simulated_with_masses_of_the_ur5e(
     told = r"'ur10e'.*a2 -0\.6127 m \(UR5e -0\.425 m\).*assume_ur5e_masses"
     refused = pytest.raises(RobotError, match=told)
     with refused:
-        execute(checked_graph, replace(plan, robot=robot))
+        execute(checked_graph, replace(plan, world=replace(plan.world, robot=robot)))
     with refused:
         dynamics_spec(jem, robot)
     with refused:
         MlivrEnv(robot, dynamics="mujoco", collisions=False)
     path, out = tmp_path / "plan.json", tmp_path / "walk"
-    replace(plan, robot=robot, settings=Settings(collisions=False)).save(path)
+    world = replace(plan.world, robot=robot, settings=Settings(collisions=False))
+    replace(plan, world=world).save(path)
     assert main(["simulate", "--plan", str(path), "--out", str(out)]) == 2
     assert "robot 'ur10e' cannot be simulated" in capsys.readouterr().err
     assert not out.exists()
@@ -457,4 +456,4 @@ def test_what_cannot_be_simulated_is_one_clear_error(checked_graph, plan, jem, s
     with pytest.raises(SimulationError, match="the robot holds"):
         simulation.execute(step_trajectory(checked_graph, plan, 0, Durations.of_step(5.0)))
     with pytest.raises(PlanError, match="no step"):
-        execute(checked_graph, replace(plan, steps=(), actions=()))
+        execute(checked_graph, replace(plan, motion=replace(plan.motion, steps=())))

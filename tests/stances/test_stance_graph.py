@@ -105,7 +105,7 @@ def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
         )
         held = [p for i, p in enumerate(after) if i != steps.limb[k]]
         pivot = graph.grasp_map.positions[held].mean(axis=0)
-        paths = [base_path(*ends, kind, pivot, np.linspace(0, 1, 60)) for kind in (STRAIGHT, ARC)]
+        paths = [base_path((*ends, kind, pivot), np.linspace(0, 1, 60)) for kind in (STRAIGHT, ARC)]
         for i in range(limbs):
             if i == steps.limb[k]:
                 continue

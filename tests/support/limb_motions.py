@@ -9,7 +9,7 @@ from coal_ruler import Ruler, apart, capsule
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import robot_spec
+from mlivr_gym import State, robot_spec
 from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR, segments_apart
@@ -124,14 +124,14 @@ class Hold(NamedTuple):
         bit = int(rng.choice([b for b in range(16) if mask >> b & 1]))
         stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
         postures = join(*(graph.posture(stance) for stance in stances))
-        way = graph.way(*stances, 1 - limb, postures, [1 << bit, 1 << bit])
+        edge = graph.edge(State(stances[0], (1 << bit, 1 << bit)), stances[1], postures)
         point = stances[0][limb]
         path = (
             graph.position[s0],
             graph.rotation[s0],
             graph.position[s1],
             graph.rotation[s1],
-            way.kind,
+            edge.kind,
         )
         path = (*path, graph.solver.points[point])
         return cls(
