@@ -134,7 +134,7 @@ def plan_of(name, result):
     if result.plan is None:
         return
     data = result.plan.to_dict()
-    query, world, motion, statistics = (
+    _, world, motion, statistics = (
         data.get(g, data) for g in ("query", "world", "motion", "statistics")
     )
     ids = repr((motion["stances"], [s["limb"] for s in motion["steps"]]))

@@ -81,7 +81,10 @@ def test_limbs_that_hold_stay_on_their_points(jem, scene, walk):
 
 
 def test_velocities_keep_a_grasp_where_it_is(scene, walk):
-    """J qdot = 0 at the gripper of a limb that holds; base velocities by differences, the Jacobian from MuJoCo."""
+    """J qdot = 0 at the gripper of a limb that holds.
+
+    Base velocities by differences, the Jacobian from MuJoCo.
+    """
     model, data = scene
     for k in range(1505, len(walk.times) - 1, 5003):
         limb = int(np.flatnonzero(walk.grasps[k] != FREE)[0])
@@ -174,7 +177,7 @@ def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
     with pytest.raises(SettingError, match="period is 80"):
         step_trajectory(checked_graph, plan, 0, period=80.0)
     with pytest.raises(
-        SettingError, match="duration of a step is 1e.09 s; it must be at most 3600 s"
+        SettingError, match=r"duration of a step is 1e.09 s; it must be at most 3600 s"
     ):
         Durations.of_step(1e9)
     with pytest.raises(

@@ -194,7 +194,7 @@ def test_contacts_name_boxes_as_the_scene_does(ladder):
 def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monkeypatch):
     spec = scene_spec(ladder, robot_spec("mlivr2"))
     spec.worldbody.add_geom(name="nothing", size=[0, 0, 0])
-    with pytest.raises(SceneError, match="MuJoCo cannot build scene 'ladder-mlivr2': .*size"):
+    with pytest.raises(SceneError, match=r"MuJoCo cannot build scene 'ladder-mlivr2': .*size"):
         compiled(spec)
     monkeypatch.setattr("mlivr_gym.simulation.scene.scene_spec", lambda *_: spec)
     with pytest.raises(SceneError, match="cannot build scene"):
@@ -208,7 +208,8 @@ def test_pictures_show_the_robot_or_say_what_is_missing(jem, graph):
     try:
         renderer = SceneRenderer(jem, graph.robot, 160, 90)
     except RenderError as error:
-        assert "MUJOCO_GL" in str(error)
+        if "MUJOCO_GL" not in str(error):
+            raise
         return
     states = [graph.state(stance) for stance in (("D1a:4", "D1b:4"), ("D2a:4", "D2a:3"))]
     first, second = (renderer.render(*graph.configuration(state)) for state in states)

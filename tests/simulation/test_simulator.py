@@ -45,7 +45,7 @@ def walked(checked_graph, plan, simulation):
 
 @pytest.fixture
 def floating(jem, plan):
-    """A robot that holds nothing, its controllers and grasps without effect, turning and bending."""
+    """A robot that holds nothing, controllers and grasps without effect, turning and bending."""
     simulation = Simulation(jem, plan.world.robot, Physics(timestep=0.001))
     model, data = simulation.model, simulation.data
     model.actuator_gainprm[:], model.actuator_biasprm[:] = 0.0, 0.0
@@ -166,12 +166,15 @@ def test_energy_falls_under_damping_alone(floating):
 
 @pytest.mark.parametrize("axis", range(6))
 def test_a_grasp_is_as_stiff_and_as_damped_as_asked(jem, plan, axis):
-    """A force or torque on the gripper bends the grasp by force over stiffness; a moving gripper is braked by damping."""
+    """A force or torque on the gripper bends the grasp by force over stiffness.
+
+    A moving gripper is braked by damping.
+    """
     physics = Physics(grasp_stiffness=5e3, grasp_damping=900.0, grasp_rotational_stiffness=800.0)
     simulation = Simulation(jem, plan.world.robot, physics)
     points = [jem.index(point) for point in plan.stances[0]]
     simulation.reset(
-        plan.motion.base_positions[0], plan.motion.base_quaternions[0], plan.motion.joint_positions[0], [FREE, points[1]]
+        *plan.configuration(0), [FREE, points[1]],
     )  # fmt: skip
     model, data = simulation.model, simulation.data
     # The gripper that holds nothing lies on its point and would touch what is behind.
@@ -256,7 +259,10 @@ def test_feedforward_tracks_better_than_the_papers_controller(checked_graph, pla
 
 
 def test_the_grasp_gives_the_robot_its_momentum(checked_graph, plan, jem):
-    """Newton: the impulse of the only grasp is the momentum gained, up to an error that goes with the time step."""
+    """Newton: the impulse of the only grasp is the momentum gained.
+
+    Up to an error that goes with the time step.
+    """
     errors = []
     for timestep in (0.002, 0.0005):
         simulation = Simulation(jem, plan.world.robot, Physics(timestep=timestep))
@@ -450,7 +456,7 @@ def test_what_cannot_be_simulated_is_one_clear_error(checked_graph, plan, jem, s
     with pytest.raises(SimulationError, match="cannot hold it"):
         simulation.reset(*start, [jem.index("D5a:1"), jem.index("D1b:3")])
     simulation.reset(*start, [jem.index(point) for point in plan.stances[0]])
-    with pytest.raises(SimulationError, match="time step is 0.002"):
+    with pytest.raises(SimulationError, match=r"time step is 0.002"):
         simulation.execute(step_trajectory(checked_graph, plan, 0, period=0.01))
     simulation.reset(*start, [FREE, FREE])
     with pytest.raises(SimulationError, match="the robot holds"):

@@ -85,7 +85,7 @@ def test_a_step_can_always_be_taken_back(jem, limbs):
 
 @pytest.mark.parametrize("limbs", [2, 3])
 def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
-    """Along the base path of a step the held grasp stays in reach on the branch, away from singularities."""
+    """Along a step's base path the held grasp stays in reach, away from singularities."""
     from mlivr_gym.envs.tasks import random_state
 
     graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
@@ -232,7 +232,7 @@ def test_a_map_without_two_points_to_hold_at_once_is_refused(robot, apart):
         "rail": [1, 0, 0],
     }
     other = [] if apart is None else [point | {"id": "Q", "position": [0, apart, 0]}]
-    with pytest.raises(RobotError, match="no two of its points are between 0.1 m and 2.4 m apart"):
+    with pytest.raises(RobotError, match=r"no two of its points are between 0.1 m and 2.4 m apart"):
         stance_graph(GraspMap.from_dict({"points": [point, *other]}), robot)
 
 
@@ -243,5 +243,5 @@ def test_a_map_with_too_many_pairs_of_points_is_refused_before_they_are_made(jem
 
 
 def test_thresholds_that_no_stance_meets_are_named(ladder):
-    with pytest.raises(RobotError, match="none meets w_m >= 0.5"):
+    with pytest.raises(RobotError, match=r"none meets w_m >= 0.5"):
         stance_graph(ladder, settings=Settings(collisions=False, limb_threshold=0.5))
