@@ -1,6 +1,7 @@
 """The rule of imports, and the sizes that keep a file readable; all told from parsed sources."""
 
 import ast
+import re
 from functools import cache
 from pathlib import Path
 
@@ -30,6 +31,13 @@ LAYERS = (
     {"envs_assets", "_version", "_headless", "arrays"},
 )
 """From the top down; what stands in one line does not import its neighbours either."""
+
+AMBIGUOUS = {
+    "settle", "settled", "left", "land", "lands", "landed", "landing", "linked", "carried",
+    "raised",
+    "own", "near", "beyond", "way", "ways", "bodies", "hindrance", "reliability",
+}  # fmt: skip
+"""Words that meant several things here; `docs/glossary.md` has one word for each."""
 
 LEVEL = {name: len(LAYERS) - k for k, line in enumerate(LAYERS) for name in line}
 MOST_LINES, MOST_FUNCTION_LINES, MOST_PARAMETERS, WIDTH = 400, 60, 6, 100
@@ -88,6 +96,28 @@ def functions(path):
 def is_kernel(node):
     names = {part.id for part in node.decorator_list if isinstance(part, ast.Name)}
     return bool(names & {"kernel", "allocating_kernel"})
+
+
+def names_given(path):
+    """Names that a file gives: functions, classes, parameters, variables and attributes."""
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            yield node.attr
+
+
+@pytest.mark.parametrize("path", sources(), ids=module_of)
+def test_names_use_words_of_one_meaning(path):
+    words = {
+        name: AMBIGUOUS.intersection(re.sub(r"([a-z])([A-Z])", r"\1_\2", name).lower().split("_"))
+        for name in names_given(path)
+    }
+    assert not {name for name, found in words.items() if found}
 
 
 @pytest.mark.parametrize("path", sources(), ids=module_of)
