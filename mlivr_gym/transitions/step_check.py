@@ -146,7 +146,7 @@ class StepChecks(ABC):
     def _kept_folded(
         self, step: Candidate, before: list[int], masks: list[int], folds: int
     ) -> dict[int, int]:
-        """Branches that the limbs that hold keep while the other moves folded, none if one lacks any.
+        """Branches that limbs that hold keep while the other moves folded, none if one has none.
 
         Args:
             step: The step.
