@@ -1,6 +1,6 @@
 """Best-first search over the stances of any number of limbs.
 
-The same states, costs and tie-breaks as `pair_search`, in Python over `LazyGraph.candidates`:
+The same states, costs and tie-breaks as `pair_search`, in Python over `StanceGraph.candidates`:
 neighbours are worked out in batches, and a step is checked only when its state is taken from the
 queue.
 """
@@ -16,8 +16,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
 from mlivr_gym.planners.query import Search
 from mlivr_gym.postures.solver import Postures
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.stance_graph import join
+from mlivr_gym.stances.stance_graph import StanceGraph, join
 from mlivr_gym.transitions.state import State
 
 
@@ -33,7 +32,7 @@ class Found:
     generated: int
 
 
-def lazy_search(graph: LazyGraph, start: State, search: Search) -> Found:
+def lazy_search(graph: StanceGraph, start: State, search: Search) -> Found:
     """Best-first search from a state to any stance whose base lies in the goal region.
 
     Args:

@@ -1,6 +1,6 @@
 """Compile the planner's kernels: `python -m mlivr_gym.planners.warmup`.
 
-`stance_graph` starts this beside its own work where the kernel cache is empty. It plans one step on
+`stance_graph` starts this beside the graph's kernels where the cache is empty. It plans one step on
 four points with postures that need no kernel, so that exactly what a plan needs is compiled, with
 the types a plan uses.
 """
@@ -8,10 +8,11 @@ the types a plan uses.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.planners import Planner
-from mlivr_gym.postures.solver import Postures, PostureSolver, base_frames
+from mlivr_gym.postures.base_frames import base_frames
+from mlivr_gym.postures.solver import Postures, PostureSolver
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -24,7 +25,7 @@ HEIGHT = 0.65
 class PlainSolver(PostureSolver):
     """Base poses at one height, with every branch, good or not."""
 
-    def solve(self, stances: NDArray[np.int64]) -> Postures:
+    def solve(self, stances: IntArray) -> Postures:
         """Postures of stances given as point indices, shape (k, 2)."""
         grasps = self.grasp_map.positions[stances]
         centroid = grasps.mean(axis=1)
