@@ -16,6 +16,7 @@ from mlivr_gym.postures.solver import Postures, PostureSolver
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.transitions.rule import BRANCH_BITS
 from mlivr_gym.world.grasp_map import jem_map
 
 POINTS = ("F3a:2", "F3a:4", "F3b:2", "F3b:4")
@@ -40,7 +41,7 @@ class PlainSolver(PostureSolver):
             w_m=np.ones((count, 2)),
             w_b=np.ones(count),
             branch=np.zeros((count, 2), dtype=np.int64),
-            mask=np.full((count, 2), 0xFFFF, dtype=np.int64),
+            mask=np.full((count, 2), BRANCH_BITS, dtype=np.int64),
             cause=np.zeros(count, dtype=np.int64),
         )
 
