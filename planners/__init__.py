@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 if __name__ == "planners":
-    raise ImportError("import mlivr_gym.planners: the bare folder is not a package of its own")
+    raise ImportError("import mlivr_gym.planners: the bare folder is not a package")
 
 from mlivr_gym.motion.plan import Plan, Step
 from mlivr_gym.planners.cost_to_go import CostToGo

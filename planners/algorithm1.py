@@ -6,7 +6,7 @@ it serves any number of limbs. With `Settings(transitions=False, collisions=Fals
 `heuristic="paper"` nodes, edges and estimate are the paper's. Where steps are checked, a node is a
 `State`: a stance together with the branches that each limb may be on.
 
-The numbers of the lines are this file's own, not those of the paper's listing:
+The lines are numbered for this file, not as in the paper's listing:
 
     1   open <- {start}, g(start) <- 0, closed <- {}
     2   while open is not empty:
@@ -27,14 +27,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
-
-Array = NDArray[np.float64]
 
 
 @dataclass

@@ -20,7 +20,6 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -35,23 +34,20 @@ CORRIDORS = (0.3, 0.6, 1.2)
 
 
 def _far(steps: Successors, goal: Array) -> Array:
+    """Distances of the bases after some steps from the goal [m], shape (k,)."""
     away = steps.position - goal
-    return np.sqrt(np.einsum("ij,ij->i", away, away))
+    distances: Array = np.sqrt(np.einsum("ij,ij->i", away, away))
+    return distances
 
 
 class _Task:
-    """A start, a goal and the moves between, with a count of the states looked at."""
+    """A start, a goal and the moves between, with a count of the states expanded."""
 
     def __init__(
         self, moves: Moves, start: State, goal: Array, tolerance: float, longest: int
     ) -> None:
-        self.moves, self.start, self.goal, self.tolerance, self.longest = (
-            moves,
-            start,
-            goal,
-            tolerance,
-            longest,
-        )
+        self.moves, self.start = moves, start
+        self.goal, self.tolerance, self.longest = goal, tolerance, longest
         self.expanded = 0
 
     def steps(self, state: State) -> Successors:
@@ -104,7 +100,7 @@ class _Node:
         self.state = state
         self.steps = task.steps(state)
         self.order = np.argsort(_far(self.steps, task.goal), kind="stable").tolist()
-        self.children: list[_Node | None] = []
+        self.children: list[_Node] = []
         self.visits, self.total = 0, 0.0
 
 
@@ -122,7 +118,7 @@ def tree_search(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
             return task.walk([*states, *best[1]])
         if not root.children:
             break
-        chosen = max((c for c in root.children if c is not None), key=lambda c: (c.visits, c.total))
+        chosen = max(root.children, key=lambda c: (c.visits, c.total))
         states.append(chosen.state)
     return task.walk(states)
 
@@ -130,7 +126,7 @@ def tree_search(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
 def _simulate(
     task: _Task, root: _Node, rng: np.random.Generator, reach: float
 ) -> tuple[float, list[State]]:
-    """Descend, add a node, roll out, and back the value up; the value and the states of the way."""
+    """Descend, add a node, roll out, and back the value up; the value and the states passed."""
     node, path, ahead = root, [root], list[State]()
     while node.order and not task.done(node.state):
         allowed = min(len(node.order), 2 + int(math.sqrt(node.visits)))
@@ -139,8 +135,10 @@ def _simulate(
             node.children.append(child)
         else:
             log = math.log(node.visits + 1)
-            tried = [c for c in node.children if c is not None]
-            child = max(tried, key=lambda c: c.total / c.visits + math.sqrt(2.0 * log / c.visits))
+            child = max(
+                node.children,
+                key=lambda c: c.total / c.visits + math.sqrt(2.0 * log / c.visits),
+            )
         path.append(child)
         ahead.append(child.state)
         node = child
@@ -201,7 +199,7 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     return task.walk([task.start])
 
 
-FINDERS: dict[str, Callable[[Any, np.random.Generator, int], Walk]] = {
+FINDERS: dict[str, Callable[[_Task, np.random.Generator, int], Walk]] = {
     "random": random_walk, "local": local_walk, "mcts": tree_search, "two_level": two_level,
 }  # fmt: skip
 """The baselines by name."""

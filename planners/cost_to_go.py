@@ -8,41 +8,31 @@ goal fills all of it.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
+import numpy as np
+
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import allocating_kernel
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.pair_search import _grown, _sift_down, _sift_up
+from mlivr_gym.planners.heap import grown, sift_down, sift_up
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.pair_steps import KNOWN, edge_entry
 from mlivr_gym.transitions.rule import can_release, kept_on_edge, mask_of_grasp
 from mlivr_gym.transitions.state import State, Successors
 
-Array = NDArray[np.float64]
-
 
 @allocating_kernel
 def backward(
-    goal,
-    start,
-    toward,
-    base_weight,
-    step_weight,
-    limit,
-    check,
-    rows,
-    row_start,
-    row_position,
-    edges,
-    value,
-    done,
-    best,
-):
-    """Fill the table by best-first search backward from the goal stances; steps are checked when they are wanted.
+    goal: BoolArray, start: int, toward: Array, base_weight: float, step_weight: float, limit: int,
+    check: bool, rows: IntArray, row_start: IntArray, row_position: Array, edges: tuple[Any, ...],
+    value: Array, done: IntArray, best: Array,
+) -> tuple[float, bool]:  # fmt: skip
+    """Fill the table by best-first search backward from the goal stances.
 
-    A queue entry is (cost, stance, limb, mask, kind). Kind 0: limb holds on a branch of the mask
-    and the other moves next. Kind 1: the other limb has just grasped: either may move next.
+    Steps are checked when the search wants them. A queue entry is (cost, stance, limb, mask, kind).
+    Kind 0: limb holds on a branch of the mask and the other moves next. Kind 1: the other limb has
+    just grasped: either may move next.
 
     Args:
         goal: Which stances are goals, shape (n,).
@@ -59,12 +49,12 @@ def backward(
         edges: `PairGraph.edges`.
         value: Shape (n, 2, 16), filled with U by holding limb and bit; inf where the goal cannot be
             reached.
-        done: Zeros, shape (n, 2, 2); branches settled by holding limb and kind.
+        done: Zeros, shape (n, 2, 2); branches expanded by holding limb and kind.
         best: Infinities, shape (n, 2, 16); least costs found.
 
     Returns:
-        Lower bound of cost and `toward` together over all states that were not settled, and whether
-        it got to the start.
+        Lower bound of cost and `toward` together over all states that were not expanded, and
+        whether it got to the start.
     """
     points, local, degree, offset, table, position, mask, released = (
         edges[0], edges[1], edges[2], edges[3], edges[4], edges[5], edges[7], edges[17][2],
@@ -72,42 +62,29 @@ def backward(
     n = len(goal)
     size_pool = 1 << 16
     f, none = np.empty(size_pool), np.empty(size_pool)
-    node, bits, heap = (
-        np.empty(size_pool, np.int64),
-        np.empty(size_pool, np.int64),
-        np.empty(size_pool, np.int64),
-    )
+    node, bits = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
+    heap = np.empty(size_pool, np.int64)
     after, spent = np.empty(size_pool, np.int64), np.empty(size_pool)
     used = size = taken = 0
     for s in range(n):
         if goal[s] and mask[s, 0]:
             for held in range(2):
                 if used == size_pool:
-                    f, none, node, bits, heap = (
-                        _grown(f),
-                        _grown(none),
-                        _grown(node),
-                        _grown(bits),
-                        _grown(heap),
-                    )
-                    after, spent = _grown(after), _grown(spent)
+                    f, none, node, bits = grown(f), grown(none), grown(node), grown(bits)
+                    heap, after, spent = grown(heap), grown(after), grown(spent)
                     size_pool *= 2
-                f[used], none[used], node[used], bits[used] = (
-                    toward[s],
-                    0.0,
-                    4 * s + 2 * held + 1,
-                    mask[s, held],
-                )
+                f[used], none[used] = toward[s], 0.0
+                node[used], bits[used] = 4 * s + 2 * held + 1, mask[s, held]
                 spent[used], after[used], heap[size] = 0.0, -1, used
                 used += 1
                 size += 1
-                _sift_up(heap, size, f, none)
+                sift_up(heap, size, f, none)
     while size > 0:
         item = heap[0]
         size -= 1
         if size > 0:
             heap[0] = heap[size]
-            _sift_down(heap, size, f, none)
+            sift_down(heap, size, f, none)
         s, held, kind = node[item] >> 2, node[item] >> 1 & 1, node[item] & 1
         cost, next = spent[item], after[item]
         new = bits[item] & ~done[s, held, kind]
@@ -132,28 +109,18 @@ def backward(
                 return f[item], True
             # The other limb may have grasped here; so may this one, if the other held meanwhile.
             if used + 2 > size_pool:
-                f, none, node, bits, heap = (
-                    _grown(f),
-                    _grown(none),
-                    _grown(node),
-                    _grown(bits),
-                    _grown(heap),
-                )
-                after, spent = _grown(after), _grown(spent)
+                f, none, node, bits = grown(f), grown(none), grown(node), grown(bits)
+                heap, after, spent = grown(heap), grown(after), grown(spent)
                 size_pool *= 2
             for turn in range(2 if first else 1):
                 holder = held if turn == 0 else 1 - held
                 leave = mask_of_grasp(released[s, holder]) if check else mask[s, holder]
                 f[used], none[used], node[used] = f[item], 0.0, 4 * s + 2 * holder + 1
-                bits[used], spent[used], after[used], heap[size] = (
-                    new if turn == 0 else leave,
-                    cost,
-                    -1,
-                    used,
-                )
+                bits[used] = new if turn == 0 else leave
+                spent[used], after[used], heap[size] = cost, -1, used
                 used += 1
                 size += 1
-                _sift_up(heap, size, f, none)
+                sift_up(heap, size, f, none)
             continue
         done[s, held, 1] |= new
         point = points[s, held]
@@ -166,14 +133,14 @@ def backward(
             keep = kept_on_edge(new, mask[s2, held]) & ~done[s2, held, 0]
             if keep == 0:
                 continue
-            entry = table[first_entry + local[held, s2]] if check else np.int64(KNOWN)
+            entry = table[first_entry + local[held, s2]] if check else KNOWN
             if check and entry & KNOWN:
                 keep = kept_on_edge(keep, entry)
             dx = row_position[held, k, 0] - x
             dy = row_position[held, k, 1] - y
             dz = row_position[held, k, 2] - z
             cost2 = cost + base_weight * np.sqrt(dx * dx + dy * dy + dz * dz) + step_weight
-            better = np.int64(0)
+            better = 0
             for b in range(16):
                 if keep >> b & 1 and cost2 < best[s2, held, b]:
                     if entry & KNOWN:
@@ -182,29 +149,20 @@ def backward(
             if better == 0:
                 continue
             if used == size_pool:
-                f, none, node, bits, heap = (
-                    _grown(f),
-                    _grown(none),
-                    _grown(node),
-                    _grown(bits),
-                    _grown(heap),
-                )
-                after, spent = _grown(after), _grown(spent)
+                f, none, node, bits = grown(f), grown(none), grown(node), grown(bits)
+                heap, after, spent = grown(heap), grown(after), grown(spent)
                 size_pool *= 2
-            f[used], none[used], node[used], bits[used] = (
-                cost2 + toward[s2],
-                0.0,
-                4 * s2 + 2 * held,
-                better,
-            )
+            f[used], none[used] = cost2 + toward[s2], 0.0
+            node[used], bits[used] = 4 * s2 + 2 * held, better
             spent[used], after[used], heap[size] = cost2, s, used
             used += 1
             size += 1
-            _sift_up(heap, size, f, none)
+            sift_up(heap, size, f, none)
     return np.inf, False
 
 
-NO_LIMIT = np.iinfo(np.int64).max
+NO_LIMIT = int(np.iinfo(np.int64).max)
+"""Entries that a search may take from its queue where nothing limits it."""
 
 
 class CostToGo:
@@ -212,22 +170,16 @@ class CostToGo:
 
     Attributes:
         values: Cost from each stance when both limbs have all their branches, shape (n,); inf where
-            there is no way.
+            no goal can be reached.
         goal: Goal position [m], shape (3,).
         tolerance: Radius of the goal region [m].
         is_goal: Which stances are goals, shape (n,).
     """
 
-    def __init__(
-        self,
-        graph: PairGraph,
-        goal: Array,
-        tolerance: float,
-        cost: Cost,
-    ) -> None:
+    def __init__(self, graph: PairGraph, goal: Array, tolerance: float, cost: Cost) -> None:
         """Search backward from the goal; the steps it wants are checked, once for all goals."""
         self.graph, self.cost, self.goal, self.tolerance = graph, cost, goal, tolerance
-        self.is_goal: NDArray[np.bool_] = np.linalg.norm(graph.position - goal, axis=1) <= tolerance
+        self.is_goal: BoolArray = np.linalg.norm(graph.position - goal, axis=1) <= tolerance
         self._held = np.full((len(graph), 2, 16), np.inf)
         backward(
             self.is_goal, -1, np.zeros(len(graph)), cost.base_weight, cost.step_weight, NO_LIMIT,
@@ -235,7 +187,7 @@ class CostToGo:
             graph.row_start, graph.row_position, graph.edges, self._held,
             np.zeros((len(graph), 2, 2), dtype=np.int64), np.full((len(graph), 2, 16), np.inf),
         )  # fmt: skip
-        self._releasable = graph.edges[17][2] if graph.settings.transitions else graph.mask
+        self._releasable = graph.releasable if graph.settings.transitions else graph.mask
         self.values: Array = np.where(self.is_goal, 0.0, self._held.min(axis=(1, 2)))
 
     def value(self, state: State) -> float:
@@ -277,4 +229,5 @@ class CostToGo:
 
 
 def _bits(mask: int) -> list[int]:
+    """Branches and flips of a mask by number."""
     return [b for b in range(16) if mask >> b & 1]

@@ -9,13 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError, choice, nonnegative
 from mlivr_gym.motion.plan_parts import COSTS
 
 HIGHEST_PRICE = 1e6
-"""Largest price of a regrasp [m]; beyond it displacements are lost in rounding."""
+"""Largest price of a regrasp [m]; above it displacements are lost in rounding."""
 
 HEURISTICS = ("consistent", "paper", "zero", "cost_to_go")
 """Names of the heuristics; `cost_to_go` is the exact one without step checks."""
@@ -61,9 +61,7 @@ class Cost:
             return cls(name, 1.0, price)
         return cls(name, float(name == "base"), float(name == "steps"))
 
-    def heuristic(
-        self, name: str, distance: NDArray[np.float64], tolerance: float, max_step: float
-    ) -> NDArray[np.float64]:
+    def heuristic(self, name: str, distance: Array, tolerance: float, max_step: float) -> Array:
         """Estimate of the cost from base positions to the goal.
 
         `"consistent"` uses `max(0, d - tolerance)` and `ceil(max(0, d - tolerance) / max_step)`,

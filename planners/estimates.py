@@ -148,15 +148,15 @@ def unchecked(
         return table * cost.step_weight
     distance_to_goal(
         goal, start, np.zeros(n) if toward is None else toward, cost.base_weight, cost.step_weight,
-        graph.rows,
-        graph.row_start, graph.points, graph.position, graph.row_position, graph.mask,
-        np.full(n, np.inf), table,
-        np.full(n, -1),
+        graph.rows, graph.row_start, graph.points, graph.position, graph.row_position, graph.mask,
+        np.full(n, np.inf), table, np.full(n, -1),
     )  # fmt: skip
     return table
 
 
 def _distances(positions: Array, point: Array) -> Array:
-    """Distances of positions, shape (n, 3), from a point [m]; quicker than `np.linalg.norm` over an axis."""
+    """Distances of positions, shape (n, 3), from a point [m]."""
     away = positions - point
-    return np.sqrt(np.einsum("ij,ij->i", away, away))
+    # Quicker than `np.linalg.norm` over an axis.
+    distances: Array = np.sqrt(np.einsum("ij,ij->i", away, away))
+    return distances

@@ -1,6 +1,6 @@
 """Best-first search over the stances of any number of limbs.
 
-The same states, costs and tie-breaks as `pair_search`, in Python over `LazyGraph.candidates`:
+The same states, costs and tie-breaks as `pair_search`, in Python over `StanceGraph.candidates`:
 neighbours are worked out in batches, and a step is checked only when its state is taken from the
 queue.
 """
@@ -16,8 +16,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
 from mlivr_gym.planners.query import Search
 from mlivr_gym.postures.solver import Postures
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.stance_graph import join
+from mlivr_gym.stances.stance_graph import StanceGraph, join
 from mlivr_gym.transitions.state import State
 
 
@@ -33,7 +32,7 @@ class Found:
     generated: int
 
 
-def lazy_search(graph: LazyGraph, start: State, search: Search) -> Found:
+def lazy_search(graph: StanceGraph, start: State, search: Search) -> Found:
     """Best-first search from a state to any stance whose base lies in the goal region.
 
     Args:
@@ -41,71 +40,97 @@ def lazy_search(graph: LazyGraph, start: State, search: Search) -> Found:
         start: Where to start.
         search: What to look for, and how.
     """
-    cost, max_step = search.goal.cost, graph.max_step
+    return _LazySearch(graph, start, search).run()
 
-    def heuristic(positions: Array) -> Array:
-        return search.estimate(search.goal.distance(positions), max_step)
 
-    found = Found(EXHAUSTED, [], [], [], [], 1)
-    first = graph.posture_of(start)
-    h0 = float(heuristic(first.position)[0])
-    queue: list[tuple[float, float, int]] = [(h0, 0.0, 0)]
-    entries: list[tuple[tuple[int, ...], Postures, int]] = [(start.stance, first, -1)]
-    closed: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
-    complete: set[tuple[int, ...]] = set()
-    best: dict[tuple[int, ...], float] = {}
-    while queue:
-        _, negative, index = heapq.heappop(queue)
-        stance, posture, parent = entries[index]
-        if parent < 0:
-            state = start
-        else:
-            if stance in complete:
+class _LazySearch:
+    """A search in progress: its queue, and what was expanded."""
+
+    def __init__(self, graph: StanceGraph, start: State, search: Search) -> None:
+        self.graph, self.start, self.search = graph, start, search
+        self.max_step = graph.max_step
+        self.found = Found(EXHAUSTED, [], [], [], [], 1)
+        first = graph.posture_of(start)
+        self.queue: list[tuple[float, float, int]]
+        """Estimate, minus the cost so far, and index of the entry."""
+        self.queue = [(float(self._estimate(first.position)[0]), 0.0, 0)]
+        self.entries: list[tuple[tuple[int, ...], Postures, int]] = [(start.stance, first, -1)]
+        """Stance, its posture, and index of the expanded state before it, -1 at the start."""
+        self.closed: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
+        """Masks with which each stance was expanded."""
+        self.complete: set[tuple[int, ...]] = set()
+        """Stances expanded with all their branches."""
+        self.best: dict[tuple[int, ...], float] = {}
+        """Least cost to each stance where steps are not checked."""
+
+    def run(self) -> Found:
+        """Expand states until one is at the goal."""
+        found, search = self.found, self.search
+        while self.queue:
+            _, negative, index = heapq.heappop(self.queue)
+            stance, posture, parent = self.entries[index]
+            state = self.start if parent < 0 else self._state(stance, posture, parent)
+            if state is None or not self._close(state, posture):
                 continue
-            both = join(found.postures[parent], posture)
-            after = graph.transition(found.states[parent], stance, both)
-            if after is None:
-                continue
-            state = after
+            here = len(found.states)
+            found.states.append(state)
+            found.parents.append(parent)
+            found.costs.append(-negative)
+            found.postures.append(posture)
+            if search.goal.reached(posture.position)[0]:
+                found.status = FOUND
+                return found
+            if here + 1 >= search.limit:
+                found.status = LIMIT
+                return found
+            if search.progress is not None and here % 20 == 0:
+                search.progress(here)
+            self._expand(here)
+        return found
+
+    def _estimate(self, positions: Array) -> Array:
+        """Estimate of the cost to the goal from base positions, shape (k, 3) -> (k,)."""
+        return self.search.estimate(self.search.goal.distance(positions), self.max_step)
+
+    def _state(self, stance: tuple[int, ...], posture: Postures, parent: int) -> State | None:
+        """The state at a stance after an expanded one; None if no such step leaves that."""
+        if stance in self.complete:
+            return None
+        both = join(self.found.postures[parent], posture)
+        return self.graph.transition(self.found.states[parent], stance, both)
+
+    def _close(self, state: State, posture: Postures) -> bool:
+        """Note that a state is expanded; False if one with its branches was expanded before."""
         # The start may be in a given pose; its stance is another state.
-        seen = closed.setdefault(stance, []) if state.pose is None else []
+        seen = self.closed.setdefault(state.stance, []) if state.pose is None else []
         if any(
             all(m & ~old == 0 for m, old in zip(state.masks, masks, strict=True)) for masks in seen
         ):
-            continue
+            return False
         seen.append(state.masks)
         if state.pose is None and state.masks == tuple(posture.mask[0].tolist()):
-            complete.add(stance)
-        here = len(found.states)
-        found.states.append(state)
-        found.parents.append(parent)
-        found.costs.append(-negative)
-        found.postures.append(posture)
-        if search.goal.reached(posture.position)[0]:
-            found.status = FOUND
-            return found
-        if here + 1 >= search.limit:
-            found.status = LIMIT
-            return found
-        if search.progress is not None and here % 20 == 0:
-            search.progress(here)
-        limb, point, postures = graph.candidates(stance)
+            self.complete.add(state.stance)
+        return True
+
+    def _expand(self, here: int) -> None:
+        """Put the neighbours of an expanded state into the queue."""
+        graph, cost = self.graph, self.search.goal.cost
+        state, position = self.found.states[here], self.found.postures[here].position
+        limb, point, postures = graph.candidates(state.stance)
         if not len(limb):
-            continue
-        g = -negative + cost.base_weight * np.linalg.norm(
-            postures.position - posture.position, axis=1
-        )
+            return
+        shift = np.linalg.norm(postures.position - position, axis=1)
+        g = self.found.costs[here] + cost.base_weight * shift
         g += cost.step_weight
-        f = search.g_weight * g + heuristic(postures.position)
+        f = self.search.g_weight * g + self._estimate(postures.position)
         for k in range(len(limb)):
-            next_ = state.stance_after(int(limb[k]), int(point[k]))
+            after = state.stance_after(int(limb[k]), int(point[k]))
             if not graph.settings.transitions:
-                if g[k] >= best.get(next_, np.inf):
+                if g[k] >= self.best.get(after, np.inf):
                     continue
-                best[next_] = float(g[k])
-            elif next_ in complete:
+                self.best[after] = float(g[k])
+            elif after in self.complete:
                 continue
-            entries.append((next_, postures.take(np.array([k])), here))
-            heapq.heappush(queue, (float(f[k]), -float(g[k]), len(entries) - 1))
-            found.generated += 1
-    return found
+            self.entries.append((after, postures.take(np.array([k])), here))
+            heapq.heappush(self.queue, (float(f[k]), -float(g[k]), len(self.entries) - 1))
+            self.found.generated += 1

@@ -1,99 +1,42 @@
 """Best-first search over the stances of a two-limb robot (compiled).
 
-A search state is (stance, limb that moved last, branches left to the other limb): the limb that
-landed has all branches on which it can let go again. A limb that has held must be on one of those
-when it moves. Edges are checked when a state is taken from the queue, not when it is put there, so
-only edges the search wants to use are worked out. For each (stance, limb) one mask says which
-branches were expanded already; a state with nothing new is dropped, which is exact because the cost
-of going on is the least over the branches left.
+A search state is (stance, limb that moved last, branches that the other limb has kept): the limb
+that grasped has all branches on which it can be released again. A limb that has held must be on one
+of those when it moves. Edges are checked when a state is taken from the queue, not when it is put
+there, so only edges the search wants to use are worked out. For each (stance, limb) one mask says
+which branches were expanded already; a state with nothing new is dropped, which is exact because
+the cost of going on is the least over the branches kept.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from mlivr_gym.compiled.kernels import allocating_kernel, kernel
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.compiled.kernels import allocating_kernel
+from mlivr_gym.planners.heap import grown
+from mlivr_gym.planners.heap import sift_down as _sift_down
+from mlivr_gym.planners.heap import sift_up as _sift_up
 from mlivr_gym.stances.pair_steps import KNOWN, edge_entry
 from mlivr_gym.transitions.rule import can_release, kept_on_edge, mask_of_grasp
 
 FOUND, EXHAUSTED, LIMIT = 0, 1, 2
-
-
-@allocating_kernel
-def _grown(old):
-    new = np.empty(2 * len(old), old.dtype)
-    for k in range(len(old)):
-        new[k] = old[k]
-    return new
-
-
-@kernel
-def _sift_up(heap, size, f, g):
-    """Move the last of `size` entries to its place: smaller f first, then larger g, then earlier entry."""
-    place = size - 1
-    item = heap[place]
-    while place > 0:
-        parent = (place - 1) >> 1
-        other = heap[parent]
-        if f[item] > f[other] or (
-            f[item] == f[other] and (g[item] < g[other] or (g[item] == g[other] and item > other))
-        ):
-            break
-        heap[place] = other
-        place = parent
-    heap[place] = item
-
-
-@kernel
-def _sift_down(heap, size, f, g):
-    """Restore the order after the first entry was replaced."""
-    place = 0
-    item = heap[0]
-    while True:
-        child = 2 * place + 1
-        if child >= size:
-            break
-        best = heap[child]
-        if child + 1 < size:
-            other = heap[child + 1]
-            if f[other] < f[best] or (
-                f[other] == f[best]
-                and (g[other] > g[best] or (g[other] == g[best] and other < best))
-            ):
-                child += 1
-                best = other
-        if f[item] < f[best] or (
-            f[item] == f[best] and (g[item] > g[best] or (g[item] == g[best] and item < best))
-        ):
-            break
-        heap[place] = best
-        place = child
-    heap[place] = item
+"""How a search ends: at a goal, with nothing more to expand, or at its limit of expansions."""
 
 
 @allocating_kernel
 def search(
-    seeds,
-    seed_costs,
-    goal,
-    h,
-    base_weight,
-    step_weight,
-    g_weight,
-    limit,
-    check,
-    rows,
-    row_start,
-    row_position,
-    edges,
-    closed,
-    best,
-):
-    """Best-first search from one stance, or from those that a first step leads to, to any goal stance.
+    seeds: IntArray, seed_costs: Array, goal: BoolArray, h: Array, base_weight: float,
+    step_weight: float, g_weight: float, limit: int, check: bool, rows: IntArray,
+    row_start: IntArray, row_position: Array, edges: tuple[Any, ...], closed: IntArray, best: Array,
+) -> tuple[int, int, IntArray, IntArray, IntArray, Array]:  # fmt: skip
+    """Best-first search from one or more stances to any goal stance.
 
     Args:
-        seeds: Stance index, limb that moved there (2 if none did) and branches left to the other
-            limb, shape (k, 3).
+        seeds: Where to begin: stance index, limb that moved there (2 if none did) and branches of
+            the other limb, shape (k, 3).
         seed_costs: What it cost to get to each, shape (k,).
         goal: Which stances are goals, shape (n,).
         h: Heuristic of each stance, shape (n,).
@@ -116,34 +59,21 @@ def search(
         start), mask of the limb that held, parent (-1 for a seed), and cost so far. If found, the
         last one is the goal.
     """
-    points, position, mask, ready, released = (
-        edges[0],
-        edges[5],
-        edges[7],
-        edges[17][1],
-        edges[17][2],
-    )
+    points, position, mask = edges[0], edges[5], edges[7]
+    ready, released = edges[17][1], edges[17][2]
     local, degree, offset, table = edges[1], edges[2], edges[3], edges[4]
     size_pool = 1 << 14
     f, g = np.empty(size_pool), np.empty(size_pool)
-    node, parent, heap = (
-        np.empty(size_pool, np.int64),
-        np.empty(size_pool, np.int64),
-        np.empty(size_pool, np.int64),
-    )
+    node, parent = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
+    heap = np.empty(size_pool, np.int64)
     size_out = 1 << 10
     out_node, out_mask = np.empty(size_out, np.int64), np.empty(size_out, np.int64)
     out_parent, out_g = np.empty(size_out, np.int64), np.empty(size_out)
     used = size = expanded = 0
     for k in range(len(seeds)):
         if used == size_pool:
-            f, g, node, parent, heap = (
-                _grown(f),
-                _grown(g),
-                _grown(node),
-                _grown(parent),
-                _grown(heap),
-            )
+            f, g, node, parent = grown(f), grown(g), grown(node), grown(parent)
+            heap = grown(heap)
             size_pool *= 2
         s = seeds[k, 0]
         f[used], g[used] = g_weight * seed_costs[k] + h[s], seed_costs[k]
@@ -161,7 +91,7 @@ def search(
         s, moved = node[item] // 3, node[item] % 3
         above = parent[item]
         if moved == 2:
-            kept = np.int64(0)
+            kept = 0
             full = True
         else:
             held = 1 - moved
@@ -192,17 +122,13 @@ def search(
         elif full:
             closed[s, 0], closed[s, 1] = mask[s, 1], mask[s, 0]
         if expanded == size_out:
-            out_node, out_mask = _grown(out_node), _grown(out_mask)
-            out_parent, out_g = _grown(out_parent), _grown(out_g)
+            out_node, out_mask = grown(out_node), grown(out_mask)
+            out_parent, out_g = grown(out_parent), grown(out_g)
             size_out *= 2
         here = expanded
         cost = g[item]
-        out_node[here], out_mask[here], out_parent[here], out_g[here] = (
-            3 * s + moved,
-            kept,
-            max(above, -1),
-            cost,
-        )
+        out_node[here], out_mask[here] = 3 * s + moved, kept
+        out_parent[here], out_g[here] = max(above, -1), cost
         expanded += 1
         if goal[s]:
             status = FOUND
@@ -252,8 +178,8 @@ def search(
                     # Without checks it does not matter which limb moved.
                     best[s2, 0] = best[s2, 1] = cost2
                 if used == size_pool:
-                    f, g, node, parent = _grown(f), _grown(g), _grown(node), _grown(parent)
-                    heap = _grown(heap)
+                    f, g, node, parent = grown(f), grown(g), grown(node), grown(parent)
+                    heap = grown(heap)
                     size_pool *= 2
                 f[used] = g_weight * cost2 + h[s2]
                 g[used] = cost2
@@ -264,17 +190,16 @@ def search(
                 size += 1
                 _sift_up(heap, size, f, g)
     return (
-        status,
-        used,
-        out_node[:expanded],
-        out_mask[:expanded],
-        out_parent[:expanded],
+        status, used, out_node[:expanded], out_mask[:expanded], out_parent[:expanded],
         out_g[:expanded],
-    )
+    )  # fmt: skip
 
 
 @allocating_kernel
-def steps_to_goal(goal, rows, row_start, points, mask, value, opened):
+def steps_to_goal(
+    goal: BoolArray, rows: IntArray, row_start: IntArray, points: IntArray, mask: IntArray,
+    value: Array, opened: BoolArray,
+) -> None:  # fmt: skip
     """Fewest steps from every stance to the goal region when steps are not checked.
 
     A breadth-first search in which each row is opened once: all its stances are one step from the
@@ -285,8 +210,8 @@ def steps_to_goal(goal, rows, row_start, points, mask, value, opened):
         rows: `PairGraph.rows`.
         row_start: `PairGraph.row_start`.
         points: `PairGraph.points`.
-        mask: `PairGraph.mask`; stances without a branch are left out.
-        value: Infinities, shape (n,), filled with the steps; inf stays where there is no way.
+        mask: `PairGraph.mask`; stances without a branch are omitted.
+        value: Infinities, shape (n,), filled with the steps but where no goal can be reached.
         opened: False, shape (2, m).
     """
     n = len(goal)
@@ -315,25 +240,14 @@ def steps_to_goal(goal, rows, row_start, points, mask, value, opened):
 
 @allocating_kernel
 def distance_to_goal(
-    goal,
-    start,
-    toward,
-    base_weight,
-    step_weight,
-    rows,
-    row_start,
-    points,
-    position,
-    row_position,
-    mask,
-    value,
-    closed,
-    along,
-):
-    """Exact cost from stances to the goal region when steps are not checked, by search backward from the goal.
+    goal: BoolArray, start: int, toward: Array, base_weight: float, step_weight: float,
+    rows: IntArray, row_start: IntArray, points: IntArray, position: Array, row_position: Array,
+    mask: IntArray, value: Array, closed: Array, along: IntArray,
+) -> None:  # fmt: skip
+    """Exact cost from stances to the goal region when steps are not checked.
 
-    Moving one limb twice in a row never pays then, so a stance reached along a row does not open
-    that row again.
+    It is found by a search backward from the goal. Moving one limb twice in a row never pays, so a
+    stance reached along a row does not open that row again.
 
     Args:
         goal: Which stances are goals, shape (n,).
@@ -347,9 +261,9 @@ def distance_to_goal(
         points: `PairGraph.points`.
         position: `PairGraph.position`.
         row_position: `PairGraph.row_position`.
-        mask: `PairGraph.mask`; stances without a branch are left out.
+        mask: `PairGraph.mask`; stances without a branch are omitted.
         value: Infinities, shape (n,); least costs found.
-        settled: Infinities, shape (n,), filled with the cost of each stance that was settled.
+        closed: Infinities, shape (n,), filled with the cost of each stance that was expanded.
         along: Minus ones, shape (n,); the limb that held when a stance was reached.
     """
     n = len(goal)
@@ -392,7 +306,7 @@ def distance_to_goal(
                     value[s2] = cost2
                     along[s2] = held
                     if used == size_pool:
-                        f, g, node, heap = _grown(f), _grown(g), _grown(node), _grown(heap)
+                        f, g, node, heap = grown(f), grown(g), grown(node), grown(heap)
                         size_pool *= 2
                     f[used], g[used], node[used], heap[size] = cost2 + toward[s2], cost2, s2, used
                     used += 1

@@ -26,7 +26,6 @@ from mlivr_gym.planners.searches import (
     Searcher,
 )
 from mlivr_gym.postures.given_pose import given_joints
-from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -41,8 +40,8 @@ class PlanningResult:
 
     Attributes:
         plan: The plan, or None.
-        reason: `""`, or why there is none: `"start infeasible"`, `"goal outside the reachable set"`,
-            `"search exhausted"`, `"limit reached"`, `"joint limits"`.
+        reason: `""`, or why there is none: `"start infeasible"`, `"goal outside the reachable
+            set"`, `"search exhausted"`, `"limit reached"`, `"joint limits"`.
         message: One sentence for people.
         expanded: States expanded.
         generated: States generated.
@@ -107,7 +106,6 @@ class Planner:
             self._estimates = Estimates(graph)
             self._searcher: Searcher = PairSearcher(graph, self._estimates)
         else:
-            assert isinstance(graph, LazyGraph)
             self._searcher = LazySearcher(graph)
         self._exact: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
 

@@ -135,9 +135,8 @@ class Search:
             raise SettingError("method 'algorithm1' needs a heuristic other than 'cost_to_go'")
         if options.limit < 1:
             raise SettingError(f"limit is {options.limit!r}; it must be at least 1")
-        limit = min(
-            options.limit, sys.maxsize
-        )  # no search is longer; the compiled one takes 64 bits
+        # No search is longer; the compiled one takes 64 bits.
+        limit = min(options.limit, sys.maxsize)
         inflation = options.inflation
         if inflation is None:
             inflation = 1.0 if tables or plain else 2.0
@@ -147,7 +146,7 @@ class Search:
 
     @property
     def g_weight(self) -> float:
-        """Weight of the cost so far in the order of the queue, which the ratio of weights decides."""
+        """Weight of the cost so far in the order of the queue; that of the estimate is 1."""
         return 0.0 if self.method == "greedy" else 1.0 / self.inflation
 
     def estimate(self, distance: Array, max_step: float) -> Array:

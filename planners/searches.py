@@ -1,4 +1,4 @@
-"""The searches that a planner chooses from: compiled for two limbs, batched for more, and Algorithm 1."""
+"""The searches of a planner: compiled for two limbs, batched for more, and Algorithm 1."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from mlivr_gym.planners.lazy_search import lazy_search
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT, search
 from mlivr_gym.planners.query import Search
 from mlivr_gym.postures.solver import Postures
-from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.rule import mask_of_grasp
@@ -44,7 +43,7 @@ class Path:
     Attributes:
         status: `FOUND`, `EXHAUSTED` or `LIMIT` of `pair_search`.
         states: States from the start to the last one explored, the goal if it was found.
-        cost: Cost of the way to it.
+        cost: Cost of the path to it.
         expanded: States expanded.
         generated: States generated.
         tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
@@ -82,7 +81,7 @@ class PairSearcher:
         origin = graph.posture_of(first)
         seeds = _Seeds(graph, first, origin, search)
         arrived = bool(goal.distance(origin.position[0]) <= goal.tolerance)
-        if seeds.beside and (arrived or not len(seeds.rows)):
+        if seeds.given and (arrived or not len(seeds.rows)):
             status = FOUND if arrived else EXHAUSTED
             return Path(status, (first,), 0.0, 1, 1, np.zeros((0, 2, 3)))
         region = self.estimates.region(goal)
@@ -95,7 +94,7 @@ class PairSearcher:
         states = tuple(self._state(int(stance[k]), int(moved[k]), int(mask[k])) for k in chain)
         before = np.where(parent[:, None] >= 0, graph.position[stance[parent]], origin.position[0])
         tree = np.stack([before, graph.position[stance]], axis=1)
-        if not seeds.beside:
+        if not seeds.given:
             return Path(int(status), states, float(g[-1]), explored, generated, tree[1:])
         counts = explored + 1, generated + 1
         return Path(int(status), (first, *states), float(g[-1]), *counts, tree)
@@ -103,7 +102,7 @@ class PairSearcher:
     def _search(
         self, search_: Search, seeds: _Seeds, origin: Postures, keep: bool
     ) -> tuple[tuple[int, int, IntArray, IntArray, IntArray, Array], int, int]:
-        """Search, and learn from the other end where the estimate misleads; counts of all rounds."""
+        """Search, and learn from the goal where the estimate misleads; counts of all rounds."""
         graph, goal, estimates = self.graph, search_.goal, self.estimates
         cost, region, learnt = goal.cost, estimates.region(goal), estimates.has(goal)
         tables = search_.heuristic == "cost_to_go"
@@ -126,7 +125,7 @@ class PairSearcher:
             explored, generated = explored + len(found[2]), generated + int(found[1])
             if found[0] != LIMIT or explored >= search_.limit:
                 return found, explored, generated
-            # Many steps that the estimate counts on are no edges: learn from the other end.
+            # Many steps that the estimate counts on are no edges: learn from the goal.
             h, bound = estimates.learn(
                 goal, seeds.start, origin.position[0], bound, LEARNING * patience, learnt=learnt
             )
@@ -153,14 +152,14 @@ class _Seeds:
         start: Index of the start stance, -1 if the robot stands in a given pose.
         rows: Stance index, limb that moved there and branches of the other limb, shape (k, 3).
         costs: What it cost to get to each, shape (k,).
-        beside: Whether the start is beside the graph, in a pose or on branches that are given: the
-            seeds are then the stances that a first step leads to.
+        given: Whether the pose or the branches at the start are given: the seeds are then the
+            stances that a first step leads to.
     """
 
     def __init__(self, graph: PairGraph, first: State, origin: Postures, search: Search) -> None:
         self.start = graph.find(first.stance) if first.pose is None else -1
-        self.beside = self.start < 0 or first.masks != tuple(graph.mask[self.start].tolist())
-        if not self.beside:
+        self.given = self.start < 0 or first.masks != tuple(graph.mask[self.start].tolist())
+        if not self.given:
             self.rows, self.costs = np.array([[self.start, 2, 0]]), np.zeros(1)
             return
         cost, steps = search.goal.cost, graph.successors(first)
@@ -176,7 +175,7 @@ class _Seeds:
 class LazySearcher:
     """The search of any number of limbs."""
 
-    def __init__(self, graph: LazyGraph) -> None:
+    def __init__(self, graph: StanceGraph) -> None:
         """Search `graph`."""
         self.graph = graph
 

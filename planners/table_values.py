@@ -11,16 +11,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
-Array = NDArray[np.float64]
-
 
 @kernel
-def relax(goal, step_cost, base_cost, tables, value, grasped, queue, queued):
+def relax(
+    goal: BoolArray, step_cost: Array, base_cost: Array, tables: StepTables, value: Array,
+    grasped: Array, queue: IntArray, queued: NDArray[np.int8],
+) -> None:  # fmt: skip
     """Fill the table, label-correcting backward from the goal stances.
 
     Args:
@@ -29,7 +31,7 @@ def relax(goal, step_cost, base_cost, tables, value, grasped, queue, queued):
         base_cost: Charge for each metre of base displacement on a step to each point, shape (m,).
         tables: `StepTables`.
         value: Infinities, shape (n, 2, 16), filled.
-        landed: Infinities, shape (n, 2), filled: least cost when the limb has just grasped and the
+        grasped: Infinities, shape (n, 2), filled: least cost when the limb has just grasped and the
             other moves next.
         queue: Shape (n,).
         queued: Zeros, shape (n,).
@@ -81,7 +83,10 @@ def relax(goal, step_cost, base_cost, tables, value, grasped, queue, queued):
 
 
 @kernel
-def step_values(stances, masks, which, goals, step_cost, base_cost, tables, values, grasped, out):
+def step_values(
+    stances: IntArray, masks: IntArray, which: IntArray, goals: BoolArray, step_cost: Array,
+    base_cost: Array, tables: StepTables, values: Array, grasped: Array, out: Array,
+) -> None:  # fmt: skip
     """Cost of taking each possible action and going on at the least cost.
 
     Args:
@@ -93,7 +98,7 @@ def step_values(stances, masks, which, goals, step_cost, base_cost, tables, valu
         base_cost: As in `relax`.
         tables: `StepTables`.
         values: Shape (g, n, 2, 16).
-        landed: Shape (g, n, 2).
+        grasped: Shape (g, n, 2).
         out: Infinities, shape (k, 2 m), written.
     """
     m = out.shape[1] // 2
@@ -125,10 +130,17 @@ def step_values(stances, masks, which, goals, step_cost, base_cost, tables, valu
 
 
 def expected_charges(cost: Cost, failure: Array) -> tuple[Array, Array]:
-    """Charges for a step and for a metre where an attempt at each point fails with a probability, each shape (m,).
+    """Expected charges for a step and for a metre where attempts at points may fail.
 
-    A failed attempt costs a step and the path there and back; it is made again until it succeeds, `1
-    / (1 - p)` times on average.
+    A failed attempt costs a step and the path there and back; it is made again until it succeeds,
+    `1 / (1 - p)` times on average.
+
+    Args:
+        cost: Cost of a step.
+        failure: Probability p that an attempt at each point fails, shape (m,).
+
+    Returns:
+        Charge for a step and for a metre to each point, each shape (m,).
     """
     return cost.step_weight / (1.0 - failure), cost.base_weight * (1.0 + failure) / (1.0 - failure)
 
@@ -139,9 +151,9 @@ class TableValues:
     Attributes:
         tables: The steps of the layout.
         goals: Which stances are goals, shape (g, n).
-        values: Costs by goal, stance, holding limb and branch, shape (g, n, 2, 16); inf where there
-            is no way.
-        landed: Their least by goal, stance and holding limb, shape (g, n, 2).
+        values: Costs by goal, stance, holding limb and branch, shape (g, n, 2, 16); inf where the
+            goal cannot be reached.
+        grasped: Their least by goal, stance and limb that has just grasped, shape (g, n, 2).
     """
 
     def __init__(
@@ -167,7 +179,7 @@ class TableValues:
         self.charges = expected_charges(cost, np.zeros(points) if failure is None else failure)
         n, count = len(tables.points), len(goals)
         held = (tables.masks != 0).all(axis=1)
-        self.goals: NDArray[np.bool_] = np.array(
+        self.goals: BoolArray = np.array(
             [(np.linalg.norm(tables.position - goal, axis=1) <= tolerance) & held for goal in goals]
         )
         self.values: Array = np.full((count, n, 2, 16), np.inf)
@@ -179,34 +191,26 @@ class TableValues:
             )
 
     def of_stances(self, g: int) -> Array:
-        """Least cost from each stance to goal `g` when both limbs have all their branches, shape (n,)."""
+        """Least cost from each stance to goal `g` with all branches of both limbs, shape (n,)."""
         return np.where(self.goals[g], 0.0, self.values[g].min(axis=(1, 2)))
 
     def of_actions(
-        self,
-        stances: NDArray[np.int64],
-        masks: NDArray[np.int64],
-        which: NDArray[np.int64],
-        actions: int,
+        self, stances: IntArray, masks: IntArray, which: IntArray, actions: int
     ) -> Array:
-        """Cost of taking each action in k states and going on at the least cost, shape (k, actions); inf if not possible.
+        """Cost of taking each action in k states and going on at the least cost.
 
         Args:
             stances: Stance indices, shape (k,).
             masks: Branches each limb may be on, shape (k, 2).
             which: Goal of each state, shape (k,).
             actions: Number of actions, 2 m.
+
+        Returns:
+            Shape (k, actions), inf where an action is not possible.
         """
         out: Array = np.full((len(stances), actions), np.inf)
         step_values(
-            stances,
-            masks,
-            which,
-            self.goals,
-            *self.charges,
-            self.tables,
-            self.values,
-            self.grasped,
-            out,
-        )
+            stances, masks, which, self.goals, *self.charges, self.tables, self.values,
+            self.grasped, out,
+        )  # fmt: skip
         return out

@@ -19,7 +19,7 @@ class Walk(NamedTuple):
     Attributes:
         states: K states, the first of them the start.
         reached: Whether the last one is at the goal.
-        expanded: States whose steps were looked at.
+        expanded: States expanded.
     """
 
     states: tuple[State, ...]

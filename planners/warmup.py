@@ -1,6 +1,6 @@
 """Compile the planner's kernels: `python -m mlivr_gym.planners.warmup`.
 
-`stance_graph` starts this beside its own work where the kernel cache is empty. It plans one step on
+`stance_graph` starts this beside the graph's kernels where the cache is empty. It plans one step on
 four points with postures that need no kernel, so that exactly what a plan needs is compiled, with
 the types a plan uses.
 """
@@ -8,13 +8,15 @@ the types a plan uses.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.planners import Planner
-from mlivr_gym.postures.solver import Postures, PostureSolver, base_frames
+from mlivr_gym.postures.base_frames import base_frames
+from mlivr_gym.postures.solver import Postures, PostureSolver
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.transitions.rule import BRANCH_BITS
 from mlivr_gym.world.grasp_map import jem_map
 
 POINTS = ("F3a:2", "F3a:4", "F3b:2", "F3b:4")
@@ -24,7 +26,7 @@ HEIGHT = 0.65
 class PlainSolver(PostureSolver):
     """Base poses at one height, with every branch, good or not."""
 
-    def solve(self, stances: NDArray[np.int64]) -> Postures:
+    def solve(self, stances: IntArray) -> Postures:
         """Postures of stances given as point indices, shape (k, 2)."""
         grasps = self.grasp_map.positions[stances]
         centroid = grasps.mean(axis=1)
@@ -39,7 +41,7 @@ class PlainSolver(PostureSolver):
             w_m=np.ones((count, 2)),
             w_b=np.ones(count),
             branch=np.zeros((count, 2), dtype=np.int64),
-            mask=np.full((count, 2), 0xFFFF, dtype=np.int64),
+            mask=np.full((count, 2), BRANCH_BITS, dtype=np.int64),
             cause=np.zeros(count, dtype=np.int64),
         )
 

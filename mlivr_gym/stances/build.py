@@ -39,6 +39,7 @@ def stance_graph(
         graph = PairGraph(grasp_map, robot, settings)
     if not len(graph):
         raise RobotError(
-            f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: {graph.no_stance()}"
+            f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: "
+            f"{graph.no_stance()}"
         )
     return graph

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.postures.solver import OPPOSED_HEIGHTS, Postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.stance_graph import IntArray, StanceGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.grasp_map import GraspMap
 
 
@@ -20,24 +21,20 @@ class LazyGraph(StanceGraph):
         self._released: dict[tuple[tuple[int, ...], bytes, int], int] = {}
 
     def postures(self, stances: IntArray) -> Postures:
-        """Postures of stances, shape (k, N), feasible or not; those that touch an obstacle or an occupied point cannot be held."""
+        """Postures of stances, shape (k, N), feasible or not.
+
+        Stances that touch an obstacle or hold an occupied point cannot be held.
+        """
         stances = np.asarray(stances, dtype=np.int64).reshape(-1, self.limbs)
         found = super().postures(stances)
         if self.obstacles:
-            self.clear_of_obstacles(
-                np.arange(len(stances)),
-                stances,
-                found.position,
-                found.rotation,
-                found.branch,
-                found.mask,
-            )
+            self.clear_of_obstacles(np.arange(len(stances)), stances, found)
         if self.occupied:
             found.mask[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
         return found
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can let go, worked out once."""
+        """On which branches a limb can be released at a stance, worked out once."""
         key = (stance, posture.position[0].tobytes() + posture.rotation[0].tobytes(), limb)
         if key not in self._released:
             self._released[key] = super().released(stance, posture, limb)
@@ -47,13 +44,13 @@ class LazyGraph(StanceGraph):
         self._released = {}
 
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
-        """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
+        """Feasible neighbouring stances, steps not yet checked; see `StanceGraph.candidates`."""
         limbs: list[IntArray] = []
         points: list[IntArray] = []
         for i in range(self.limbs):
-            near = [self.partners(p) for k, p in enumerate(stance) if k != i]
-            common = near[0]
-            for other in near[1:]:
+            partners = [self.partners(p) for k, p in enumerate(stance) if k != i]
+            common = partners[0]
+            for other in partners[1:]:
                 common = np.intersect1d(common, other, assume_unique=True)
             common = common[common != stance[i]]
             limbs.append(np.full(len(common), i, dtype=np.int64))

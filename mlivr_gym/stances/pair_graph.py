@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.postures.solver import Postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
+from mlivr_gym.stances.pair_rows import connected_parts, rows_of
 from mlivr_gym.stances.pair_steps import (
     ARC_BITS,
     FOLD_BITS,
@@ -35,10 +37,10 @@ from mlivr_gym.stances.pair_steps import (
     longest_step,
     pair_successors,
 )
-from mlivr_gym.stances.stance_graph import TOUCHED, Array, IntArray, StanceGraph, State, Successors
-from mlivr_gym.transitions.rule import can_release, kept_on_edge
+from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph, State, Successors
+from mlivr_gym.transitions.candidate import Edge
+from mlivr_gym.transitions.rule import BRANCH_BITS, can_release, kept_on_edge
 from mlivr_gym.transitions.state import moving_limb
-from mlivr_gym.transitions.step_check import Edge
 from mlivr_gym.world.grasp_map import GraspMap
 
 REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
@@ -75,13 +77,14 @@ class PairGraph(StanceGraph):
         mask: Branches and flips each limb may hold on, shape (n, 2).
         rows: Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n).
         row_start: Where the row of each point begins in `rows`, shape (2, m + 1).
-        considered: Ordered pairs of points that were looked at.
+        considered: Ordered pairs of points that were tried.
         reachable: How many of them inverse kinematics can hold.
-        removed: How many that meet the thresholds were left out because they touch something, by
+        removed: How many that meet the thresholds were omitted because they touch something, by
             what they touch.
-        no_departure: How many that meet the thresholds were left out because a limb could not leave
-            its point along the surface normal with `w_m` above `Settings.path_floor` and inside its
-            joint limits. Without thresholds that floor is what remains, where steps are checked.
+        no_departure: How many that meet the thresholds were omitted because a limb could not depart
+            from its point along the surface normal with `w_m` above `Settings.path_floor` and
+            inside its joint limits. Where steps are checked that floor holds without thresholds
+            too.
     """
 
     has_tables = True
@@ -104,27 +107,13 @@ class PairGraph(StanceGraph):
         self.no_departure = int((stuck & (postures.w_m >= self.limb_threshold).all(axis=1)).sum())
         self.points = np.ascontiguousarray(self.pairs[node])
         chosen = postures.take(node)
-        self.position, self.rotation, self.w_m, self.w_b = (
-            chosen.position,
-            chosen.rotation,
-            chosen.w_m,
-            chosen.w_b,
-        )
+        self.position, self.rotation = chosen.position, chosen.rotation
+        self.w_m, self.w_b = chosen.w_m, chosen.w_b
         self.branch, self.mask = chosen.branch, chosen.mask
         n, m = len(self.points), len(grasp_map)
-        by_second = np.lexsort((self.points[:, 0], self.points[:, 1]))
-        self.rows: IntArray = np.stack([np.arange(n), by_second]).astype(np.int64)
-        ordered = np.take_along_axis(self.points.T, self.rows, axis=1)
+        self.rows, self.row_start, self.degree, self.offset, self.local = rows_of(self.points, m)
         self.row_position: Array = self.position[self.rows]
         """Base positions in the order of `rows` [m], shape (2, n, 3)."""
-        self.row_start: IntArray = np.stack(
-            [np.searchsorted(row, np.arange(m + 1)) for row in ordered]
-        )
-        self.degree: IntArray = np.diff(self.row_start, axis=1)
-        self.offset: IntArray = np.cumsum(self.degree.ravel() ** 2).reshape(2, m) - self.degree**2
-        self.local: IntArray = np.empty((2, n), dtype=np.int64)
-        for limb in range(2):
-            self.local[limb, self.rows[limb]] = np.arange(n) - self.row_start[limb, ordered[limb]]
         self.table = np.zeros(
             int((self.degree**2).sum()) if settings.transitions else 1, dtype=np.int64
         )
@@ -138,37 +127,27 @@ class PairGraph(StanceGraph):
         """Arguments of `edge_entry`: the graph in the kernels' form."""
 
     def _edges(self) -> tuple[Any, ...]:
-        """The kernels' arguments: masks, releases and entries with the present obstacles, and those without."""
+        """The graph in the kernels' form, with the present obstacles and without."""
         robot, solver, settings = self.robot, self.solver, self.settings
         mask0, ready0, released0, table0 = self._free
-        self.mask, ready, released, self.table, near = (
-            mask0,
-            ready0,
-            released0,
-            table0,
-            np.zeros(0, dtype=np.bool_),
-        )
+        self.mask, ready, released, self.table = mask0, ready0, released0, table0
+        close = np.zeros(0, dtype=np.bool_)
         overlay, boxes = bool(self.obstacles or self.occupied), False
         if overlay:
-            near = self._near_obstacles()
-            boxes = bool(near.any())
+            close = self._close_to_obstacles()
+            boxes = bool(close.any())
             self.mask, released, ready = mask0.copy(), released0.copy(), np.zeros_like(ready0)
             taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
             taken[list(self.occupied)] = True
             gone = taken[self.points[:, 0]] | taken[self.points[:, 1]]
             self.mask[gone] = released[gone] = 0
             ready[gone] = True
-            ready[~gone & ~near] = ready0[~gone & ~near]
+            ready[~gone & ~close] = ready0[~gone & ~close]
             if boxes:
                 self.table = np.zeros_like(table0)
-                touching = near & self._within(self.robot.extent + self.settings.clearance)
+                touching = close & self._within(self.robot.extent + self.settings.clearance)
                 self.clear_of_obstacles(
-                    np.flatnonzero(touching),
-                    self.points,
-                    self.position,
-                    self.rotation,
-                    self.branch,
-                    self.mask,
+                    np.flatnonzero(touching), self.points, self.node_postures(slice(None))
                 )
         return (
             self.points, self.local, self.degree, self.offset, self.table, self.position,
@@ -181,21 +160,21 @@ class PairGraph(StanceGraph):
                 robot.tool_length, robot.lift,
                 solver.folds, solver.collision_model.arrays,
             ),
-            (overlay, boxes, near, mask0, ready0, released0, table0, self.obstacle_model.arrays),
+            (overlay, boxes, close, mask0, ready0, released0, table0, self.obstacle_model.arrays),
         )  # fmt: skip
 
-    def _near_obstacles(self) -> NDArray[np.bool_]:
-        """Stances whose robot, on a step from or to them, may come near an obstacle, shape (n,)."""
+    def _close_to_obstacles(self) -> BoolArray:
+        """Stances whose robot may touch an obstacle on a step from or to them, shape (n,)."""
         return self._within(self.robot.extent + self.settings.clearance + 0.8 * self.max_step)
 
-    def _within(self, reach: float) -> NDArray[np.bool_]:
+    def _within(self, reach: float) -> BoolArray:
         """Stances whose base lies within `reach` [m] of an obstacle, shape (n,)."""
-        near = np.zeros(len(self), dtype=np.bool_)
+        within = np.zeros(len(self), dtype=np.bool_)
         for box in self.obstacles:
             low, high = box.bounds
             away = self.position - np.clip(self.position, low, high)
-            near |= np.einsum("ij,ij->i", away, away) <= reach**2
-        return near
+            within |= np.einsum("ij,ij->i", away, away) <= reach**2
+        return within
 
     def _obstacles_changed(self) -> None:
         self.edges = self._edges()
@@ -213,7 +192,10 @@ class PairGraph(StanceGraph):
 
     @cached_property
     def farther_than_span(self) -> int:
-        """Ordered pairs of points within reach of two outstretched limbs that are not tried: farther apart than the span."""
+        """Ordered pairs of points that two outstretched limbs reach, but farther than the span.
+
+        They are not tried.
+        """
         robot = self.robot
         reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
         pairs = cKDTree(self.grasp_map.positions).query_pairs(reach, output_type="ndarray")
@@ -224,8 +206,8 @@ class PairGraph(StanceGraph):
         """Why a graph without stances has none."""
         if not self.reachable:
             return (
-                f"no base pose at heights {self.robot.heights} m lets limbs mounted {self.robot.mount_radius:g} m "
-                f"from the axis reach two points"
+                f"no base pose at heights {self.robot.heights} m lets limbs mounted "
+                f"{self.robot.mount_radius:g} m from the axis reach two points"
             )
         touching = ", ".join(
             f"{count} touch {TOUCHED[REMOVED[name]]}"
@@ -233,8 +215,9 @@ class PairGraph(StanceGraph):
             if count
         )
         return (
-            f"of {self.reachable} stances in reach none meets w_m >= {self.limb_threshold:g} and w_b >= "
-            f"{self.base_threshold:g} with limbs that can depart at w_m >= {self.settings.path_floor:g}"
+            f"of {self.reachable} stances in reach none meets w_m >= {self.limb_threshold:g} and "
+            f"w_b >= {self.base_threshold:g} with limbs that can depart at w_m >= "
+            f"{self.settings.path_floor:g}"
             + (f"; of those that meet the thresholds {touching}" if touching else "")
         )
 
@@ -254,19 +237,16 @@ class PairGraph(StanceGraph):
         position = self.position[chosen]
         return Postures(
             position, self.rotation[chosen], self.w_m[chosen], self.w_b[chosen],
-            self.branch[chosen], self.mask[chosen],
-            np.zeros(len(position), dtype=np.int64),
+            self.branch[chosen], self.mask[chosen], np.zeros(len(position), dtype=np.int64),
         )  # fmt: skip
 
     def _fault(
         self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None
     ) -> str:
-        near = pose is None and self.find(points) >= 0 and not self.occupied.intersection(points)
-        return (
-            f"its posture touches {TOUCHED[OBSTACLE]}"
-            if near
-            else super()._fault(points, posture, pose)
-        )
+        node = pose is None and self.find(points) >= 0
+        if node and not self.occupied.intersection(points):
+            return f"its posture touches {TOUCHED[OBSTACLE]}"
+        return super()._fault(points, posture, pose)
 
     def _node(self, stance: Sequence[int], posture: Postures, k: int = 0) -> int:
         """Index of a stance if row `k` of `posture` is the one it has in the graph, else -1."""
@@ -287,7 +267,7 @@ class PairGraph(StanceGraph):
         return int(self.edges[17][2][s, limb])
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
-        """How a step that is an edge is made; see `StepChecks.edge`."""
+        """The edge that a step is; see `StepChecks.edge`."""
         s0, s1 = self._node(state.stance, posture), self._node(after, posture, 1)
         if not self.settings.collisions or s0 < 0 or s1 < 0:
             return super().edge(state, after, posture)
@@ -300,12 +280,12 @@ class PairGraph(StanceGraph):
         return Edge(kind, entry >> (FOLD_BITS + 2 * kind) & 3, -1, kept)
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
-        """The state after the step to a neighbouring stance, or None if it does not leave `state`."""
+        """The state after the step to a neighbouring stance, None if there is no such step."""
         limb, steps = moving_limb(state.stance, after), self.successors(state)
         k = steps.find(limb, after[limb])
         return None if k < 0 else steps.after(state, k)
 
-    def releasable_after(self, state: State, steps: Successors) -> NDArray[np.bool_]:
+    def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Whether the limb that holds could be released after each step, shape (k,)."""
         out = np.empty(len(steps.limb), dtype=np.bool_)
         for k, limb in enumerate(steps.limb.tolist()):
@@ -318,10 +298,11 @@ class PairGraph(StanceGraph):
         """The other stances that limb `held` of stance `s` shares its point with."""
         point = self.points[s, held]
         row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
-        return row[row != s]
+        others: IntArray = row[row != s]
+        return others
 
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
-        """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
+        """Feasible neighbouring stances, steps not yet checked; see `StanceGraph.candidates`."""
         limbs, rows = [], []
         for limb in range(2):
             held, point = 1 - limb, stance[1 - limb]
@@ -333,8 +314,8 @@ class PairGraph(StanceGraph):
         return limb_of, self.points[chosen, limb_of], self.node_postures(chosen)
 
     def edge_masks(self, held: int, s: int, row: IntArray) -> IntArray:
-        """Branches that limb `held` can keep on the steps from `s` to each stance of `row`, joint limits included."""
-        out = np.full(len(row), 0xFFFF, dtype=np.int64)
+        """Branches that limb `held` can keep on the steps from `s` to each stance of `row`."""
+        out = np.full(len(row), BRANCH_BITS, dtype=np.int64)
         if not self.settings.transitions:
             return out
         fill_row(held, s, row, out, self.edges)
@@ -384,7 +365,7 @@ class PairGraph(StanceGraph):
 
     @cached_property
     def max_step(self) -> float:
-        """Largest base displacement of one step [m], over all pairs of stances that share a point."""
+        """Largest base displacement of one step [m], over all pairs of stances of a row."""
         out = np.zeros(len(self.grasp_map))
         for held in range(2):
             longest_step(0, len(out), held, self.rows, self.row_start, self.position, out)
@@ -392,14 +373,9 @@ class PairGraph(StanceGraph):
 
     @cached_property
     def components(self) -> tuple[int, NDArray[np.int32]]:
-        """Number of connected parts of the graph before steps are checked, and the part of each stance, shape (n,)."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
+        """Connected parts of the graph before steps are checked.
 
-        m = len(self.grasp_map)
-        links = coo_array(
-            (np.ones(len(self)), (self.points[:, 0], m + self.points[:, 1])), shape=(2 * m, 2 * m)
-        )
-        _, label = connected_components(links, directed=False)
-        parts, part = np.unique(label[self.points[:, 0]], return_inverse=True)
-        return len(parts), part.astype(np.int32)
+        Returns:
+            Their number, and the part of each stance, shape (n,).
+        """
+        return connected_parts(self.points, len(self.grasp_map))

@@ -12,14 +12,11 @@ from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
-from mlivr_gym.collisions.queries import clear_of_world, hands_clear
-from mlivr_gym.compiled.kernels import in_parallel
-from mlivr_gym.errors import MapError, RobotError, SettingError, ShapeError, StanceError
+from mlivr_gym.errors import MapError, RobotError, StanceError
 from mlivr_gym.kinematics.base_path import STRAIGHT, follow
 from mlivr_gym.kinematics.holding import quaternion
 from mlivr_gym.postures.given_pose import (
@@ -32,18 +29,13 @@ from mlivr_gym.postures.given_pose import (
 from mlivr_gym.postures.solver import FIELDS, Postures, PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
+from mlivr_gym.stances.obstacles import ObstacleChecks
 from mlivr_gym.transitions.state import State as State
 from mlivr_gym.transitions.state import Successors as Successors
-from mlivr_gym.transitions.step_check import StepChecks
-from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
-
 MOST_PAIRS = 2_000_000
-"""Most ordered pairs of points: those of the JEM with points every 0.03 m, which takes gigabytes."""
+"""Most ordered pairs of points: those of the JEM with points every 0.03 m take gigabytes."""
 
 TOUCHED = {
     UNDECIDED: "something", SELF: "the robot itself", CABIN: "the cabin", HANDRAIL: "a handrail",
@@ -52,7 +44,7 @@ TOUCHED = {
 """What a cause of a collision is called in a sentence."""
 
 
-class StanceGraph(StepChecks):
+class StanceGraph(ObstacleChecks):
     """Stances and steps of one robot on one map under one set of thresholds."""
 
     solver_class: type[PostureSolver] = PostureSolver
@@ -62,24 +54,24 @@ class StanceGraph(StepChecks):
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Prepare the solver and the pairs of points close enough to be held at once."""
-        self.grasp_map, self.robot, self.settings = grasp_map, robot, settings
-        self.solver = self.solver_class(grasp_map, robot, settings)
+        super().__init__(grasp_map, robot, settings, self.solver_class(grasp_map, robot, settings))
         self.limb_threshold, self.base_threshold = settings.thresholds(robot.limbs)
         positions = grasp_map.positions
         tree = cKDTree(positions)
-        near = int(tree.count_neighbors(tree, robot.span)) - len(grasp_map)
-        if near > MOST_PAIRS:
+        within_span = int(tree.count_neighbors(tree, robot.span)) - len(grasp_map)
+        if within_span > MOST_PAIRS:
             raise MapError(
-                f"map {grasp_map.name!r} has {near} pairs of points within the span of {robot.span:g} "
-                f"m; at most {MOST_PAIRS} can be worked out: take a larger spacing or a smaller span"
+                f"map {grasp_map.name!r} has {within_span} pairs of points within the span of "
+                f"{robot.span:g} m; at most {MOST_PAIRS} can be worked out: take a larger spacing "
+                f"or a smaller span"
             )
         pairs = tree.query_pairs(robot.span + 1e-9, output_type="ndarray").astype(np.int64)
         distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
         pairs = pairs[distance >= robot.grasp_separation - 1e-9]
         if not len(pairs):
             raise RobotError(
-                f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: no two of its "
-                f"points are between {robot.grasp_separation:g} m and {robot.span:g} m apart"
+                f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: no two of "
+                f"its points are between {robot.grasp_separation:g} m and {robot.span:g} m apart"
             )
         both = np.concatenate([pairs, pairs[:, ::-1]])
         self.pairs: IntArray = both[np.lexsort((both[:, 1], both[:, 0]))]
@@ -87,76 +79,7 @@ class StanceGraph(StepChecks):
         self.partner_start: IntArray = np.searchsorted(
             self.pairs[:, 0], np.arange(len(grasp_map) + 1)
         )
-        self.obstacles: tuple[Box, ...] = ()
-        """What stands in the way at present, besides the map's own boxes."""
-        self.occupied: frozenset[int] = frozenset()
-        """Points that may not be grasped at present, by index."""
         self._barred: frozenset[tuple[Any, ...]] = frozenset()
-        self.version = 0
-        """Number of changes of obstacles and occupied points."""
-        self.obstacle_model = CollisionModel(self.solver.shapes, (), settings.clearance)
-        """The obstacles in the form the compiled checks read."""
-
-    def add_obstacles(self, boxes: Sequence[Box]) -> None:
-        """Put boxes into the world: they take away the stances and steps that touch them.
-
-        Nothing is worked out again but what lies near, and that when it is asked for. Stances keep
-        their postures.
-
-        Raises:
-            ShapeError: If a box of that id is there already, on the map or as an obstacle.
-            SettingError: If collisions are not checked.
-        """
-        if boxes and not self.settings.collisions:
-            raise SettingError(
-                "obstacles need collisions=True; this stance graph does not look at collisions"
-            )
-        ids = [box.id for box in (*self.grasp_map.boxes, *self.obstacles)]
-        for box in boxes:
-            if box.id in ids:
-                raise ShapeError(f"a box {box.id!r} is there already")
-            ids.append(box.id)
-        if boxes:
-            self._set_obstacles((*self.obstacles, *boxes), self.occupied)
-
-    def remove_obstacles(self, ids: Sequence[str] | None = None) -> None:
-        """Take boxes out of the world again, by default all.
-
-        Raises:
-            ShapeError: If there is no box of an id.
-        """
-        there = [box.id for box in self.obstacles]
-        for name in ids or ():
-            if name not in there:
-                raise ShapeError(
-                    f"no obstacle {name!r}; there are {', '.join(map(repr, there)) or 'none'}"
-                )
-        kept = tuple(box for box in self.obstacles if ids is not None and box.id not in ids)
-        self._set_obstacles(kept, self.occupied)
-
-    def occupy(self, points: Sequence[str | int]) -> None:
-        """Make points unavailable: no limb may take hold of them until they are vacated."""
-        self._set_obstacles(
-            self.obstacles, self.occupied | {self.grasp_map.index(point) for point in points}
-        )
-
-    def vacate(self, points: Sequence[str | int] | None = None) -> None:
-        """Make points available again, by default all."""
-        gone = (
-            self.occupied if points is None else {self.grasp_map.index(point) for point in points}
-        )
-        self._set_obstacles(self.obstacles, self.occupied - gone)
-
-    def _set_obstacles(self, boxes: tuple[Box, ...], occupied: frozenset[int]) -> None:
-        if boxes != self.obstacles:
-            self.obstacle_model = CollisionModel(self.solver.shapes, boxes, self.settings.clearance)
-        self.obstacles, self.occupied = boxes, frozenset(occupied)
-        self.version += 1
-        self._obstacles_changed()
-
-    @abstractmethod
-    def _obstacles_changed(self) -> None:
-        """Forget what no longer holds."""
 
     def partners(self, point: int) -> IntArray:
         """Points that may be held together with `point`."""
@@ -170,7 +93,8 @@ class StanceGraph(StepChecks):
         """
         if isinstance(stance, str) or not np.iterable(stance) or len(stance) != self.limbs:
             raise StanceError(
-                f"stance {stance!r} must name {self.limbs} points, one for each limb of {self.robot.name!r}"
+                f"stance {stance!r} must name {self.limbs} points, one for each limb of "
+                f"{self.robot.name!r}"
             )
         points = tuple(self.grasp_map.index(point) for point in stance)
         for i, a in enumerate(points):
@@ -186,8 +110,8 @@ class StanceGraph(StepChecks):
                     )
                 if distance > self.robot.span + 1e-9:
                     raise StanceError(
-                        f"points {names} are {distance:.3f} m apart; robot {self.robot.name!r} spans "
-                        f"{self.robot.span:g} m"
+                        f"points {names} are {distance:.3f} m apart; robot {self.robot.name!r} "
+                        f"spans {self.robot.span:g} m"
                     )
         return points
 
@@ -203,13 +127,13 @@ class StanceGraph(StepChecks):
         """Posture of one stance given by point indices, every array with a leading 1."""
         return self.postures(np.array([stance], dtype=np.int64))
 
-    def is_node(self, postures: Postures) -> NDArray[np.bool_]:
+    def is_node(self, postures: Postures) -> BoolArray:
         """Which of some stances are nodes of the graph, shape (k,)."""
-        node: NDArray[np.bool_] = np.all(postures.mask > 0, axis=1)
+        node: BoolArray = np.all(postures.mask > 0, axis=1)
         return node
 
     def posture_of(self, state: State) -> Postures:
-        """Posture in which a robot stands in a state: that of its stance, or one of its own."""
+        """Posture in which a robot stands in a state: that of its stance, or a given one."""
         if state.pose is None:
             return self.posture(state.stance)
         return self._posture_at(state.stance, state.pose)
@@ -217,7 +141,7 @@ class StanceGraph(StepChecks):
     def given_pose_of(
         self, stance: Sequence[str | int], position: Array, quaternion: Array
     ) -> tuple[float, ...] | None:
-        """A base pose as `state` takes it, None if it is that of the stance's own posture."""
+        """A base pose as `state` takes it, None if it is that of the stance's posture."""
         posture = self.posture(self.indices(stance))
         off = (
             np.abs(posture.position[0] - position).max(),
@@ -231,17 +155,10 @@ class StanceGraph(StepChecks):
         return Postures(*(np.concatenate([getattr(p, name) for p in found]) for name in FIELDS))
 
     def _posture_at(self, points: tuple[int, ...], pose: tuple[float, ...]) -> Postures:
-        """Posture of a stance at a base pose of the robot's own, present obstacles and occupied points heeded."""
+        """Posture of a stance at a given base pose, among present obstacles and occupied points."""
         posture = self.solver.at(points, np.array(pose[:3]), rotation_of(pose))
         if self.obstacles:
-            self.clear_of_obstacles(
-                np.arange(1),
-                np.array([points]),
-                posture.position,
-                posture.rotation,
-                posture.branch,
-                posture.mask,
-            )
+            self.clear_of_obstacles(np.arange(1), np.array([points]), posture)
         if any(point in self.occupied for point in points):
             posture.mask[:] = 0
         return posture
@@ -251,9 +168,9 @@ class StanceGraph(StepChecks):
 
         Args:
             stance: Point id (or index) of each limb.
-            pose: Base pose, if the robot does not stand in the stance's own posture: x, y, z [m]
-                and quaternion w, x, y, z. The thresholds do not apply there; the robot must reach
-                its points, touch nothing and be able to depart.
+            pose: Base pose, if the robot does not stand in the stance's posture: x, y, z [m] and
+                quaternion w, x, y, z. The thresholds do not apply there; the robot must reach its
+                points, touch nothing and be able to depart.
             joints: Joint angles, shape (N, 6) [rad], if the branch of each limb is given.
 
         Raises:
@@ -275,6 +192,7 @@ class StanceGraph(StepChecks):
     def _fault(
         self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None
     ) -> str:
+        """Why a stance cannot be held, as the end of a sentence."""
         taken = [self.grasp_map.ids[p] for p in points if p in self.occupied]
         if taken:
             return f"point {taken[0]!r} is occupied"
@@ -288,7 +206,10 @@ class StanceGraph(StepChecks):
             return "the points are out of reach from every base pose tried"
         low = int(np.argmin(w_m))
         if w_m[low] < self.limb_threshold:
-            return f"limb manipulability {w_m[low]:.4f} of limb {low} is below the threshold {self.limb_threshold:g}"
+            return (
+                f"limb manipulability {w_m[low]:.4f} of limb {low} is below the threshold "
+                f"{self.limb_threshold:g}"
+            )
         if w_b < self.base_threshold:
             return f"base manipulability {w_b:.6f} is below the threshold {self.base_threshold:g}"
         return (
@@ -297,9 +218,11 @@ class StanceGraph(StepChecks):
         )
 
     def configuration(self, state: State) -> tuple[Array, Array, Array]:
-        """A configuration of a state: base position [m], base quaternion w, x, y, z, joint angles (N, 6) [rad].
+        """A configuration of a state, each limb on the first branch and flip that its mask allows.
 
-        Each limb is on the first branch and flip that its mask allows, with angles in (-pi, pi].
+        Returns:
+            Base position [m], shape (3,), base quaternion w, x, y, z, and joint angles in (-pi, pi]
+            [rad], shape (N, 6).
         """
         posture = self.posture_of(state)
         here = (posture.position[0], posture.rotation[0])
@@ -309,10 +232,9 @@ class StanceGraph(StepChecks):
             branch = bit & 7 if self.settings.transitions else int(posture.branch[0, i])
             follow(
                 self.solver.flanges[point], self.solver.tools[point], *here, *here, STRAIGHT,
-                here[0],
-                self.solver.mount_rotations[i], self.solver.mount_positions[i], self.solver.lengths,
-                branch, 0,
-                joints[i], np.full(6, np.nan), np.full(6, np.inf), np.full(6, -np.inf),
+                here[0], self.solver.mount_rotations[i], self.solver.mount_positions[i],
+                self.solver.lengths, branch, 0, joints[i], np.full(6, np.nan), np.full(6, np.inf),
+                np.full(6, -np.inf),
             )  # fmt: skip
             if self.settings.transitions and bit >= 8:
                 joints[i, 5] += np.pi
@@ -334,14 +256,18 @@ class StanceGraph(StepChecks):
             self._barred = kept
 
     def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
-        """The state after a step, or None if the step does not leave it; see `StepChecks`."""
+        """The state after a step, or None if no such step leaves it; see `StepChecks`."""
         if (state.stance, state.pose, tuple(after)) in self._barred:
             return None
         return super().transition(state, after, posture)
 
     @abstractmethod
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
-        """Feasible neighbouring stances, steps not yet checked: limbs (k,), points (k,), postures."""
+        """Feasible neighbouring stances of a stance, steps not yet checked.
+
+        Returns:
+            Limb that moves, shape (k,), point that it moves to, shape (k,), and the postures after.
+        """
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
@@ -360,11 +286,11 @@ class StanceGraph(StepChecks):
         return Successors(limb[chosen], point[chosen], postures.position[chosen], rows)
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
-        """The state after the step to a neighbouring stance, or None if it does not leave `state`."""
+        """The state after the step to a neighbouring stance, None if there is no such step."""
         both = join(self.posture_of(state), self.posture(after))
         return self.transition(state, after, both) if self.is_node(both).all() else None
 
-    def releasable_after(self, state: State, steps: Successors) -> NDArray[np.bool_]:
+    def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Whether a limb that holds could be released after each step, shape (k,).
 
         Taken for granted with more than two limbs, where the answer takes long.
@@ -375,44 +301,6 @@ class StanceGraph(StepChecks):
     @abstractmethod
     def max_step(self) -> float:
         """An upper bound of the base displacement of one step [m]."""
-
-    def clear_of_obstacles(
-        self,
-        chosen: IntArray,
-        points: IntArray,
-        position: Array,
-        rotation: Array,
-        branch: IntArray,
-        mask: IntArray,
-    ) -> None:
-        """Take the branches that touch an obstacle out of the masks of some stances.
-
-        Args:
-            chosen: Indices of the stances to look at.
-            points: Point indices of all, shape (k, N).
-            position: Base positions [m], shape (k, 3).
-            rotation: Base rotations, shape (k, 3, 3).
-            branch: The postures' own branches, shape (k, N).
-            mask: Branches and flips of each limb, shape (k, N), changed.
-        """
-        solver, collision_model = self.solver, self.obstacle_model.arrays
-        in_parallel(
-            len(chosen), clear_of_world, chosen, points, solver.points, solver.normals,
-            self.robot.tool_length, position,
-            rotation, branch, mask, True, solver.mount_rotations, solver.mount_positions,
-            solver.lengths, collision_model,
-            np.zeros(len(points), dtype=np.int64),
-        )  # fmt: skip
-        hands = np.zeros(len(self.grasp_map), dtype=np.int64)
-        hands_clear(
-            solver.points,
-            solver.normals,
-            self.robot.tool_length,
-            solver.lengths,
-            collision_model,
-            hands,
-        )
-        mask[(hands[points] > 0).any(axis=1)] = 0
 
 
 def join(first: Postures, second: Postures) -> Postures:

@@ -1,4 +1,4 @@
-"""Every step of a two-limb stance graph in plain arrays: what environments step through and experts search.
+"""Every step of a two-limb stance graph in plain arrays, for environments and experts.
 
 `step_tables(graph)` checks every step of the graph, once for a map: the entries go to the user's
 cache directory, from where later runs read them.
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym._version import __version__
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.cache import cache_folder, source_digest
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.errors import SettingError
@@ -29,13 +30,11 @@ from mlivr_gym.stances import pair_graph
 from mlivr_gym.stances.pair_graph import PairGraph, fill_rows
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_steps import steps_of_state
-from mlivr_gym.transitions.rule import kept_on_edge
+from mlivr_gym.transitions.rule import BRANCH_BITS, kept_on_edge
 from mlivr_gym.transitions.state import State, Successors
 
-Array = NDArray[np.float64]
-
 FORMAT = 2
-"""Version of the file format; the files of version 0.1.0 carry none."""
+"""Version of the file format; the files of version 0.1.0 have none."""
 
 
 class StepTables(NamedTuple):
@@ -53,7 +52,7 @@ class StepTables(NamedTuple):
     """Branches and flips each limb of a stance may hold on, shape (n, 2)."""
     releasable: NDArray[np.int32]
     """Those on which it can be released, and may be once it has grasped, shape (n, 2)."""
-    start: NDArray[np.int64]
+    start: IntArray
     """Where the steps begin, shape (2 n + 1,)."""
     after: NDArray[np.int32]
     """Stance that a step leads to, shape (e,)."""
@@ -61,7 +60,7 @@ class StepTables(NamedTuple):
     """Branches and flips that the limb that holds can keep on a step, never 0, shape (e,)."""
 
     def masks_after(self, step: int, limb: int, masks: tuple[int, ...]) -> tuple[int, int]:
-        """Masks after a step that leaves a state: of the limb that moves, and of the one that holds.
+        """Masks after a step that leaves a state, of limb 0 and of limb 1.
 
         Args:
             step: Index of the step.
@@ -89,8 +88,10 @@ class StepTables(NamedTuple):
 
 @kernel
 def gather_steps(
-    check, points, mask, rows, row_start, local, degree, offset, table, fill, start, after, kept
-):
+    check: bool, points: IntArray, mask: IntArray, rows: IntArray, row_start: IntArray,
+    local: IntArray, degree: IntArray, offset: IntArray, table: IntArray, fill: bool,
+    start: IntArray, after: NDArray[np.int32], kept: NDArray[np.int32],
+) -> None:  # fmt: skip
     """Count the steps that leave each stance, or with `fill` write them where `start` says.
 
     Args:
@@ -133,9 +134,9 @@ def gather_steps(
 def step_tables(
     graph: StanceGraph, progress: Callable[[int, int], None] | None = None
 ) -> StepTables:
-    """Check every step of a two-limb graph, or read the answers of an earlier run, and put the steps into arrays.
+    """The steps of a two-limb graph among the obstacles and occupied points that there are now.
 
-    With the obstacles and occupied points that are there now.
+    Every step is checked, or the answers of an earlier run are read.
 
     Args:
         graph: The stance graph.
@@ -165,16 +166,21 @@ def step_tables(
     np.cumsum(start, out=start)
     after, kept = np.empty(start[-1], dtype=np.int32), np.empty(start[-1], dtype=np.int32)
     gather_steps(*shape, True, start, after, kept)
-    releasable = graph.edges[17][2] if check else graph.mask
-    masks, releasable = ((mask & 0xFFFF).astype(np.int32) for mask in (graph.mask, releasable))
+    released = graph.releasable if check else graph.mask
+    masks, releasable = ((mask & BRANCH_BITS).astype(np.int32) for mask in (graph.mask, released))
     return StepTables(
         graph.points.astype(np.int32), graph.position, masks, releasable, start, after, kept
     )
 
 
-def without_points(tables: StepTables, occupied: NDArray[np.bool_]) -> StepTables:
-    """The tables of the same map with some points not to be grasped, shape (m,); stances keep their indices."""
-    gone: NDArray[np.bool_] = np.any(occupied[tables.points], axis=1)
+def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
+    """The tables of the same map with some points not to be grasped; stances keep their indices.
+
+    Args:
+        tables: The steps on all points.
+        occupied: Which points may not be grasped, shape (m,).
+    """
+    gone: BoolArray = np.any(occupied[tables.points], axis=1)
     steps = np.diff(tables.start)
     keep = ~np.repeat(np.repeat(gone, 2), steps) & ~gone[tables.after]
     start = np.concatenate([[0], np.cumsum(keep)])[tables.start]
@@ -198,7 +204,7 @@ def state_of(tables: StepTables, s: int, masks: NDArray[np.integer]) -> State:
 
 
 def cache_file(graph: PairGraph) -> Path | None:
-    """The file of a graph: its name depends on map, robot, settings and on the code that checks steps."""
+    """The file of a graph, named after map, robot, settings and the code that checks steps."""
     folder = cache_folder()
     if folder is None:
         return None
@@ -225,7 +231,7 @@ def _write(graph: PairGraph, path: Path) -> None:
 
 
 def _read(graph: PairGraph, path: Path) -> bool:
-    """Fill a graph from the cache; False if there is no usable file, with a word if it is an old one."""
+    """Fill a graph from the cache, with a warning if the file is old; False if none can be used."""
     ready, released = graph.edges[17][1:3]
     into = {"table": graph.table, "mask": graph.mask, "ready": ready, "released": released}
     try:
@@ -234,8 +240,9 @@ def _read(graph: PairGraph, path: Path) -> bool:
             made = tuple(int(data[name]) if name in data else 1 for name in ("format", "rules"))
             if made != (FORMAT, GRAPH_RULES):
                 logging.getLogger(__name__).warning(
-                    "step tables %s are of format %d and rules %d, this version needs format %d and "
-                    "rules %d: they are worked out anew", path, *made, FORMAT, GRAPH_RULES,
+                    "step tables %s are of format %d and rules %d, this version needs "
+                    "format %d and rules %d: they are worked out anew",
+                    path, *made, FORMAT, GRAPH_RULES,
                 )  # fmt: skip
                 return False
             found = {name: data[name] for name in (*into, "points")}

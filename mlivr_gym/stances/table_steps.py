@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
 @kernel
-def steps_of_state(s, mask0, mask1, tables, steps, kept):
+def steps_of_state(
+    s: int, mask0: int, mask1: int, tables: Any, steps: IntArray, kept: IntArray
+) -> tuple[int, int]:
     """The steps that leave a state.
 
     Args:
@@ -38,7 +44,7 @@ def steps_of_state(s, mask0, mask1, tables, steps, kept):
 
 
 @kernel
-def legal_actions(stances, masks, tables, out):
+def legal_actions(stances: IntArray, masks: IntArray, tables: Any, out: NDArray[np.int8]) -> None:
     """Mark the actions that states allow.
 
     Args:
@@ -61,7 +67,10 @@ def legal_actions(stances, masks, tables, out):
 
 
 @kernel
-def legal_positions(stances, masks, tables, out, position, releasable_after):
+def legal_positions(
+    stances: IntArray, masks: IntArray, tables: Any, out: NDArray[np.int8], position: Array,
+    releasable_after: NDArray[np.int8],
+) -> None:  # fmt: skip
     """Mark the actions that states allow and write where the base is after each.
 
     Args:
@@ -92,7 +101,7 @@ def legal_positions(stances, masks, tables, out, position, releasable_after):
 
 
 @kernel
-def find_step(s, moving, s2, tables):
+def find_step(s: int, moving: int, s2: int, tables: Any) -> int:
     """Index of the step from stance `s` to `s2` that moves limb `moving`, or -1."""
     low, high = tables.start[2 * s + moving], tables.start[2 * s + moving + 1]
     target = tables.points[s2, moving]
@@ -103,12 +112,13 @@ def find_step(s, moving, s2, tables):
         else:
             high = middle
     if low < tables.start[2 * s + moving + 1] and tables.after[low] == s2:
-        return low
-    return np.int64(-1)
+        step: int = low
+        return step
+    return -1
 
 
 @kernel
-def any_step(s, mask0, mask1, tables):
+def any_step(s: int, mask0: int, mask1: int, tables: Any) -> bool:
     """Whether a step leaves stance `s` with its limbs on these branches."""
     for moving in range(2):
         of_held, of_moving = (mask0, mask1) if moving else (mask1, mask0)

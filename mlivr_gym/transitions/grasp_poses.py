@@ -1,10 +1,13 @@
-"""Compiled arithmetic of a limb at a grasp: windings, the flange pose, the branches above the point."""
+"""Arithmetic of a limb at a grasp: windings, flange pose, branches above the point (compiled)."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from mlivr_gym.collisions.link_capsules import frames_of_branch, place
+from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.link_frames import frames_of_branch, place
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.stack_arrays import floats, zeros
 from mlivr_gym.kinematics.base_path import flange_in_limb
@@ -12,8 +15,8 @@ from mlivr_gym.kinematics.ur import branch_angles, wrap
 
 
 @kernel
-def nearest_turn(angle, q, low, high):
-    """The winding of a joint angle inside its limits that is nearest to `q`; NaN if there is none [rad]."""
+def nearest_turn(angle: float, q: float, low: float, high: float) -> float:
+    """The winding of a joint angle inside its limits that is nearest to `q` [rad], NaN if none."""
     out = q + wrap(angle - q)
     if out < low:
         out += 2.0 * np.pi * np.ceil((low - out) / (2.0 * np.pi))
@@ -23,8 +26,11 @@ def nearest_turn(angle, q, low, high):
 
 
 @kernel
-def fold_nearest_to(fold, q, limits, out):
-    """A fold on the windings nearest to `q`, joint 6 as in `q`; whether it lies inside the limits."""
+def fold_nearest_to(fold: Array, q: Array, limits: Array, out: Array) -> bool:
+    """A fold on the windings nearest to `q`, into `out`; whether it lies inside the limits.
+
+    Shapes: fold (5,), `q` and `out` (6,), limits (6, 2), all [rad]. Joint 6 is as in `q`.
+    """
     inside = True
     for joint in range(5):
         out[joint] = nearest_turn(fold[joint], q[joint], limits[joint, 0], limits[joint, 1])
@@ -34,11 +40,20 @@ def fold_nearest_to(fold, q, limits, out):
 
 
 @kernel
-def line_end(q0, q1, limits, out):
-    """Where a line in joint space from `q0` to `q1` ends, on the windings nearest to `q0`; its length, inf outside the limits.
+def line_end(q0: Array, q1: Array, limits: Array, out: Array) -> float:
+    """Where a line in joint space from `q0` to `q1` ends, on the windings nearest to `q0`.
 
-    Joint 6 goes to the nearest half turn: a grasp is the same with the tool turned by it. The
-    length is the largest of the turns of joints 1 to 5 [rad].
+    Joint 6 goes to the nearest half turn: a grasp is the same with the tool turned by it.
+
+    Args:
+        q0: Joint angles at the start [rad], shape (6,).
+        q1: Joint angles at the end up to whole turns [rad], shape (6,).
+        limits: Joint limits [rad], shape (6, 2).
+        out: Filled with the angles at the end [rad], shape (6,).
+
+    Returns:
+        The length of the line, the largest of the turns of joints 1 to 5 [rad]; inf if it ends
+        outside the limits.
     """
     length = 0.0
     for joint in range(5):
@@ -52,20 +67,25 @@ def line_end(q0, q1, limits, out):
 
 @kernel
 def flange_at(
-    point,
-    normal,
-    rail,
-    tool_length,
-    position,
-    rotation,
-    mount_rotation,
-    mount_position,
-    p,
-    x,
-    z,
-    away,
-):
-    """Flange pose that grasps a point, in the limb base frame: position [m], axes x and z, and the surface normal."""
+    point: Array, normal: Array, rail: Array, tool_length: float, position: Array, rotation: Array,
+    mount_rotation: Array, mount_position: Array, p: Array, x: Array, z: Array, away: Array,
+) -> None:  # fmt: skip
+    """Flange pose that grasps a point, in the limb base frame.
+
+    Args:
+        point: The grasp in the world [m], shape (3,).
+        normal: Surface normal there, shape (3,).
+        rail: Rail direction there, shape (3,).
+        tool_length: Flange to grasp [m].
+        position: Base position in the world [m], shape (3,).
+        rotation: Base rotation in the world, shape (3, 3).
+        mount_rotation: Limb base axes in the body frame, shape (3, 3).
+        mount_position: Limb base origin in the body frame [m], shape (3,).
+        p: Filled with the flange position [m], shape (3,).
+        x: Filled with the first axis of the flange, shape (3,).
+        z: Filled with the flange axis, shape (3,).
+        away: Filled with the surface normal, shape (3,).
+    """
     grip, axis = floats(3), floats(3)
     for k in range(3):
         grip[k] = point[k] + tool_length * normal[k]
@@ -82,13 +102,15 @@ def flange_at(
 
 @kernel
 def elbow_up(
-    limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions,
-    lengths, shapes
-):  # fmt: skip
-    """The branches of a mask without those whose twin, with the elbow on the other side, is raised farther from the surface.
+    limb: int, mask: int, point: Array, normal: Array, tool_length: float, position: Array,
+    rotation: Array, mount_rotations: Array, mount_positions: Array, lengths: Array,
+    shapes: tuple[Any, ...],
+) -> int:  # fmt: skip
+    """The branches of a mask with the elbow up.
 
-    Twins have equal `w_m` and the same hand; to keep one of each halves the work and costs few
-    steps.
+    A branch is dropped if the mask has its twin, with the elbow on the other side, and that keeps
+    the limb farther from the surface. Twins have equal `w_m` and the same hand; to keep one of each
+    halves the work and costs few steps. Arguments as in `place_branches`.
     """
     p, x, z, away = floats(3), floats(3), floats(3), floats(3)
     frames, ends = floats(7, 4, 3), floats(len(shapes[0]), 2, 3)
@@ -111,10 +133,30 @@ def elbow_up(
 
 @kernel
 def place_branches(
-    limb, mask, point, normal, tool_length, position, rotation, mount_rotations, mount_positions,
-    lengths, shapes, first, ends
-):  # fmt: skip
-    """Put a limb in place at a grasp on each branch of a mask, from row `first` of `ends`; returns the next free row."""
+    limb: int, mask: int, point: Array, normal: Array, tool_length: float, position: Array,
+    rotation: Array, mount_rotations: Array, mount_positions: Array, lengths: Array,
+    shapes: tuple[Any, ...], first: int, ends: Array,
+) -> int:  # fmt: skip
+    """Put a limb in place at a grasp, on each branch of a mask.
+
+    Args:
+        limb: Index of the limb.
+        mask: Branches and flips.
+        point: The grasp in the world [m], shape (3,).
+        normal: Surface normal there, shape (3,).
+        tool_length: Flange to grasp [m].
+        position: Base position in the world [m], shape (3,).
+        rotation: Base rotation in the world, shape (3, 3).
+        mount_rotations: Limb base axes in the body frame, shape (N, 3, 3).
+        mount_positions: Limb base origins in the body frame [m], shape (N, 3).
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        shapes: `LimbShapes.arrays`.
+        first: First free row of `ends`.
+        ends: Capsule ends in the body frame [m], shape (k, c, 2, 3), one row for each branch.
+
+    Returns:
+        The next free row.
+    """
     p, x, z, away = floats(3), floats(3), floats(3), floats(3)
     frames = floats(7, 4, 3)
     flange_at(
@@ -129,7 +171,10 @@ def place_branches(
 
 
 @kernel
-def lifted_branches(limb, mask, p, x, z, away, lift, lengths, limits, q):
+def lifted_branches(
+    limb: int, mask: int, p: Array, x: Array, z: Array, away: Array, lift: float, lengths: Array,
+    limits: Array, q: Array,
+) -> int:  # fmt: skip
     """Joint angles of a limb that has departed from a grasp, on each branch of a mask.
 
     Args:
@@ -147,7 +192,7 @@ def lifted_branches(limb, mask, p, x, z, away, lift, lengths, limits, q):
     Returns:
         The branches and flips of the mask that exist there.
     """
-    up, found = floats(3), np.int64(0)
+    up, found = floats(3), 0
     for k in range(3):
         up[k] = p[k] + lift * away[k]
     for b in range(8):

@@ -14,22 +14,22 @@ from __future__ import annotations
 from mlivr_gym.compiled.kernels import kernel
 
 BRANCH_BITS = 0xFFFF
-"""The bits of branches and flips; answers of `release` and edge entries carry more above them."""
+"""The bits of branches and flips; answers of `release` and edge entries have more above them."""
 
 
 @kernel
 def can_release(mask: int, releasable: int) -> bool:
     """Whether a limb may move that may be on `mask` and can be released on `releasable`."""
-    return mask & releasable & 0xFFFF != 0
+    return mask & releasable & BRANCH_BITS != 0
 
 
 @kernel
 def kept_on_edge(mask: int, edge: int) -> int:
-    """Branches that a limb that holds keeps on an edge, 0 if the edge does not serve it."""
-    return mask & edge & 0xFFFF
+    """Branches that a limb that holds keeps on an edge, 0 if it cannot follow the edge."""
+    return mask & edge & BRANCH_BITS
 
 
 @kernel
 def mask_of_grasp(releasable: int) -> int:
     """Branches on which a limb may be that has just grasped a point."""
-    return releasable & 0xFFFF
+    return releasable & BRANCH_BITS

@@ -10,7 +10,7 @@ from mlivr_gym.arrays import Array, IntArray
 
 
 class State(NamedTuple):
-    """A stance and, for each limb, the branches and flips it may still be on.
+    """A stance and, for each limb, the branches and flips that it may be on.
 
     A limb that holds keeps its branch, so every step takes branches away from the limbs that hold;
     a limb that grasps has all of them again, see `transitions.rule`.

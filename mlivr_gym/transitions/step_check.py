@@ -1,4 +1,4 @@
-"""How one step of a stance graph is checked and made, for any number of limbs.
+"""How one step of a stance graph is checked, for any number of limbs.
 
 The steps of two limbs are worked out row by row in `stances.pair_steps`; here is the same for one
 step at a time, which graphs of more limbs and plans ask for.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,57 +21,15 @@ from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.postures.solver import Postures, PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
+from mlivr_gym.transitions.candidate import Candidate as Candidate
+from mlivr_gym.transitions.candidate import Edge as Edge
 from mlivr_gym.transitions.grasp_poses import place_branches
 from mlivr_gym.transitions.line_swings import TRIES, lifted_at, line_free, pairs_by_travel
 from mlivr_gym.transitions.release import FOLDS_AT, both_apart, folded_swing, holding, release
-from mlivr_gym.transitions.rule import can_release, kept_on_edge, mask_of_grasp
+from mlivr_gym.transitions.rule import BRANCH_BITS, can_release, kept_on_edge, mask_of_grasp
 from mlivr_gym.transitions.state import State, moving_limb
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
-
-
-class Edge(NamedTuple):
-    """What an edge of the graph is: base path, swing, and the branches that it leaves."""
-
-    kind: int
-    """Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`."""
-    fold: int
-    """Fold in which the limb can be moved, -1 without collisions or if it swings in a line."""
-    pair: int
-    """Branches between which the limb can swing in a line, `8 * before + after`, or -1."""
-    kept: dict[int, int]
-    """Branches on which the limbs that hold can do so, by limb; none if it is no edge."""
-
-
-class Candidate(NamedTuple):
-    """A step that is to be checked."""
-
-    limb: int
-    """Limb that moves."""
-    before: tuple[int, ...]
-    """Point index of each limb before the step."""
-    after: tuple[int, ...]
-    """And after it."""
-    posture: Postures
-    """Postures of both stances."""
-    pivot: Array
-    """Centre of a base path that is an arc: the centroid of the held points [m], shape (3,)."""
-
-    @property
-    def held(self) -> list[int]:
-        """Limbs that hold."""
-        return [i for i in range(len(self.after)) if i != self.limb]
-
-    @property
-    def ends(self) -> tuple[tuple[tuple[int, ...], Postures], ...]:
-        """Stance and posture before the step and after it."""
-        first, second = (self.posture.take(slice(k, k + 1)) for k in range(2))
-        return (self.before, first), (self.after, second)
-
-    def path(self, kind: int) -> tuple[Any, ...]:
-        """The base path between the postures as the kernels take it."""
-        p, r = self.posture.position, self.posture.rotation
-        return (p[0], r[0], p[1], r[1], kind, self.pivot)
 
 
 class StepChecks(ABC):
@@ -83,7 +41,7 @@ class StepChecks(ABC):
     solver: PostureSolver
     """What works postures out."""
     obstacles: tuple[Box, ...]
-    """What stands in the way at present, besides the map's boxes."""
+    """Boxes in the world at present besides those of the map."""
     obstacle_model: CollisionModel
     """The robot among the obstacles, as the compiled checks read it."""
 
@@ -122,7 +80,7 @@ class StepChecks(ABC):
         return Candidate(limb, before, after, posture, self.grasp_map.positions[held].mean(axis=0))
 
     def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
-        """The state after a step, or None if the step does not leave the state.
+        """The state after a step, or None if no such step leaves the state.
 
         Args:
             state: The state before the step.
@@ -143,12 +101,12 @@ class StepChecks(ABC):
         return State(step.after, tuple(kept.get(i, masks[i]) for i in range(self.limbs)))
 
     def _kept(self, step: Candidate, before: list[int], masks: list[int]) -> dict[int, int]:
-        """Branches that the limbs that hold keep, none if the step does not leave the state.
+        """Branches that the limbs that hold keep, none if no such step leaves the state.
 
-        Collisions are looked at. `masks` are those at the stance after the step; that of the limb
+        Collisions are checked. `masks` are those at the stance after the step; that of the limb
         that moves is set to those on which it can be released there.
         """
-        # What holding limbs cannot follow need not be looked at for collisions, which takes longer.
+        # What holding limbs cannot follow need not be checked for collisions, which takes longer.
         if not any(self._holds(step, k, before, masks) for k in (STRAIGHT, ARC)):
             return {}
         limb = step.limb
@@ -171,7 +129,7 @@ class StepChecks(ABC):
         return kept
 
     def _stages(self, step: Candidate, before: list[int]) -> list[list[int]]:
-        """Branches of the limbs that hold in the order in which they are looked at.
+        """Branches of the limbs that hold in the order in which they are checked.
 
         First those on which a limb can be released before the step and after it, as one must be
         that grasped just before or moves just after; for one limb that holds then the others. For
@@ -188,11 +146,11 @@ class StepChecks(ABC):
     def _kept_folded(
         self, step: Candidate, before: list[int], masks: list[int], folds: int
     ) -> dict[int, int]:
-        """Branches that the limbs that hold keep while the other moves folded, none if one has none.
+        """Branches that limbs that hold keep while the other moves folded, none if one has none.
 
         Args:
             step: The step.
-            before: Branches of each limb to look at.
+            before: Branches of each limb to check.
             masks: Branches of each limb at the stance after the step.
             folds: Folds that the limb that moves can take at both stances, as bits.
         """
@@ -212,7 +170,7 @@ class StepChecks(ABC):
     def _holds(
         self, step: Candidate, kind: int, before: Sequence[int], masks: Sequence[int]
     ) -> dict[int, int]:
-        """Branches on which each limb that holds can follow a base path, none at all if one cannot."""
+        """Branches on which each limb that holds can follow a base path, none if one cannot."""
         kept: dict[int, int] = {}
         for i in step.held:
             kept[i] = self.hold(step, kind, i, kept_on_edge(before[i], masks[i]))
@@ -221,33 +179,34 @@ class StepChecks(ABC):
         return kept
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
-        """How a step that is an edge is made.
+        """The edge that a step is: its base path, its swing and the branches kept.
 
         Args:
             state: Stance before the step, and the branch and flip each limb is on, as masks.
             after: Point index of each limb after it.
             posture: Postures of the two stances.
         """
-        step, chances = self.candidate(state.stance, tuple(after), posture), []
+        step = self.candidate(state.stance, tuple(after), posture)
+        paths: list[tuple[int, dict[int, int]]] = []
         for kind in (STRAIGHT, ARC):
             kept = {i: self.hold(step, kind, i, int(state.masks[i])) for i in step.held}
             if all(kept.values()):
                 if not self.settings.collisions:
                     return Edge(kind, -1, -1, kept)
-                chances.append((kind, kept))
+                paths.append((kind, kept))
         first, second = (self.released(*end, step.limb) for end in step.ends)
-        for kind, kept in chances:
+        for kind, kept in paths:
             found = self._folded(step, kind, kept, (first & second) >> FOLDS_AT & 15)
             if all(found.kept.values()):
                 return found
-        for kind, kept in chances:
+        for kind, kept in paths:
             found = self._line(step, kind, kept, (mask_of_grasp(first), mask_of_grasp(second)))
             if all(found.kept.values()):
                 return found
         return Edge(ARC, -1, -1, {})
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can be released at a stance, see `release.release`; 0 if on none."""
+        """On which branches a limb can be released at a stance, 0 if on none; see `release`."""
         solver, robot, limbs = self.solver, self.robot, self.limbs
         here = (
             np.ascontiguousarray(posture.position[0]),
@@ -270,18 +229,17 @@ class StepChecks(ABC):
             answer = int(
                 release(
                     limb, wanted, solver.points[point], solver.normals[point], solver.rails[point],
-                    robot.tool_length,
-                    robot.lift, *here, placed[:count], solver.folds, solver.limits, *mounts, collision_model,
-                    inside, answer,
+                    robot.tool_length, robot.lift, *here, placed[:count], solver.folds,
+                    solver.limits, *mounts, collision_model, inside, answer,
                 )
             )  # fmt: skip
-            wanted = answer & 0xFFFF
+            wanted = answer & BRANCH_BITS
             if not wanted:
                 return 0
         return answer
 
     def mask_after_grasp(self, state: State, limb: int) -> int:
-        """Branches and flips on which a limb may be that has just grasped, in the state's posture."""
+        """Branches and flips on which a limb may be that has just grasped, in a state's posture."""
         posture = self.posture_of(state)
         if not self.settings.transitions:
             return int(posture.mask[0, limb])
@@ -290,7 +248,7 @@ class StepChecks(ABC):
     def _folded(self, step: Candidate, kind: int, kept: dict[int, int], folds: int) -> Edge:
         """The edge on which the limb moves in the first fold in which it can, of those in `folds`.
 
-        `kept` are the branches of the limbs that hold that are looked at; none stay if there is no
+        `kept` are the branches of the limbs that hold that are checked; none is kept if there is no
         such fold.
         """
         path, swing = step.path(kind), np.empty(6)
@@ -315,12 +273,12 @@ class StepChecks(ABC):
     def _line(
         self, step: Candidate, kind: int, kept: dict[int, int], masks: tuple[int, int]
     ) -> Edge:
-        """The edge on which the limb swings in a line, between the first pair of branches that serves.
+        """The edge on which the limb swings along a line, on the first pair of branches that can.
 
         Args:
             step: The step.
             kind: Kind of the base path.
-            kept: Branches of the limbs that hold that are looked at; none stay if none serves.
+            kept: Branches of the limbs that hold that are checked; none is kept if no pair can.
             masks: Branches on which the limb that moves can be released before the step and after.
         """
         solver, robot, path = self.solver, self.robot, step.path(kind)
@@ -363,7 +321,7 @@ class StepChecks(ABC):
     ) -> dict[int, int]:  # fmt: skip
         """Those of the branches in `kept` on which limbs hold clear of each other and of the swing.
 
-        If one limb has none the rest is not looked at.
+        If one limb has none the others are not checked.
 
         Args:
             step: The step.

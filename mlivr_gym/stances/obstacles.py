@@ -1,0 +1,123 @@
+"""Obstacles and occupied points: what changes in the world of a stance graph after it is made."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+
+from mlivr_gym.arrays import IntArray
+from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.collisions.queries import clear_of_world, hands_clear
+from mlivr_gym.compiled.kernels import in_parallel
+from mlivr_gym.errors import SettingError, ShapeError
+from mlivr_gym.postures.solver import Postures, PostureSolver
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.settings import Settings
+from mlivr_gym.transitions.step_check import StepChecks
+from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.grasp_map import GraspMap
+
+
+class ObstacleChecks(StepChecks):
+    """Step checks in a world whose obstacles and occupied points change."""
+
+    def __init__(
+        self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings, solver: PostureSolver
+    ) -> None:
+        """Start without obstacles and with every point vacant."""
+        self.grasp_map, self.robot, self.settings = grasp_map, robot, settings
+        self.solver = solver
+        self.obstacles: tuple[Box, ...] = ()
+        """Boxes in the world at present besides those of the map."""
+        self.occupied: frozenset[int] = frozenset()
+        """Points that may not be grasped at present, by index."""
+        self.version = 0
+        """Number of changes of obstacles and occupied points."""
+        self.obstacle_model = CollisionModel(solver.shapes, (), settings.clearance)
+        """The obstacles in the form that the compiled checks read."""
+
+    def add_obstacles(self, boxes: Sequence[Box]) -> None:
+        """Put boxes into the world: they take away the stances and steps that touch them.
+
+        Only what lies within reach of them is worked out again, when it is asked for. Stances keep
+        their postures.
+
+        Raises:
+            ShapeError: If a box of that id is there already, on the map or as an obstacle.
+            SettingError: If collisions are not checked.
+        """
+        if boxes and not self.settings.collisions:
+            raise SettingError(
+                "obstacles need collisions=True; this stance graph does not check collisions"
+            )
+        ids = [box.id for box in (*self.grasp_map.boxes, *self.obstacles)]
+        for box in boxes:
+            if box.id in ids:
+                raise ShapeError(f"a box {box.id!r} is there already")
+            ids.append(box.id)
+        if boxes:
+            self._set_obstacles((*self.obstacles, *boxes), self.occupied)
+
+    def remove_obstacles(self, ids: Sequence[str] | None = None) -> None:
+        """Take boxes out of the world again, by default all.
+
+        Raises:
+            ShapeError: If there is no box of an id.
+        """
+        there = [box.id for box in self.obstacles]
+        for name in ids or ():
+            if name not in there:
+                raise ShapeError(
+                    f"no obstacle {name!r}; there are {', '.join(map(repr, there)) or 'none'}"
+                )
+        kept = tuple(box for box in self.obstacles if ids is not None and box.id not in ids)
+        self._set_obstacles(kept, self.occupied)
+
+    def occupy(self, points: Sequence[str | int]) -> None:
+        """Make points unavailable: no limb may take hold of them until they are vacated."""
+        self._set_obstacles(
+            self.obstacles, self.occupied | {self.grasp_map.index(point) for point in points}
+        )
+
+    def vacate(self, points: Sequence[str | int] | None = None) -> None:
+        """Make points available again, by default all."""
+        if points is None:
+            vacated = self.occupied
+        else:
+            vacated = frozenset(self.grasp_map.index(point) for point in points)
+        self._set_obstacles(self.obstacles, self.occupied - vacated)
+
+    def _set_obstacles(self, boxes: tuple[Box, ...], occupied: frozenset[int]) -> None:
+        if boxes != self.obstacles:
+            self.obstacle_model = CollisionModel(self.solver.shapes, boxes, self.settings.clearance)
+        self.obstacles, self.occupied = boxes, frozenset(occupied)
+        self.version += 1
+        self._obstacles_changed()
+
+    @abstractmethod
+    def _obstacles_changed(self) -> None:
+        """Forget what no longer holds."""
+
+    def clear_of_obstacles(self, chosen: IntArray, points: IntArray, postures: Postures) -> None:
+        """Take the branches that touch an obstacle out of the masks of some stances.
+
+        Args:
+            chosen: Indices of the stances to check.
+            points: Point indices of all stances, shape (k, N).
+            postures: Their postures; the masks are changed in place.
+        """
+        solver, collision_model = self.solver, self.obstacle_model.arrays
+        in_parallel(
+            len(chosen), clear_of_world, chosen, points, solver.points, solver.normals,
+            self.robot.tool_length, postures.position, postures.rotation, postures.branch,
+            postures.mask, True, solver.mount_rotations, solver.mount_positions, solver.lengths,
+            collision_model, np.zeros(len(points), dtype=np.int64),
+        )  # fmt: skip
+        hands = np.zeros(len(self.grasp_map), dtype=np.int64)
+        hands_clear(
+            solver.points, solver.normals, self.robot.tool_length, solver.lengths, collision_model,
+            hands,
+        )  # fmt: skip
+        postures.mask[(hands[points] > 0).any(axis=1)] = 0

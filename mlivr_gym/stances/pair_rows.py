@@ -1,0 +1,60 @@
+"""Rows of a two-limb stance graph: the stances that share the point of one limb."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from mlivr_gym.arrays import IntArray
+
+
+class Rows(NamedTuple):
+    """The rows of n stances on m points; an entry belongs to two stances of a row, in order."""
+
+    rows: IntArray
+    """Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n)."""
+    row_start: IntArray
+    """Where the row of each point begins in `rows`, shape (2, m + 1)."""
+    degree: IntArray
+    """Number of stances in each row, shape (2, m)."""
+    offset: IntArray
+    """First entry of each row, shape (2, m)."""
+    local: IntArray
+    """Place of each stance in its rows, shape (2, n)."""
+
+
+def rows_of(points: IntArray, m: int) -> Rows:
+    """The rows of stances given by the points of both limbs, shape (n, 2), in lexical order."""
+    n = len(points)
+    by_second = np.lexsort((points[:, 0], points[:, 1]))
+    rows: IntArray = np.stack([np.arange(n), by_second]).astype(np.int64)
+    ordered = np.take_along_axis(points.T, rows, axis=1)
+    row_start: IntArray = np.stack([np.searchsorted(row, np.arange(m + 1)) for row in ordered])
+    degree: IntArray = np.diff(row_start, axis=1)
+    offset: IntArray = np.cumsum(degree.ravel() ** 2).reshape(2, m) - degree**2
+    local: IntArray = np.empty((2, n), dtype=np.int64)
+    for limb in range(2):
+        local[limb, rows[limb]] = np.arange(n) - row_start[limb, ordered[limb]]
+    return Rows(rows, row_start, degree, offset, local)
+
+
+def connected_parts(points: IntArray, m: int) -> tuple[int, NDArray[np.int32]]:
+    """Parts of a graph that no steps connect, checked or not.
+
+    Args:
+        points: Points of both limbs of each stance, shape (n, 2).
+        m: Number of points of the map.
+
+    Returns:
+        The number of parts, and the part of each stance, shape (n,).
+    """
+    pairs = coo_array(
+        (np.ones(len(points)), (points[:, 0], m + points[:, 1])), shape=(2 * m, 2 * m)
+    )
+    _, label = connected_components(pairs, directed=False)
+    parts, part = np.unique(label[points[:, 0]], return_inverse=True)
+    return len(parts), part.astype(np.int32)
