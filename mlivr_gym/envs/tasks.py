@@ -87,12 +87,13 @@ def generator_of(given: str | TaskGenerator | dict[str, Any]) -> TaskGenerator:
     """A task generator by name, from plain data, or as it is.
 
     Raises:
-        SettingError: If there is none of that name, or it cannot draw.
+        SettingError: If there is none of that name, or it cannot draw; a class instead of an
+            object of it cannot.
     """
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
         return GENERATORS[choice("tasks", name, GENERATORS)]()
-    if isinstance(given, dict | str) or not hasattr(given, "draw"):
+    if isinstance(given, str | dict | type) or not callable(getattr(given, "draw", None)):
         valid = ", ".join(map(repr, GENERATORS))
         raise SettingError(f"tasks is {given!r}; it must be one of {valid} or a TaskGenerator")
     return given

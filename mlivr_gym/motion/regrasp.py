@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -71,7 +70,7 @@ class Regrasp:
         return (*self.before[: self.limb], self.to_point, *self.before[self.limb + 1 :])
 
     @property
-    def base_path(self) -> tuple[Any, ...]:
+    def base_path(self) -> tuple[Array, Array, Array, Array, int, Array]:
         """The base path as the kernels take it: poses at both ends, kind and pivot."""
         p, r = self.positions, self.rotations
         return (p[0], r[0], p[1], r[1], self.kind, self.pivot)

@@ -92,6 +92,15 @@ class Physics:
                 raise SettingError(f"{field.name} is {value!r}; it must be finite and above 0")
 
     @classmethod
+    def of(cls, given: Physics | dict[str, Any] | None) -> Physics:
+        """The figures as they are, from plain data, or by default.
+
+        Raises:
+            SettingError: See `from_dict`.
+        """
+        return given if isinstance(given, cls) else cls.from_dict(given or {})
+
+    @classmethod
     def from_dict(cls, data: Any) -> Physics:
         """The figures of a dictionary, the others as they are by default.
 
