@@ -20,7 +20,7 @@ from mlivr_gym.envs.observations import Observation, Observer, observation_space
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import Reward, StepOutcome, TaskReward
-from mlivr_gym.envs.tasks import TaskGenerator, generator_of
+from mlivr_gym.envs.tasks import TaskGenerator, draw_task, generator_of
 from mlivr_gym.envs.viewer import Viewer
 from mlivr_gym.errors import StanceError, choice, nonnegative
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
@@ -261,9 +261,9 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         if goal is not None:
             goal = graph.grasp_map.check_goal(goal)
         if start is None or goal is None:
-            task = self.tasks.draw(graph, self.np_random, self.goal_tolerance, start)
+            task = draw_task(self.tasks, graph, self.np_random, self.goal_tolerance, start)
             start = task.start if start is None else start
-            goal = graph.grasp_map.check_goal(task.goal) if goal is None else goal
+            goal = task.goal if goal is None else goal
         self.goal = goal
         if walk is not None:
             start = walk.start(start, given.plan, given.start_joints)

@@ -23,7 +23,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, observations, stance_observations
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.rewards import StepOutcome
-from mlivr_gym.envs.tasks import WalkTasks
+from mlivr_gym.envs.tasks import WalkTasks, draw_task
 from mlivr_gym.errors import SettingError, StanceError, choice
 from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import legal_actions
@@ -289,15 +289,11 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         for k in np.flatnonzero(which):
             rng = np.random.default_rng(self._streams[k])
             start = state_of(self.tables, int(stances[k]), masks[k]) if given else None
-            task = env.tasks.draw(env.graph, rng, env.goal_tolerance, start)
+            task = draw_task(env.tasks, env.graph, rng, env.goal_tolerance, start)
             if task.start.pose is not None:
                 raise SettingError("tasks draw a start pose, which the vector environment lacks")
-            stance = self._stance_at[task.start.stance]
-            if stance < 0:
-                ids = env.graph.ids(task.start.stance)
-                raise StanceError(f"tasks draw the start {ids}, which is no stance of the graph")
-            stances[k], masks[k] = stance, task.start.masks
-            goals[k] = env.graph.grasp_map.check_goal(task.goal)
+            stances[k], masks[k] = self._stance_at[task.start.stance], task.start.masks
+            goals[k] = task.goal
             self._streams[k] = rng.integers(2**63)
         self._need_step(which, stances, masks)
 

@@ -26,6 +26,16 @@ class Shuttle:
         return Task(state, np.array(self.goal))
 
 
+class Fixed:
+    """The same task for ever."""
+
+    def __init__(self, task):
+        self.task = task
+
+    def draw(self, graph, rng, tolerance, start=None):
+        return self.task
+
+
 @pytest.fixture
 def shuttle(small_map):
     return Shuttle(small_map.cabin.mean(axis=0).tolist())
@@ -117,7 +127,10 @@ def test_json_keeps_the_walk(small_map, given):
 
 def test_a_spec_keeps_the_object(small_map, shuttle):
     made = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False, tasks=shuttle)
-    assert gymnasium.make(made.spec).unwrapped.tasks is shuttle
+    again = gymnasium.make(made.spec).unwrapped
+    assert isinstance(again.tasks, Shuttle)
+    again.reset(seed=2)
+    np.testing.assert_array_equal(again.goal, shuttle.goal)
 
 
 @pytest.mark.parametrize("faulty", ["run", "", 3, None, {}, {"kind": "run"}, WalkTasks, len])
@@ -140,10 +153,14 @@ def test_faulty_tasks_are_refused(small_map, shuttle):
             reset(seed=3)
     shuttle.goal = good
     state = shuttle.drawn[-1]
-    nowhere = state._replace(stance=(state.stance[0], state.stance[0]))
-    env.tasks = type("Nowhere", (), {"draw": lambda *_: Task(nowhere, np.array(good))})()
-    for reset in (env.reset, copies.reset):
-        with pytest.raises(StanceError):
-            reset(seed=3)
+    for start, error, words in (
+        (state._replace(stance=(state.stance[0],) * 2), StanceError, "0.000 m apart"),
+        (state._replace(stance=(0, len(small_map) - 1)), StanceError, "cannot be held"),
+        (state.stance, SettingError, "must be a State"),
+    ):
+        env.tasks = Fixed(Task(start, np.array(good)))
+        for reset in (env.reset, copies.reset):
+            with pytest.raises(error, match=words):
+                reset(seed=3)
     np.testing.assert_array_equal(copies.stances, before[0])
     np.testing.assert_array_equal(copies.goals, before[1])
