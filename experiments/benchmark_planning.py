@@ -57,7 +57,7 @@ print(json.dumps([b - a for a, b in zip(marks, marks[1:])]))
 PAPER = Settings(collisions=False)
 """All but the section on collisions is measured without them, as in the paper."""
 
-Tasks = list[tuple[State, Array]]
+Tasks = Sequence[tuple[State, Array]]
 
 
 def paper_graph(grasp_map: GraspMap) -> PairGraph:

@@ -73,7 +73,8 @@ def _along(graph: PairGraph, held: int, s0: int, s1: int) -> Panel | None:
         return None
     branch = (mask & -mask).bit_length() - 1 & 7
     ends = (graph.position[s0], graph.rotation[s0], graph.position[s1], graph.rotation[s1])
-    where, turned = base_path(*ends, STRAIGHT, solver.points[point], np.linspace(0.0, 1.0, SAMPLES))
+    path = (*ends, STRAIGHT, solver.points[point])
+    where, turned = base_path(path, np.linspace(0.0, 1.0, SAMPLES))
     q = np.full(6, np.nan)
     along: list[Configuration] = []
     for position, rotation in zip(where, turned, strict=True):

@@ -184,7 +184,7 @@ def _holds(graph: PairGraph, held: int, point: int, branch: int, path: tuple[Any
 
     Dense samples, each judged one pair of shapes after the other.
     """
-    where, turned = base_path(*path, np.linspace(0.0, 1.0, SAMPLES))
+    where, turned = base_path(path, np.linspace(0.0, 1.0, SAMPLES))
     q = np.full(6, np.nan)
     for position, rotation in zip(where, turned, strict=True):
         if not follow_to(graph, held, point, branch, (position, rotation), q):

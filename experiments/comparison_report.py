@@ -102,7 +102,8 @@ def ratio(runs: Runs, name: str, best: Runs) -> Array:
     )
     share = runs.successful(name) / reference
     known = np.isfinite(share).any(axis=0)
-    return np.nanmean(share[:, known], axis=0)
+    means: Array = np.nanmean(share[:, known], axis=0)
+    return means
 
 
 def interval(values: Array, digits: int, percent: bool = False) -> str:

@@ -180,7 +180,8 @@ class ReferencePlanner:
         local = pin.computeFrameJacobian(
             self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED
         )
-        return np.kron(np.eye(2), self.mounts[limb].rotation) @ local
+        jacobian: Array = np.kron(np.eye(2), self.mounts[limb].rotation) @ local
+        return jacobian
 
     def evaluate(self, stance: Stance) -> Array | None:
         """Base position of a stance [m], or None if no base pose meets the thresholds."""

@@ -62,7 +62,7 @@ def world_arguments() -> argparse.ArgumentParser:
         "--no-manipulability", action="store_true", help="do without both thresholds"
     )
     parser.add_argument(
-        "--no-transitions", action="store_true", help="do not check that steps can be carried out"
+        "--no-transitions", action="store_true", help="do not check that steps can be executed"
     )
     parser.add_argument(
         "--no-collisions", action="store_true", help="let limbs touch each other and the cabin"
@@ -100,7 +100,7 @@ def obstacle_arguments() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="a box or keep-out zone in the way, lower and upper corner [m]; may be repeated",
+        help="a box or keep-out zone, lower and upper corner [m]; may be repeated",
     )
     parser.add_argument(
         "--occupied", nargs="+", default=[], metavar="POINT", help="points that may not be grasped"
@@ -117,7 +117,7 @@ def query_arguments() -> argparse.ArgumentParser:
         nargs=7,
         type=float,
         metavar=("X", "Y", "Z", "QW", "QX", "QY", "QZ"),
-        help="base pose at the start, if the robot stands in another than the stance's own [m] "
+        help="base pose at the start, if the robot stands in another than that of its stance [m] "
         "(default: that one)",
     )
     parser.add_argument(

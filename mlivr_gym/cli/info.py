@@ -90,7 +90,7 @@ def _describe_stances(graph: PairGraph) -> None:
     print("  left out by cause: " + ", ".join(f"{name} {out[name]}" for name in order))
     print(
         f"  departure: a limb cannot leave its point with w_m >= {graph.settings.path_floor:g}, "
-        f"thresholds or not; beyond the span of {graph.robot.span:g} m "
+        f"thresholds or not; farther than the span of {graph.robot.span:g} m "
         f"{graph.farther_than_span} pairs are not tried"
     )
     if graph.obstacles or graph.occupied:

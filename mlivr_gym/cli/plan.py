@@ -86,6 +86,7 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         )
     print(
         f"{plan.statistics.expanded} states explored, {plan.statistics.generated} generated, "
-        f"{1e3 * (plan.statistics.feasibility_time + plan.statistics.search_time):.1f} ms for the query"
+        f"{1e3 * (plan.statistics.feasibility_time + plan.statistics.search_time):.1f} ms "
+        "for the query"
     )
     return result

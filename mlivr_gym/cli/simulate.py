@@ -47,10 +47,10 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     parser = commands.add_parser(
         "simulate",
         parents=[world_arguments(), obstacle_arguments(), query_arguments()],
-        help="carry a plan out in MuJoCo",
+        help="execute a plan in MuJoCo",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        description="Carry a plan out in MuJoCo: one from a file, "
+        description="Execute a plan in MuJoCo: one from a file, "
         "or one that is made first as with `plan`.",
     )
     add_arguments(parser)
@@ -60,7 +60,7 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what `simulate` takes besides the arguments of `plan`."""
     parser.add_argument(
-        "--plan", metavar="FILE", help="a plan to carry out; without it, one is made first"
+        "--plan", metavar="FILE", help="a plan to execute; without it, one is made first"
     )
     parser.add_argument(
         "--case",

@@ -6,8 +6,8 @@ import operator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.errors import SettingError
 
 
@@ -33,7 +33,7 @@ def action_number(action: Any, count: int) -> int:
     return number
 
 
-def action_numbers(actions: Any, copies: int, count: int) -> NDArray[np.int64]:
+def action_numbers(actions: Any, copies: int, count: int) -> IntArray:
     """A batch of actions, shape (k,).
 
     Args:

@@ -2,46 +2,70 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.envs.tasks import MOST_STEPS
 from mlivr_gym.stances.table_steps import any_step, find_step
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mlivr_gym.stances.step_tables import StepTables
 
 TRIES = 1000
 """Draws after which drawing a start and goal gives up."""
 
 
 @kernel
-def random_below(streams, k, bound):
-    """A whole number from 0 to `bound` - 1 from stream `k` of splitmix64 (Steele, Lea and Flood, 2014)."""
+def random_below(streams: NDArray[np.uint64], k: int, bound: int) -> int:
+    """Draw a whole number from 0 to `bound` - 1 by splitmix64 (Steele, Lea and Flood, 2014).
+
+    Args:
+        streams: States of the random numbers, one of them changed.
+        k: Index of the stream to draw from.
+        bound: The bound.
+    """
     streams[k] += np.uint64(0x9E3779B97F4A7C15)
     z = streams[k]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     z = z ^ (z >> np.uint64(31))
-    return np.int64(np.float64(z >> np.uint64(11)) * (1.0 / 9007199254740992.0) * bound)
+    return int(np.float64(z >> np.uint64(11)) * (1.0 / 9007199254740992.0) * bound)
 
 
 @kernel
 def advance(
-    actions, skip, failure, max_step, stance_at, tables, streams, stances, masks, moved, outcome
-):
+    actions: IntArray,
+    skip: BoolArray,
+    failure: Array,
+    max_step: float,
+    stance_at: NDArray[np.int32],
+    tables: StepTables,
+    streams: NDArray[np.uint64],
+    stances: IntArray,
+    masks: IntArray,
+    moved: Array,
+    outcome: IntArray,
+) -> None:
     """Take one action in each of k states.
 
     Args:
         actions: Limb times m plus point, shape (k,).
         skip: States that take none, shape (k,).
         failure: Probability that an attempt at each point fails, shape (m,).
-        max_step: Displacement charged for an action that is not possible [m].
+        max_step: Displacement charged for an action that is masked out [m].
         stance_at: Stance index by points, -1 where there is none, shape (m, m).
         tables: `StepTables`.
         streams: States of the random numbers, shape (k,).
         stances: Stance indices, shape (k,), changed.
         masks: Branches, shape (k, 2), changed.
         moved: Base displacement of each step [m], shape (k,), written.
-        outcome: 0 done, 1 not possible, 2 the grasp failed and the limb went back; shape (k,),
+        outcome: 0 done, 1 masked out, 2 the grasp failed and the limb went back; shape (k,),
             written.
     """
     m = len(stance_at)
@@ -73,7 +97,18 @@ def advance(
 
 
 @kernel
-def draw_tasks(which, given, targets, cabin, tolerance, tables, streams, stances, masks, goals):
+def draw_tasks(
+    which: BoolArray,
+    given: BoolArray,
+    targets: Array,
+    cabin: Array,
+    tolerance: float,
+    tables: StepTables,
+    streams: NDArray[np.uint64],
+    stances: IntArray,
+    masks: IntArray,
+    goals: Array,
+) -> int:
     """Draw starts and goals as `tasks.sample_task` does, number for number of the same stream.
 
     Returns the index of the first state for which none was found, or -1.

@@ -14,7 +14,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 
 
-class MlivrDmEnvironment(dm_env.Environment):
+class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
     """`MlivrEnv` as a `dm_env.Environment`; the action mask is part of the observation.
 
     The discount is 0 where an episode terminates (goal reached, or a step failed) and 1 otherwise,

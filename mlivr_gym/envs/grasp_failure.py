@@ -1,13 +1,11 @@
-"""Unreliable grasps: how likely an attempt to take hold of a point fails."""
+"""Unreliable grasps: how likely an attempt to grasp a point fails."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError, nonnegative
-
-Array = NDArray[np.float64]
 
 LARGEST = 0.95
 """Largest failure probability of a point."""

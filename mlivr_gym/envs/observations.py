@@ -15,16 +15,21 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
+REMEMBERED = 4096
+"""Stances whose observation an `Observer` remembers."""
+
 BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
 """The bits of each 16-bit mask, the lowest first, shape (65536, 16)."""
 
 Floats = NDArray[np.float32]
+"""Real numbers as observations hold them."""
 
 
 class PlaceObservation(TypedDict):
     """What belongs to a stance, for N limbs on m points.
 
-    Positions lie inside the cabin and the points' bounding box, widened by the robot's span.
+    Positions lie in the smallest box around the cabin and all points, widened by the robot's span
+    on every side.
     """
 
     stance: IntArray
@@ -34,14 +39,14 @@ class PlaceObservation(TypedDict):
     base_position: Floats
     """Base position [m], shape (3,), float32."""
     base_quaternion: Floats
-    """Base orientation w, x, y, z with w >= 0, each -1 to 1, shape (4,), float32."""
+    """Base orientation w, x, y, z with w >= 0, each from -1 to 1, shape (4,), float32."""
 
 
 class Observation(PlaceObservation):
     """What an agent sees."""
 
     goal: Floats
-    """Goal position [m], shape (3,), float32; inside the bounds of positions."""
+    """Goal position of the base [m], shape (3,), float32; inside the cabin."""
     branches: NDArray[np.int8]
     """Branches and flips that each limb may still be on, 0 or 1, shape (16 N,), int8."""
 
@@ -77,7 +82,7 @@ def place_observation(
 
 
 def observation(seen: PlaceObservation, state: State, goal: Array) -> Observation:
-    """What an agent sees in a state, with arrays of its own."""
+    """What an agent sees in a state, in new arrays."""
     return {
         "stance": seen["stance"].copy(),
         "grasps": seen["grasps"].copy(),
@@ -86,6 +91,27 @@ def observation(seen: PlaceObservation, state: State, goal: Array) -> Observatio
         "goal": goal.astype(np.float32),
         "branches": np.concatenate([BITS[mask] for mask in state.masks]),
     }
+
+
+class Observer:
+    """Tells what an agent sees, and remembers what belongs to a stance."""
+
+    def __init__(self, graph: StanceGraph) -> None:
+        """Start with no stance remembered."""
+        self.graph = graph
+        self._remembered: dict[tuple[int, ...], PlaceObservation] = {}
+
+    def observation(self, state: State, place: Place, goal: Array) -> Observation:
+        """What an agent sees in a state at `place`, in new arrays."""
+        if state.pose is not None:
+            return observation(place_observation(self.graph, state.stance, place), state, goal)
+        seen = self._remembered.get(state.stance)
+        if seen is None:
+            if len(self._remembered) >= REMEMBERED:
+                self._remembered.clear()
+            seen = place_observation(self.graph, state.stance, place)
+            self._remembered[state.stance] = seen
+        return observation(seen, state, goal)
 
 
 def stance_observations(graph: PairGraph) -> PlaceObservation:

@@ -1,4 +1,4 @@
-"""Arguments of the environments as plain data, so that Gymnasium can write what made an environment as JSON.
+"""Arguments of the environments as plain data, which Gymnasium can write as JSON.
 
 `gymnasium.make` keeps the arguments it was given in `env.spec`, and `env.spec.to_json()` takes only
 what JSON knows. Maps, robots, `Physics` and arrays are therefore kept as dictionaries and lists,

@@ -1,4 +1,4 @@
-"""Rewards: objects that say what a step is worth. The single and the vector environment share them.
+"""Rewards: objects that say what a step is worth, for the single and the vector environment.
 
 A reward is anything that can be called with a `StepOutcome`. `"steps"` and `"base"` are short for
 `StepReward()` and `BaseReward()`.
@@ -24,7 +24,7 @@ class StepOutcome(NamedTuple):
     before: float | Array
     """Distance of the base from the goal before the step [m]."""
     after: float | Array
-    """And after it [m]."""
+    """Distance of the base from the goal after the step [m]."""
     success: bool | BoolArray
     """Whether the base is in the goal region after the step."""
     legal: bool | BoolArray
@@ -72,12 +72,13 @@ def reward_of(given: str | Reward | dict[str, Any]) -> Reward:
     """A reward by name, from plain data, or as it is.
 
     Raises:
-        SettingError: If there is none of that name, or it cannot be called.
+        SettingError: If there is none of that name, or it cannot be called; a class instead of an
+            object of it cannot.
     """
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
         return REWARDS[choice("reward", name, REWARDS)]()
-    if isinstance(given, dict) or not callable(given):
+    if isinstance(given, dict | type) or not callable(given):
         valid = ", ".join(map(repr, REWARDS))
         raise SettingError(f"reward is {given!r}; it must be one of {valid} or a Reward")
     return given
@@ -101,14 +102,36 @@ class TaskReward(NamedTuple):
     tolerance: float
     """Radius of the goal region [m]."""
 
+    @classmethod
+    def of(
+        cls,
+        reward: str | Reward | dict[str, Any],
+        *,
+        success_bonus: float,
+        shaping: bool,
+        discount: float,
+        tolerance: float,
+    ) -> TaskReward:
+        """Check the figures; `reward` is anything that `reward_of` takes.
+
+        Raises:
+            SettingError: If one cannot be used; the message names it.
+        """
+        if not 0.0 < discount <= 1.0:
+            raise SettingError(f"discount is {discount!r}; it must be above 0 and at most 1")
+        bonus, checked = float(success_bonus), reward_of(reward)
+        return cls(checked, bonus, bool(shaping), float(discount), tolerance)
+
     def __call__(self, outcome: StepOutcome) -> float | Array:
         """Reward of a step, a number or shape (k,) as the outcome is."""
         total: Any = self.reward(outcome) + self.success_bonus * outcome.success
         if self.shaping:
             before, after = self._potential(outcome.before), self._potential(outcome.after)
             total = total + (self.discount * after - before)
-        return total
+        found: float | Array = total
+        return found
 
     def _potential(self, distance: float | Array) -> float | Array:
-        potential: Any = -distance * (distance > self.tolerance)
+        inside: Any = distance > self.tolerance
+        potential: float | Array = -distance * inside
         return potential

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import SettingError, StanceError, choice
+from mlivr_gym.errors import SettingError, StanceError, choice, shown
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -87,15 +87,38 @@ def generator_of(given: str | TaskGenerator | dict[str, Any]) -> TaskGenerator:
     """A task generator by name, from plain data, or as it is.
 
     Raises:
-        SettingError: If there is none of that name, or it cannot draw.
+        SettingError: If there is none of that name, or it cannot draw; a class instead of an
+            object of it cannot.
     """
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
         return GENERATORS[choice("tasks", name, GENERATORS)]()
-    if isinstance(given, dict | str) or not hasattr(given, "draw"):
+    if isinstance(given, str | dict | type) or not callable(getattr(given, "draw", None)):
         valid = ", ".join(map(repr, GENERATORS))
         raise SettingError(f"tasks is {given!r}; it must be one of {valid} or a TaskGenerator")
     return given
+
+
+def draw_task(
+    generator: TaskGenerator,
+    graph: StanceGraph,
+    rng: np.random.Generator,
+    tolerance: float,
+    start: State | None = None,
+) -> Task:
+    """Draw a task, and check it where the generator is a user's; arguments as in `TaskGenerator`.
+
+    Raises:
+        MlivrError: If none is found, or the start cannot be held or the goal lies outside the
+            cabin.
+    """
+    task = generator.draw(graph, rng, tolerance, start)
+    if isinstance(generator, WalkTasks):
+        return task
+    if not isinstance(task.start, State):
+        raise SettingError(f"tasks draw the start {shown(task.start)}; it must be a State")
+    graph.state(task.start.stance, task.start.pose)
+    return Task(task.start, graph.grasp_map.check_goal(task.goal))
 
 
 def random_state(graph: StanceGraph, rng: np.random.Generator) -> State:

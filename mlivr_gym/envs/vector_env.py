@@ -1,7 +1,8 @@
-"""Many copies of the two-limb environment in one: `gymnasium.make_vec("MLIVR-JEM-v0", num_envs=...)`.
+"""Many copies of the two-limb environment in one.
 
-Every copy steps through the same read-only tables of exact steps, so that a step costs well under a
-microsecond a copy beside the mask and the observation that it returns.
+`gymnasium.make_vec("MLIVR-JEM-v0", num_envs=...)` makes it. Every copy steps through the same
+read-only tables of exact steps, so that a step costs well under a microsecond a copy beside the
+mask and the observation that it returns.
 """
 
 from __future__ import annotations
@@ -22,12 +23,13 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, observations, stance_observations
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.rewards import StepOutcome
-from mlivr_gym.envs.tasks import WalkTasks
+from mlivr_gym.envs.tasks import WalkTasks, draw_task
 from mlivr_gym.errors import SettingError, StanceError, choice
 from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import legal_actions
 
 MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)}
+"""What becomes of a copy whose episode has ended, by name."""
 
 
 class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
@@ -38,10 +40,11 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     `steps`, `limb_manipulability` (k, N), `base_manipulability`, `is_success`, `invalid_action` and
     `grasp_failed`, each (k,) if not said otherwise.
 
-    Start and goal are drawn by the rule of `MlivrEnv`, hence with the same probabilities, but each
-    copy draws from a stream of random numbers of another kind (splitmix64): equal seeds give equal
-    episodes of this class, not those of a `MlivrEnv` with that seed. Failed grasps are drawn from
-    the same streams.
+    Rewards and task generators are the same objects: a reward is called with arrays of shape (k,),
+    a generator once for each copy that starts anew. With `tasks="walk"` start and goal are drawn by
+    the rule of `MlivrEnv`, hence with the same probabilities, but each copy draws from a stream of
+    random numbers of another kind (splitmix64): equal seeds give equal episodes of this class, not
+    those of a `MlivrEnv` with that seed. Failed grasps are drawn from the same streams.
 
     By default a copy whose episode has ended starts anew on the next step, whose action it ignores;
     with `autoreset_mode="Disabled"` call `reset(options={"reset_mask": ...})`.
@@ -115,11 +118,10 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         """Start every copy anew, or those of `options["reset_mask"]`, bool of shape (k,).
 
         Args:
-            seed: Copy i draws from seed + i, or from its own seed of a list of k; where that is
+            seed: Copy i draws from seed + i, or from entry i of a list of k seeds; where that is
                 None it goes on with its stream.
             options: `reset_mask`; `start`, point ids or indices of each copy's stance, (k, N);
-                `goal`, shape (k, 3) [m]. What is not given is drawn such that a walk of possible
-                steps joins start and goal.
+                `goal`, shape (k, 3) [m]. What is not given is drawn by `tasks`.
 
         Raises:
             MlivrError: If seed or options cannot be used, or no goal can be reached from a start;
@@ -138,10 +140,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             for k in np.flatnonzero(which):
                 state = graph.state(starts[k])
                 new[0][k], new[1][k] = self._stance_at[state.stance], state.masks
-            stuck = which & ~self._legal(*new[:2]).any(axis=1)
-            if stuck.any():
-                stance = tuple(self._ids[new[0][stuck.argmax()]])
-                raise StanceError(f"no step leaves the start stance {stance}")
+            self._need_step(which, *new[:2])
         if starts is None or goals is None:
             self._draw(which, starts is not None, *new)
         if goals is not None:
@@ -156,7 +155,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         which = np.asarray(mask)
         if which.shape != (self.num_envs,) or which.dtype != np.bool_:
             raise SettingError(
-                f"reset_mask is of shape {which.shape} and {which.dtype}; it must be {self.num_envs} bools"
+                f"reset_mask is of shape {which.shape} and {which.dtype}; "
+                f"it must be {self.num_envs} bools"
             )
         return which.copy()
 
@@ -169,7 +169,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         if count != self.num_envs:
             found = repr(rows) if count < 0 else f"of {count} rows"
             raise SettingError(
-                f"reset option {name!r} is {found}; it must have {self.num_envs} rows, one for each copy"
+                f"reset option {name!r} is {found}; "
+                f"it must have {self.num_envs} rows, one for each copy"
             )
         return rows
 
@@ -179,7 +180,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             seeds = list(seed)
             if len(seeds) != self.num_envs:
                 raise SettingError(
-                    f"seed is a list of {len(seeds)} for {self.num_envs} copies; give one seed for each copy"
+                    f"seed is a list of {len(seeds)} for {self.num_envs} copies; "
+                    "give one seed for each copy"
                 )
         else:
             seeds = [seed if seed is None else _whole(seed) + i for i in range(self.num_envs)]
@@ -245,6 +247,13 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             first = int(np.argmin(self._started))
             raise gymnasium.error.ResetNeeded(f"copy {first} was never reset: call reset()")
 
+    def _need_step(self, which: BoolArray, stances: IntArray, masks: IntArray) -> None:
+        """Refuse starts that no step leaves."""
+        stuck = which & ~self._legal(stances, masks).any(axis=1)
+        if stuck.any():
+            stance = tuple(self._ids[stances[stuck.argmax()]])
+            raise StanceError(f"no step leaves the start stance {stance}")
+
     def _legal(self, stances: IntArray, masks: IntArray) -> BoolArray:
         out = np.zeros((self.num_envs, 2 * len(self._stance_at)), dtype=np.bool_)
         legal_actions(stances, masks, self.tables, out.view(np.int8))
@@ -275,17 +284,18 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     def _draw_one_by_one(
         self, which: BoolArray, given: bool, stances: IntArray, masks: IntArray, goals: Array
     ) -> None:
-        """The same with the generator of a user, each copy from its own stream."""
+        """The same with another generator, each copy from its stream."""
         env = self.env
         for k in np.flatnonzero(which):
             rng = np.random.default_rng(self._streams[k])
             start = state_of(self.tables, int(stances[k]), masks[k]) if given else None
-            task = env.tasks.draw(env.graph, rng, env.goal_tolerance, start)
+            task = draw_task(env.tasks, env.graph, rng, env.goal_tolerance, start)
             if task.start.pose is not None:
                 raise SettingError("tasks draw a start pose, which the vector environment lacks")
             stances[k], masks[k] = self._stance_at[task.start.stance], task.start.masks
-            goals[k] = env.graph.grasp_map.check_goal(task.goal)
+            goals[k] = task.goal
             self._streams[k] = rng.integers(2**63)
+        self._need_step(which, stances, masks)
 
     def _begin(self, which: BoolArray) -> None:
         self.steps[which], self.base_translation[which], self._ended[which] = 0, 0.0, False
@@ -293,7 +303,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
 
     def _distance(self) -> Array:
         away = self.tables.position[self.stances] - self.goals
-        return np.sqrt(np.einsum("ij,ij->i", away, away))
+        distance: Array = np.sqrt(np.einsum("ij,ij->i", away, away))
+        return distance
 
     def _observation(self) -> Observation:
         return observations(self._rows_seen, self.stances, self.masks, self.goals)

@@ -1,1 +1,1 @@
-"""Plans, and the motion that carries them out."""
+"""Plans, and the motion that executes them."""

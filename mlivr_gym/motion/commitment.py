@@ -64,7 +64,16 @@ class _Hold(NamedTuple):
 
 
 def turns_within_limits(graph: StanceGraph, low: Array, high: Array) -> tuple[Array, Array]:
-    """Fewest and most whole turns that leave angles between `low` and `high` [rad] in the limits."""
+    """Fewest and most whole turns that may be added to angles without leaving the limits.
+
+    Args:
+        graph: The stance graph.
+        low: Least angle of each joint [rad], shape (6,).
+        high: Largest angle of each joint [rad], shape (6,).
+
+    Returns:
+        Two arrays of shape (6,).
+    """
     limits = graph.robot.limb.limits
     fewest = np.ceil((limits[:, 0] - LIMIT_TOLERANCE - low) / FULL_TURN)
     most = np.floor((limits[:, 1] + LIMIT_TOLERANCE - high) / FULL_TURN)
@@ -260,7 +269,10 @@ class _Draft:
         return failed
 
     def _follow_hold(self, limb: int, first: int, last: int) -> tuple[Array, Array]:
-        """Set the joint angles of one hold on any winding; returns their least and largest [rad]."""
+        """Set the joint angles of one hold on any winding.
+
+        Returns the least and the largest angle of each joint over the hold, each (6,) [rad].
+        """
         solver, point = self.graph.solver, self.points[first, limb]
         grasp = (solver.flanges[point], solver.tools[point])
         mount = (solver.mount_rotations[limb], solver.mount_positions[limb], solver.lengths)

@@ -1,4 +1,4 @@
-"""Plans: what a search returns, complete enough to be carried out."""
+"""Plans: what a search returns, complete enough to be executed."""
 
 from __future__ import annotations
 

@@ -1,20 +1,21 @@
-"""What the robot does between the stances of a plan: configurations without a clock, and trajectories with one."""
+"""What the robot does between the stances of a plan.
+
+`step_motion` gives configurations without a clock, `plan_trajectory` the same with one.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.holding import quaternion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import Durations, Trajectory, trajectory
 from mlivr_gym.stances.stance_graph import StanceGraph
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class StepMotion:
         joint_positions: Shape (k, N, 6) [rad].
     """
 
-    phase: NDArray[np.int64]
+    phase: IntArray
     base_positions: Array
     base_quaternions: Array
     joint_positions: Array
@@ -49,17 +50,17 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
             swing.
 
     Raises:
-        PlanError: If the step carries no swing.
+        PlanError: If the step has no swing.
     """
     step = planned_regrasp(graph, plan, index)
     if not len(step.knots):
-        raise PlanError(f"step {index} carries no swing; make the plan with collisions=True")
+        raise PlanError(f"step {index} has no swing; make the plan with collisions=True")
     path, share = RegraspPath(graph, step), np.linspace(0.0, 1.0, samples)
     pieces = [path.swing(piece, share) for piece in range(path.pieces)]
     u = np.concatenate([np.zeros(samples), *(u for u, _ in pieces), np.ones(samples)])
     joints = path.supports(u)
     joints[:, step.limb] = np.concatenate(
-        [path.departure(share), *(own for _, own in pieces), path.approach(share)]
+        [path.departure(share), *(joints for _, joints in pieces), path.approach(share)]
     )
     positions, rotations = path.base(u)
     phase = np.repeat(range(len(PHASES)), [samples, samples * path.pieces, samples])

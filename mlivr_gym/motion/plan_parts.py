@@ -24,11 +24,11 @@ class Step:
     Attributes:
         limb: Limb that moves.
         from_point: Point it leaves.
-        to_point: Point it takes hold of.
+        to_point: Point it grasps.
         path: `"straight"`, `"arc"`, or `"unchecked"` where steps were not checked.
         pivot: Centre of the arc: centroid of the held points [m].
         displacement: Base displacement [m].
-        swing: Kind of the limb's way, one of `mlivr_gym.motion.swings.SWING_KINDS`.
+        swing: Kind of the limb's swing, one of `mlivr_gym.motion.swings.SWING_KINDS`.
         knots: Base parameter from 0 to 1 and the limb's six joint angles [rad] at each knot of its
             swing, from above the point it leaves to above the point it grasps; in between both
             change linearly.

@@ -1,4 +1,4 @@
-"""One regrasp as a path without a clock: departure, swing and approach of one limb while the others hold.
+"""One regrasp as a path without a clock: departure, swing and approach of one limb.
 
 `RegraspPath` evaluates the configurations that were checked when the step was planned, at any
 places along it, so that a picture, a trajectory and a simulation all follow the same path.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -30,17 +29,17 @@ TASK_SPACE_SAMPLES = 400
 """Places at which a swing in task space is looked at before it is used."""
 
 LARGEST_JUMP = 0.2
-"""Largest change of a joint between two of them [rad]; a larger one would be a singularity on the way."""
+"""Largest change of a joint between two of them [rad]; a larger one would be a singularity."""
 
 
 @dataclass(frozen=True)
 class Regrasp:
-    """What is needed to carry out one step.
+    """What is needed to execute one step.
 
     Attributes:
         limb: Limb that moves.
         before: Point index of each limb before the step, N of them.
-        to_point: Point index it takes hold of.
+        to_point: Point index it grasps.
         positions: Base positions before and after, shape (2, 3) [m].
         rotations: Base rotations before and after, shape (2, 3, 3).
         kind: Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`.
@@ -71,7 +70,7 @@ class Regrasp:
         return (*self.before[: self.limb], self.to_point, *self.before[self.limb + 1 :])
 
     @property
-    def base_path(self) -> tuple[Any, ...]:
+    def base_path(self) -> tuple[Array, Array, Array, Array, int, Array]:
         """The base path as the kernels take it: poses at both ends, kind and pivot."""
         p, r = self.positions, self.rotations
         return (p[0], r[0], p[1], r[1], self.kind, self.pivot)
@@ -108,14 +107,11 @@ class RegraspPath:
         return len(self._knots) - 1
 
     def departure(self, share: Array) -> Array:
-        """Joint angles of the moving limb at shares of its lift from its point, shape (k, 6) [rad]."""
+        """Joint angles of the moving limb at shares of its departure, shape (k, 6) [rad]."""
         return self._lifted(0, share)
 
     def approach(self, share: Array) -> Array:
-        """Joint angles of the moving limb at shares of its path down to the point that it grasps.
-
-        Shape (k, 6) [rad].
-        """
+        """Joint angles of the moving limb at shares of its approach, shape (k, 6) [rad]."""
         return self._lifted(1, 1.0 - share)
 
     def _lifted(self, end: int, height: Array) -> Array:
@@ -134,7 +130,10 @@ class RegraspPath:
         return out
 
     def swing(self, piece: int, share: Array) -> tuple[Array, Array]:
-        """Base parameter (k,) and joint angles (k, 6) [rad] of the moving limb at shares of one piece of its swing."""
+        """Base parameter and joint angles of the moving limb at shares of one piece of its swing.
+
+        Shapes (k,) and (k, 6) [rad].
+        """
         if self.in_task_space:
             return share, self._in_a_straight_line(share)
         first, last = self._knots[piece : piece + 2]
@@ -217,7 +216,7 @@ class RegraspPath:
 
 
 def planned_regrasp(graph: StanceGraph, plan: Plan, index: int) -> Regrasp:
-    """What is needed to carry out one step of a plan.
+    """What is needed to execute one step of a plan.
 
     Args:
         graph: The stance graph of the plan's robot and map.

@@ -1,4 +1,4 @@
-"""Swings by a sampling planner (OMPL's RRT-Connect), for the few that no simple way serves."""
+"""Swings by a sampling planner (OMPL's RRT-Connect), where no simple swing serves."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE
 
-Array = NDArray[np.float64]
-
 TIME_LIMIT = 0.5
-"""Longest search for one way [s]."""
+"""Longest search for one line [s]."""
 
 MOST_CHECKS = 4000
-"""Postures looked at in one search, at most; it ends a search before the time does on all but slow machines."""
+"""Most postures looked at in one search.
+
+It ends a search before the time does on all but slow machines.
+"""
 
 RESOLUTION = 0.01
-"""Spacing of the postures that the sampling planner looks at, as a share of the joint space's extent."""
+"""Spacing of the postures that the planner looks at, as a share of the joint space's extent."""
 
 SEED = 20251121
+"""Seed of the sampling planner."""
 
 
 def sampled_line(

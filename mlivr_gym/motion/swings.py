@@ -5,13 +5,13 @@ angles; between knots both change linearly together. The shortest kind that touc
 taken:
 
 * `direct`: one line in joint space while the base moves;
-* `over`: by way of one of the robot's folds, the base moving all along;
+* `over`: through one of the robot's folds, the base moving all along;
 * `folded`: fold, move the base, unfold; this is what the stance graph has shown to be possible for
   most steps;
 * `changed`: change to another branch at rest, swing in a line while the base moves, change again;
   this is what it has shown for the others;
-* `sampled`: as one of the last two, on lines found by a sampling planner, where a limb has turned so
-  far while it held that the swings known to the graph would leave its joint limits.
+* `sampled`: as one of the last two, on lines found by a sampling planner, where a limb has turned
+  so far while it held that the swings known to the graph would leave its joint limits.
 
 Each line is checked as a whole, see `collisions.swept_swing`.
 """
@@ -161,7 +161,7 @@ class SwingFinder:
                         yield "folded", knots
 
     def _folded(self, ends: Ends, folds: tuple[int, int, int]) -> Array | None:
-        """Fold by way of one fold, move in another, unfold by way of a third."""
+        """Fold through one fold, move in another, unfold through a third."""
         start, end, turns = ends
         knots = [_knot(0.0, start)]
         for k, u in zip(folds, (0.0, 0.0, 1.0), strict=True):
@@ -176,7 +176,7 @@ class SwingFinder:
         return np.stack(knots)
 
     def _changed(self, ends: Ends, line: tuple[Array, Array]) -> Iterator[Array]:
-        """Change to the branch of the line, at once or by way of a fold, follow it, change again."""
+        """Change to the branch of the line, at once or through a fold, follow it, change again."""
         start, end, turns = ends
         through = [None, *range(len(self.graph.robot.folds))]
         for first in through:
@@ -235,7 +235,7 @@ class SwingFinder:
 
 
 def line_of_edge(graph: StanceGraph, regrasp: Regrasp, pair: int) -> tuple[Array, Array]:
-    """Joint angles of the limb that moves above both points, on the branches of `Edge.pair` [rad]."""
+    """Joint angles of the moving limb above both points, on the branches of `Edge.pair` [rad]."""
     solver, robot = graph.solver, graph.robot
     out = np.empty((2, 8, 6))
     branches = pair >> 3, pair & 7
@@ -251,7 +251,7 @@ def line_of_edge(graph: StanceGraph, regrasp: Regrasp, pair: int) -> tuple[Array
 
 
 def nearest_end(end: Array, turns: tuple[Array, Array], joints: Array) -> Array:
-    """The posture at the end on the windings nearest to `joints`, within the turns allowed [rad]."""
+    """The posture at the end on the windings nearest to `joints`, within allowed turns [rad]."""
     nearest: Array = end + 2.0 * np.pi * np.clip(np.rint((joints - end) / (2.0 * np.pi)), *turns)
     return nearest
 
@@ -259,7 +259,8 @@ def nearest_end(end: Array, turns: tuple[Array, Array], joints: Array) -> Array:
 def _without_stops(knots: Array) -> Array:
     """Knots without those that repeat the one before."""
     moved = np.abs(np.diff(knots, axis=0)).max(axis=1) > 1e-9
-    return knots[np.concatenate([[True], moved])]
+    kept: Array = knots[np.concatenate([[True], moved])]
+    return kept
 
 
 def _knot(u: float, joints: Array) -> Array:

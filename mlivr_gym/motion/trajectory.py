@@ -15,16 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.files import write_whole
 from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 FREE = -1
 """Grasp state of a limb that holds nothing."""
@@ -73,7 +70,7 @@ class Durations:
 
     @classmethod
     def of_step(cls, total: float) -> Durations:
-        """A step of `total` seconds, divided as the paper's 50 s: a fifth, three fifths, a fifth."""
+        """A step of `total` seconds, divided as the paper's: a fifth, three fifths, a fifth."""
         return cls(0.2 * total, 0.6 * total, 0.2 * total)
 
 
@@ -120,7 +117,7 @@ class Trajectory:
         return replace(self, **joined)
 
     def every(self, period: float) -> Trajectory:
-        """The samples nearest to a coarser grid of about `period` seconds, the last one among them."""
+        """The samples nearest to a coarser grid of about `period` seconds, with the last one."""
         stride = max(round(period / self.period), 1)
         chosen = np.unique(np.append(np.arange(0, len(self.times), stride), len(self.times) - 1))
         kept: dict[str, Any] = {name: getattr(self, name)[chosen] for name in _ARRAYS}
@@ -153,7 +150,10 @@ class Trajectory:
             raise PlanError(f"cannot read trajectory {str(path)!r}: {error}") from None
 
     def save_csv(self, path: str | Path) -> None:
-        """Write one line a sample: time, step, phase, base pose, joint positions and velocities, grasped points.
+        """Write one line a sample.
+
+        Its columns are time, step, phase, base pose, joint positions and velocities, and the point
+        that each limb grasps.
 
         Raises:
             FileError: If the file cannot be written.
@@ -233,19 +233,19 @@ def trajectory(
     part = np.minimum(np.searchsorted(ends, times, side="left"), len(ends) - 1)
     starts = np.concatenate([[0.0], ends[:-1]])
     share = quintic(np.clip((times - starts[part]) / (ends - starts)[part], 0.0, 1.0))
-    u, own = np.zeros(count), np.empty((count, 6))
+    u, moving = np.zeros(count), np.empty((count, 6))
     last = len(ends) - 1
     for piece in range(len(ends)):
         here = part == piece
         if piece == 0:
-            own[here] = path.departure(share[here])
+            moving[here] = path.departure(share[here])
         elif piece == last:
-            own[here], u[here] = path.approach(share[here]), 1.0
+            moving[here], u[here] = path.approach(share[here]), 1.0
         else:
-            u[here], own[here] = path.swing(piece - 1, share[here])
+            u[here], moving[here] = path.swing(piece - 1, share[here])
     positions, rotations = path.base(u)
     joints = path.supports(u)
-    joints[:, step.limb] = own
+    joints[:, step.limb] = moving
     _check_limits(graph.robot.limb.limits, joints, times)
     grasps = np.tile(np.array(step.before), (count, 1))
     grasps[:, step.limb] = FREE
@@ -258,18 +258,22 @@ def trajectory(
 
 
 def _shares(path: RegraspPath) -> Array:
-    """Share of the swing's time that each of its pieces gets: accelerations go with travel over time squared."""
+    """Share of the swing's time that each of its pieces gets.
+
+    It goes with the square root of travel, since accelerations go with travel over time squared.
+    """
     share = np.linspace(0.0, 1.0, PIECE_SAMPLES)
     pieces = [path.swing(piece, share) for piece in range(path.pieces)]
     others = path.supports(np.concatenate([u for u, _ in pieces])).reshape(
         len(pieces), PIECE_SAMPLES, -1
     )
     travel = [
-        max(_travel(own), _travel(held[:, ~np.isnan(held[0])]))
-        for (_, own), held in zip(pieces, others, strict=True)
+        max(_travel(moving), _travel(held[:, ~np.isnan(held[0])]))
+        for (_, moving), held in zip(pieces, others, strict=True)
     ]
     roots: Array = np.sqrt(travel)
-    return roots / roots.sum()
+    shares: Array = roots / roots.sum()
+    return shares
 
 
 def _travel(joints: Array) -> float:
@@ -278,11 +282,12 @@ def _travel(joints: Array) -> float:
 
 
 def _check_limits(limits: Array, joints: Array, times: Array) -> None:
-    beyond = np.maximum(limits[:, 0] - joints, joints - limits[:, 1])
-    if beyond.max() > LIMIT_TOLERANCE:
-        k, limb, joint = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+    excess = np.maximum(limits[:, 0] - joints, joints - limits[:, 1])
+    if excess.max() > LIMIT_TOLERANCE:
+        k, limb, joint = np.unravel_index(int(np.argmax(excess)), excess.shape)
         raise PlanError(
-            f"joint {joint + 1} of limb {limb} would be {beyond.max():.4f} rad outside its limits {times[k]:.2f} s into the step"
+            f"joint {joint + 1} of limb {limb} would be {excess.max():.4f} rad outside its limits "
+            f"{times[k]:.2f} s into the step"
         )
 
 

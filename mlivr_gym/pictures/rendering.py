@@ -26,6 +26,10 @@ from mlivr_gym.world.grasp_map import GraspMap
 class SceneRenderer:
     """Renders configurations of a robot in its cabin.
 
+    Attributes:
+        grasp_map: The map.
+        obstacles: The further boxes that are drawn.
+
     Example:
         >>> renderer = SceneRenderer(graph.grasp_map, graph.robot)
         >>> image = renderer.render(*graph.configuration(state))
@@ -50,7 +54,7 @@ class SceneRenderer:
             import mujoco
         except Exception as error:  # importing MuJoCo loads the GL library
             raise _no_gl(error) from None
-        self.grasp_map = grasp_map
+        self.grasp_map, self.obstacles = grasp_map, tuple(obstacles)
         self.model = compiled(scene_spec(grasp_map, robot, obstacles))
         self.data = mujoco.MjData(self.model)
         try:
@@ -134,7 +138,11 @@ def _forget(error: BaseException) -> None:
 
 
 class SceneWindow:
-    """Shows configurations in MuJoCo's viewer."""
+    """Shows configurations in MuJoCo's viewer.
+
+    Attributes:
+        obstacles: The further boxes that are drawn.
+    """
 
     def __init__(
         self, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()
@@ -158,6 +166,7 @@ class SceneWindow:
             import mujoco
             import mujoco.viewer
 
+            self.obstacles = tuple(obstacles)
             self.model = compiled(scene_spec(grasp_map, robot, obstacles))
             self.data = mujoco.MjData(self.model)
             self._viewer: Any = mujoco.viewer.launch_passive(self.model, self.data)

@@ -23,7 +23,7 @@ def simulation_figure(
 
     Args:
         recording: Measurements.
-        captures: When limbs took hold.
+        captures: When limbs grasped their points.
         failure: Why the walk ended early, or None.
         path: PNG file to write.
         title: Heading.

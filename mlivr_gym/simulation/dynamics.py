@@ -6,14 +6,14 @@ limits. It is an affine actuator, `torque = kp (ctrl - q) - kd qdot` cut off at 
 beforehand, and nothing has to be computed between time steps.
 
 **Grasps** are springs and dampers in N/m and N m/rad between the grasp frame of a gripper and an
-anchor, a frame that is put on the point when the limb takes hold: six actuators a limb, along and
+anchor, a frame that is put on the point when the limb grasps it: six actuators a limb, along and
 about the anchor's axes, with no control. They are switched on and off together
 (`opt.disableactuator`). A weld could not do: its softness is normalised by mass. The damping is
-near critical for the whole robot on one grasp, so that it neither swings on it nor creeps.
+close to critical for the whole robot on one grasp, so that it neither swings on it nor creeps.
 
 **Contacts** are MuJoCo's penalty contacts with its default time constant of 0.02 s and damping
 ratio of 1. Links of a limb that cannot meet are left out, and a gripper may touch what lies behind
-the surface of the point that it holds, leaves or lands on.
+the surface of the point that it holds, leaves or grasps.
 """
 
 from __future__ import annotations
@@ -24,15 +24,13 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, SettingError
 from mlivr_gym.robot.specification import RobotSpec, ur5e_data
 from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
-
-Array = NDArray[np.float64]
 
 FIRST_GRIPPER_BIT = 2
 """Bit of `contype` that stands for the gripper of limb 0; those of the other limbs follow."""
@@ -57,12 +55,12 @@ class Physics:
         grasp_rotational_stiffness: Restoring torque of a grasp [N m/rad].
         grasp_rotational_damping: Its damping [N m s/rad]; critical for 40 kg m^2, that of the
             two-limb robot about a grasp.
-        capture_distance: A gripper farther than this from its point cannot take hold [m].
+        capture_distance: A gripper farther than this from its point cannot grasp it [m].
         capture_angle: Nor one turned by more than this from it [rad].
         hold_force: Largest force that a grasp holds [N].
         hold_torque: Largest torque that a grasp holds [N m].
         saturation_time: A joint whose torque is at its limit for longer than this has failed [s].
-        limit_margin: A joint farther beyond its limits than this has failed [rad]; the
+        limit_margin: A joint farther outside its limits than this has failed [rad]; the
             manufacturer's controller stops there.
         feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward to the
             PD controller, see `feedforward.feedforward`; the paper's controller does without.
@@ -92,6 +90,15 @@ class Physics:
             value = getattr(self, field.name)
             if field.type != "bool" and not (np.isfinite(value) and value > 0.0):
                 raise SettingError(f"{field.name} is {value!r}; it must be finite and above 0")
+
+    @classmethod
+    def of(cls, given: Physics | dict[str, Any] | None) -> Physics:
+        """The figures as they are, from plain data, or by default.
+
+        Raises:
+            SettingError: See `from_dict`.
+        """
+        return given if isinstance(given, cls) else cls.from_dict(given or {})
 
     @classmethod
     def from_dict(cls, data: Any) -> Physics:
@@ -144,14 +151,14 @@ def dynamics_spec(
 
     The actuator of joint k of limb i is `"limb{i}/joint{k}"`; those of its grasp are
     `"limb{i}/grasp/x"` to `"limb{i}/grasp/about_z"`, in actuator group i + 1; each has a sensor of
-    its force under its own name. The anchor of limb i is body and site `"limb{i}/anchor"`. Sensors
+    its force under the same name. The anchor of limb i is body and site `"limb{i}/anchor"`. Sensors
     `"contact"`, `"velocity"` and `"angular_momentum"` belong to the whole robot.
 
     Args:
         grasp_map: The map.
         robot: The robot.
         physics: Figures; by default those of `Physics`.
-        obstacles: Boxes in the way.
+        obstacles: Further boxes.
 
     Raises:
         RobotError: If the robot's masses are not known, see `check_masses`.
@@ -169,7 +176,7 @@ def dynamics_spec(
         _add_grasp(spec, limb, physics)
         grippers |= gripper_bit(limb)
         for geom in spec.body(f"limb{limb}/gripper").geoms:
-            # Not SURROUNDINGS, but a bit of its own, which single boxes can be told not to meet.
+            # Not SURROUNDINGS, but a bit of each limb, which single boxes can be told not to meet.
             geom.contype, geom.conaffinity = ROBOT, ROBOT | gripper_bit(limb)
     for geom in spec.worldbody.geoms:
         geom.contype, geom.conaffinity = SURROUNDINGS | grippers, 0

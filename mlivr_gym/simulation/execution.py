@@ -1,4 +1,4 @@
-"""Carries plans out in MuJoCo, step by step, and tells what was measured."""
+"""Executes plans in MuJoCo, step by step, and tells what was measured."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ REST = 2.0
 
 @dataclass(frozen=True)
 class Execution:
-    """A plan carried out, or as far as it went.
+    """A plan that was executed, or as far as it went.
 
     Attributes:
         plan: The plan.
@@ -36,7 +36,7 @@ class Execution:
         physics: Figures of controller, grasps and failures.
         recording: Measurements.
         peaks: Largest values at any time step.
-        captures: How each limb took hold.
+        captures: How each limb grasped its point.
         failure: Why the walk ended before its end, or None.
         preparation_time: Time spent on trajectories [s].
         simulation_time: Time spent on simulation [s].
@@ -103,7 +103,7 @@ def execute(
     progress: Callable[[int], None] | None = None,
     simulation: Simulation | None = None,
 ) -> Execution:
-    """Carry a plan out in MuJoCo.
+    """Execute a plan in MuJoCo.
 
     Args:
         graph: The stance graph of the plan's robot and map.

@@ -6,19 +6,20 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.simulation.dynamics import Physics, torque_limits
 from mlivr_gym.simulation.recording import Failure
-
-Array = NDArray[np.float64]
 
 AT_LIMIT = 0.999
 """A torque above this share of its limit counts as at the limit."""
 
 
 class Measured(NamedTuple):
-    """Every one of n successive time steps; names, units and shapes as in `Recording` where not said."""
+    """Every one of n successive time steps.
+
+    Where nothing else is said, names, units and shapes are those of `Recording`.
+    """
 
     times: Array
     joints: Array
@@ -34,8 +35,8 @@ class Measured(NamedTuple):
     velocity: Array
     """Velocity of the centre of mass, shape (n, 3) [m/s]."""
     angular_momentum: Array
-    contacts: NDArray[np.int64]
-    finite: NDArray[np.bool_]
+    contacts: IntArray
+    finite: BoolArray
     """Whether the state is finite, shape (n,)."""
 
 
@@ -45,7 +46,7 @@ class FailureWatch:
     def __init__(self, physics: Physics, limits: Array, step: int) -> None:
         """Watch step `step`; `limits` are the joint limits, shape (6, 2) [rad]."""
         self.physics, self.limits, self.step = physics, limits, step
-        self._run: NDArray[np.int64] | None = None
+        self._run: IntArray | None = None
 
     def first(
         self, measured: Measured, phase: str, held: Sequence[bool]
@@ -91,34 +92,33 @@ class FailureWatch:
                 over = np.flatnonzero(size > most)
                 if len(over):
                     value = float(size[over[0]])
-                    message = f"limb {limb} lost its hold: {name} of {value:.1f} {unit}; it holds {most:g} {unit}"
-                    key = f"{name}_{unit.replace(' ', '_')}"
-                    found.append(
-                        (
-                            int(over[0]),
-                            "lost hold",
-                            limb,
-                            message,
-                            {key: value, f"allowed_{key}": most},
-                        )
+                    message = (
+                        f"limb {limb} lost its hold: {name} of {value:.1f} {unit}; "
+                        f"it holds {most:g} {unit}"
                     )
+                    key = f"{name}_{unit.replace(' ', '_')}"
+                    values = {key: value, f"allowed_{key}": most}
+                    found.append((int(over[0]), "lost hold", limb, message, values))
         return found
 
     def _saturation(self, measured: Measured) -> list[_Found]:
         limits = torque_limits()
         at_limit = np.abs(measured.torques) >= AT_LIMIT * limits
-        carry = np.zeros(at_limit.shape[1:], dtype=np.int64) if self._run is None else self._run
+        before = np.zeros(at_limit.shape[1:], dtype=np.int64) if self._run is None else self._run
         # Length of the run at the limit that ends at each time step.
         index = np.arange(1, len(at_limit) + 1)[:, None, None]
         start = np.maximum.accumulate(np.where(at_limit, 0, index), axis=0)
-        run = np.where(start == 0, index + carry, index - start)
+        run = np.where(start == 0, index + before, index - start)
         self._run = run[-1]
         allowed = self.physics.saturation_time
         over = np.argwhere(run * self.physics.timestep > allowed)
         if not len(over):
             return []
         k, limb, joint = over[0].tolist()
-        message = f"joint {joint + 1} of limb {limb} has been at its torque limit of {limits[joint]:g} N m for longer than {allowed:g} s"
+        message = (
+            f"joint {joint + 1} of limb {limb} has been at its torque limit of "
+            f"{limits[joint]:g} N m for longer than {allowed:g} s"
+        )
         values = {
             "joint": float(joint + 1),
             "torque_N_m": float(measured.torques[k, limb, joint]),
@@ -127,16 +127,17 @@ class FailureWatch:
         return [(k, "saturation", limb, message, values)]
 
     def _joint_limit(self, measured: Measured) -> list[_Found]:
-        beyond = np.maximum(
+        excess = np.maximum(
             self.limits[:, 0] - measured.joints, measured.joints - self.limits[:, 1]
         )
-        over = np.argwhere(beyond > self.physics.limit_margin)
+        over = np.argwhere(excess > self.physics.limit_margin)
         if not len(over):
             return []
         k, limb, joint = over[0].tolist()
         angle = float(measured.joints[k, limb, joint])
         message = (
-            f"joint {joint + 1} of limb {limb} is at {np.rad2deg(angle):.1f} deg, beyond its limits"
+            f"joint {joint + 1} of limb {limb} is at {np.rad2deg(angle):.1f} deg, "
+            "outside its limits"
         )
         return [(k, "joint limit", limb, message, {"joint": float(joint + 1), "angle_rad": angle})]
 

@@ -1,4 +1,4 @@
-"""What a trajectory needs by the robot's own dynamics, to be fed forward to the PD controller.
+"""What a trajectory needs by the dynamics of the robot, to be fed forward to the PD controller.
 
 With the robot in free fall, what accelerates it is the wrench of the grasps that hold: the base
 rows of the inverse dynamics give that wrench, and the transposed Jacobians of the grasps what
@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.simulation.dynamics import Physics
-
-Array = NDArray[np.float64]
 
 SAMPLES = 1000
 """Times in a step at which torques are worked out; they are interpolated in between."""
@@ -26,9 +24,10 @@ SAMPLES = 1000
 def feedforward(
     model: mujoco.MjModel, physics: Physics, trajectory: Trajectory
 ) -> tuple[Array, Array]:
-    """Joint torques [N m] and changes of the joint positions [rad] along a trajectory, each of shape (k, N, 6).
+    """Joint torques [N m] and changes of the joint positions [rad] along a trajectory.
 
-    Where several limbs hold, they share the wrench such that the sum of its squares is least.
+    Both are of shape (k, N, 6). Where several limbs hold, they share the wrench such that the sum
+    of its squares is least.
 
     Args:
         model: The dynamic model of the robot, its free joint first.
@@ -42,7 +41,7 @@ def feedforward(
         [coarse.base_positions, coarse.base_quaternions, coarse.joint_positions.reshape(count, -1)]
     )
     times = coarse.times
-    # The free joint's velocities: linear in the world, angular in the body's own frame.
+    # The free joint's velocities: linear in the world, angular in the body's frame.
     spin = _angular_velocity(coarse.base_quaternions, times)
     joints = np.gradient(coarse.joint_positions.reshape(count, -1), times, axis=0)
     speeds = np.column_stack([np.gradient(coarse.base_positions, times, axis=0), spin, joints])
@@ -74,10 +73,10 @@ def feedforward(
             @ bends[:, n, :, None]
         )[..., 0]
     place = np.interp(trajectory.times, times, np.arange(count))
-    left = np.minimum(place.astype(np.int64), count - 2)
-    share = (place - left)[:, None]
+    before = np.minimum(place.astype(np.int64), count - 2)
+    share = (place - before)[:, None]
     rough = np.column_stack([torques, shifts.reshape(count, -1)])
-    fine = (1.0 - share) * rough[left] + share * rough[left + 1]
+    fine = (1.0 - share) * rough[before] + share * rough[before + 1]
     both = fine.reshape(len(fine), 2, limbs, 6)
     return both[:, 0], both[:, 1]
 

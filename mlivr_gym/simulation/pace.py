@@ -21,7 +21,7 @@ from mlivr_gym.simulation.scene import compiled
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 MARGIN = 1.05
-"""Factor on the duration for what is left out: grasps that give way, and the controller."""
+"""Factor on the duration for what is not modelled: grasps that yield, and the controller."""
 
 SAMPLES = 300
 """Places on the time grid of a step at which torques are looked at."""
@@ -32,7 +32,7 @@ def longer_step(graph: StanceGraph, execution: Execution) -> float | None:
 
     Args:
         graph: The stance graph of the plan's robot and map.
-        execution: A plan carried out.
+        execution: A plan that was executed.
 
     Returns:
         An estimate, rounded up to tenths of a second, where a torque was at its limit, or a grasp
@@ -68,7 +68,7 @@ def torque_demand(graph: StanceGraph, plan: Plan, durations: Durations, physics:
     model = compiled(dynamics_spec(graph.grasp_map, plan.world.robot, physics))
     largest = 0.0
     for index in range(len(plan.steps)):
-        way = step_trajectory(graph, plan, index, durations, durations.total / SAMPLES)
-        torques, _ = feedforward(model, physics, way)
+        timed = step_trajectory(graph, plan, index, durations, durations.total / SAMPLES)
+        torques, _ = feedforward(model, physics, timed)
         largest = max(largest, float((np.abs(torques) / torque_limits()).max()))
     return largest

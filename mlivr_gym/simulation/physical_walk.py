@@ -68,7 +68,7 @@ class PhysicalWalk:
         self._done = 0
 
     def start(self, state: State, plan: Plan | None = None, joints: Any = None) -> State:
-        """Take hold of a stance at rest; returns the state with one branch a limb.
+        """Put the robot at rest into a stance; returns the state with one branch a limb.
 
         Args:
             state: Where to start.
@@ -109,7 +109,10 @@ class PhysicalWalk:
         return self.simulation.configuration
 
     def executable(self, steps: Successors) -> Successors:
-        """Those of the steps from the present state that leave the limbs that hold in their limits."""
+        """Those of the steps from the present state that are executable.
+
+        The limbs that hold must stay inside their joint limits.
+        """
         limits, places = self.graph.robot.limb.limits, np.linspace(0.0, 1.0, LOOKS)
         kept = np.zeros(len(steps.limb), dtype=np.bool_)
         for k in range(len(steps.limb)):
@@ -225,7 +228,7 @@ class PhysicalWalk:
     def _on_branches(
         self, state: State, branches: Sequence[int] | IntArray, joints: Array | None = None
     ) -> State:
-        """The state of limbs on given branches; their joint angles tell the half turn of the tool."""
+        """The state with limbs on given branches; joint angles tell the half turn of the tool."""
         joints = self.joints if joints is None else joints
         plain = state._replace(masks=tuple(1 << int(branch) for branch in branches))
         unturned = self.graph.configuration(plain)[2]

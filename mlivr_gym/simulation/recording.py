@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mlivr_gym.arrays import Array, IntArray
 
 FAILURES = (
     "missed grasp",
@@ -19,7 +19,10 @@ FAILURES = (
     "divergence",
     "no swing",
 )
-"""Kinds of failure; `"no swing"`: an environment's step for which no swing, or none inside the joint limits, was found."""
+"""Kinds of failure.
+
+`"no swing"` is that of an environment's step for which no swing inside the joint limits was found.
+"""
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Capture:
-    """How a limb took hold of a point.
+    """How a limb grasped a point.
 
     Attributes:
         time: When [s].
@@ -94,8 +97,8 @@ class Recording:
     """
 
     times: Array
-    step: NDArray[np.int64]
-    phase: NDArray[np.int64]
+    step: IntArray
+    phase: IntArray
     joint_positions: Array
     joint_torques: Array
     base_positions: Array
@@ -106,11 +109,11 @@ class Recording:
     grasp_torques: Array
     momenta: Array
     angular_momenta: Array
-    contacts: NDArray[np.int64]
+    contacts: IntArray
 
     @property
     def torque_rms(self) -> Array:
-        """Root mean square over all joints of the robot, shape (k,) [N m], as in the paper's last figure."""
+        """Root mean square over all joints, shape (k,) [N m], as in the paper's last figure."""
         rms: Array = np.sqrt((self.joint_torques**2).mean(axis=(1, 2)))
         return rms
 

@@ -1,8 +1,8 @@
 """The MuJoCo scene: cabin, racks, seat tracks, handrails, graspable points and the robot.
 
 `scene_spec` returns a `mujoco.MjSpec`, from which a model is compiled or MJCF exported. Geoms of
-each cabin face have a geom group of their own (`FACE_GROUPS`), so that a picture can leave out the
-face in front.
+each cabin face have a separate geom group (`FACE_GROUPS`), so that a picture can leave out the face
+in front.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import SceneError, ShapeError
 from mlivr_gym.robot.capsules import LINKS, Capsule
@@ -22,8 +22,6 @@ from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec, ur5e_data
 from mlivr_gym.values import unique
 from mlivr_gym.world.boxes import BOX, POINT, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
-
-Array = NDArray[np.float64]
 
 FACE_GROUPS = {"deck": 1, "forward": 2, "aft": 3, "overhead": 4, "starboard": 5, "port": 5}
 """Geom group of each cabin face; the robot has group 0."""
@@ -43,7 +41,12 @@ _COLOURS = {
 _METAL = ("track", "handrail")
 
 ROBOT, SURROUNDINGS = 1, 2
-"""Bits of `contype` and `conaffinity`: the robot's shapes meet each other and the surroundings, boxes never meet."""
+"""Bits of `contype` and `conaffinity`.
+
+The robot's shapes meet each other and the surroundings; boxes never meet.
+"""
+
+_TOUCHES = {"contype": ROBOT, "conaffinity": ROBOT | SURROUNDINGS}
 
 
 def rgba(colour: str) -> tuple[float, float, float, float]:
@@ -161,93 +164,91 @@ def _quaternion(rotation: Array) -> Array:
 
 
 def _add_robot(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
-    data, limb, shapes = ur5e_data(), robot.limb, LimbShapes(robot)
+    shapes = LimbShapes(robot)
+    base = _add_base(spec, robot)
+    for i in range(robot.limbs):
+        links = _add_limb(base, robot, i)
+        links["gripper"] = _add_gripper(links["wrist_3"], robot, i)
+        _add_capsules(links, robot, i)
+        for first, second in shapes.never(i):
+            spec.add_exclude(bodyname1=_body_name(first, i), bodyname2=_body_name(second, i))
+
+
+def _add_base(spec: mujoco.MjSpec, robot: RobotSpec) -> mujoco.MjsBody:
+    """The robot's body, free to move, with a disc that marks its front."""
     half = 0.5 * robot.body_size
     base = spec.worldbody.add_body(name="base", pos=[0, 0, 0])
     base.add_freejoint(name="base")
-    touches = {"contype": ROBOT, "conaffinity": ROBOT | SURROUNDINGS}
     base.add_geom(
         name="body", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, rgba=_BODY, material="matt",
-        mass=robot.body_mass,
-        **touches,
+        mass=robot.body_mass, **_TOUCHES,
     )  # fmt: skip
     base.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER, pos=[0, 0, half], size=[0.6 * half, 0.004, 0],
-        rgba=(0.1, 0.1, 0.12, 1),
-        mass=0, contype=0, conaffinity=0,
+        rgba=(0.1, 0.1, 0.12, 1), mass=0, contype=0, conaffinity=0,
     )  # fmt: skip
-    quarter = [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
+    return base
+
+
+def _add_limb(base: mujoco.MjsBody, robot: RobotSpec, i: int) -> dict[str, mujoco.MjsBody]:
+    """The links of a limb with joints and inertias, by name."""
+    limb, quarter = robot.limb, [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
     origins = (
         ([0, 0, limb.d1], None), ([0, 0, 0], quarter), ([limb.a2, 0, 0], None),
         ([limb.a3, 0, limb.d4], None), ([0, -limb.d5, 0], quarter),
         ([0, limb.d6, 0], [quarter[0], -quarter[1], 0, 0]),
     )  # fmt: skip
-    for i, (rotation, position) in enumerate(
-        zip(robot.mount_rotations, robot.mount_positions, strict=True)
+    mount = _quaternion(robot.mount_rotations[i])
+    parent = base.add_body(name=f"limb{i}", pos=robot.mount_positions[i], quat=mount)
+    links = {"base": parent}
+    for k, ((offset, quaternion), link) in enumerate(
+        zip(origins, ur5e_data()["links"], strict=True)
     ):
-        colour = rgba(LIMB_COLOURS[i])
-        pale = tuple(0.55 * c + 0.45 for c in colour[:3]) + (1.0,)
-        collision_model = {
-            "base": base.add_body(name=f"limb{i}", pos=position, quat=_quaternion(rotation))
-        }
-        parent = collision_model["base"]
-        for k, ((offset, quaternion), link) in enumerate(zip(origins, data["links"], strict=True)):
-            extra = {} if quaternion is None else {"quat": quaternion}
-            parent = parent.add_body(name=f"limb{i}/{link['name']}", pos=offset, **extra)
-            collision_model[link["name"]] = parent
-            parent.add_joint(
-                name=f"limb{i}/joint{k + 1}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1],
-                range=list(limb.joint_limits[k]),
-            )  # fmt: skip
-            inertia = np.array(link["inertia_urdf"])
-            parent.explicitinertial = True
-            parent.mass, parent.ipos = link["mass"], link["com_urdf"]
-            parent.fullinertia = [
-                inertia[0, 0],
-                inertia[1, 1],
-                inertia[2, 2],
-                inertia[0, 1],
-                inertia[0, 2],
-                inertia[1, 2],
-            ]
-        parent.add_site(name=f"limb{i}/flange", size=[0.005, 0, 0], rgba=(0, 0, 0, 0))
-        parent.add_site(
-            name=f"limb{i}/grasp",
-            pos=[0, 0, robot.tool_length],
-            size=[0.005, 0, 0],
-            rgba=(0, 0, 0, 0),
+        extra = {} if quaternion is None else {"quat": quaternion}
+        parent = parent.add_body(name=f"limb{i}/{link['name']}", pos=offset, **extra)
+        links[link["name"]] = parent
+        parent.add_joint(
+            name=f"limb{i}/joint{k + 1}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1],
+            range=list(limb.joint_limits[k]),
+        )  # fmt: skip
+        inertia = np.array(link["inertia_urdf"])
+        parent.explicitinertial = True
+        parent.mass, parent.ipos = link["mass"], link["com_urdf"]
+        rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+        parent.fullinertia = inertia[rows, columns].tolist()
+    return links
+
+
+def _add_gripper(flange: mujoco.MjsBody, robot: RobotSpec, i: int) -> mujoco.MjsBody:
+    """The gripper of a limb, a cylinder, and the sites of flange and grasp point."""
+    unseen = {"size": [0.005, 0, 0], "rgba": (0, 0, 0, 0)}
+    flange.add_site(name=f"limb{i}/flange", **unseen)
+    flange.add_site(name=f"limb{i}/grasp", pos=[0, 0, robot.tool_length], **unseen)
+    gripper = flange.add_body(name=f"limb{i}/gripper")
+    length, radius = max(robot.tool_length, 0.01), ur5e_data()["gripper"]["radius"]
+    gripper.mass, gripper.ipos = robot.gripper_mass, [0, 0, 0.5 * robot.tool_length]
+    across = robot.gripper_mass * (3.0 * radius**2 + length**2) / 12.0
+    gripper.inertia = [across, across, 0.5 * robot.gripper_mass * radius**2]
+    gripper.explicitinertial = True
+    return gripper
+
+
+def _add_capsules(links: dict[str, mujoco.MjsBody], robot: RobotSpec, i: int) -> None:
+    """The collision shapes of a limb, links in two shades of its colour."""
+    colour = rgba(LIMB_COLOURS[i])
+    pale = (*(0.55 * c + 0.45 for c in colour[:3]), 1.0)
+    count: Counter[str] = Counter()
+    for capsule in robot.shapes:
+        number = LINKS.index(capsule.link)
+        tint = {0: _STEEL, LINKS.index("gripper"): _GRIPPER}.get(
+            number, colour if number % 2 == 0 else pale
         )
-        gripper = collision_model["gripper"] = parent.add_body(name=f"limb{i}/gripper")
-        length = max(robot.tool_length, 0.01)
-        gripper.mass, gripper.ipos = robot.gripper_mass, [0, 0, 0.5 * robot.tool_length]
-        radius = data["gripper"]["radius"]
-        across = robot.gripper_mass * (3.0 * radius**2 + length**2) / 12.0
-        gripper.inertia, gripper.explicitinertial = (
-            [across, across, 0.5 * robot.gripper_mass * radius**2],
-            True,
-        )
-        count: Counter[str] = Counter()
-        for capsule in robot.shapes:
-            number = LINKS.index(capsule.link)
-            tint = (
-                _STEEL
-                if number == 0
-                else _GRIPPER
-                if number == 7
-                else colour
-                if number % 2 == 0
-                else pale
-            )
-            collision_model[capsule.link].add_geom(
-                name=f"limb{i}/{capsule.link}/{count[capsule.link]}",
-                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                fromto=[*capsule.start, *_apart(capsule)], size=[capsule.radius, 0, 0], rgba=tint,
-                material="matt", mass=0,
-                **touches,
-            )  # fmt: skip
-            count[capsule.link] += 1
-        for first, second in shapes.never(i):
-            spec.add_exclude(bodyname1=_body_name(first, i), bodyname2=_body_name(second, i))
+        links[capsule.link].add_geom(
+            name=f"limb{i}/{capsule.link}/{count[capsule.link]}",
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*capsule.start, *_apart(capsule)],
+            size=[capsule.radius, 0, 0], rgba=tint, material="matt", mass=0, **_TOUCHES,
+        )  # fmt: skip
+        count[capsule.link] += 1
 
 
 def _apart(capsule: Capsule) -> list[float]:

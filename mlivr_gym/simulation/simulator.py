@@ -1,4 +1,4 @@
-"""Carries trajectories out in MuJoCo.
+"""Executes trajectories in MuJoCo.
 
 One phase after the other runs in MuJoCo's own loop (`mujoco.rollout`): its controls are known
 beforehand and everything that is measured is a sensor or part of the state, so no Python runs
@@ -16,30 +16,26 @@ from typing import Any, NamedTuple
 import mujoco
 import mujoco.rollout
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.link_capsules import FLUSH
 from mlivr_gym.errors import SimulationError
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.postures.solver import tool_rotations
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.simulation.dynamics import AXES, Physics, dynamics_spec, gripper_bit
-from mlivr_gym.simulation.failures import FailureWatch, Measured
+from mlivr_gym.simulation.dynamics import Physics, dynamics_spec, gripper_bit
+from mlivr_gym.simulation.failures import FailureWatch
 from mlivr_gym.simulation.feedforward import feedforward
+from mlivr_gym.simulation.instruments import Instruments, joint_names
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
 from mlivr_gym.simulation.scene import compiled, set_configuration
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
 
-Array = NDArray[np.float64]
-
 CHUNK = 500
 """Time steps between two looks for failures; a failure is found at its very step all the same."""
-
-RECORD_PERIOD = 0.02
-"""Spacing of the samples that are kept [s]."""
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 """Half a turn about the normal, under which a grasp is symmetric."""
@@ -48,12 +44,16 @@ STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 class ExecutedStep(NamedTuple):
-    """What came of a regrasp: measurements, and either how the limb took hold or why it failed."""
+    """What came of a regrasp."""
 
     recording: Recording
+    """Samples of what was measured."""
     peaks: Peaks
+    """Largest values at any time step."""
     capture: Capture | None
+    """How the limb grasped its point; None if it did not."""
     failure: Failure | None
+    """Why the step failed; None if it did not."""
 
 
 class Simulation:
@@ -65,6 +65,7 @@ class Simulation:
         data: Its data.
         physics: Figures of controller, grasps and failures.
         time: Time since the reset [s].
+        mass: Mass of the robot [kg].
         points: Point index each limb holds, or `FREE`.
         joint_actuators: Indices of the joints' actuators, limb by limb, shape (6 N,).
     """
@@ -81,27 +82,14 @@ class Simulation:
         self.model = compiled(dynamics_spec(grasp_map, robot, self.physics, obstacles))
         self.data = mujoco.MjData(self.model)
         self.time = 0.0
-        self.mass = float(self.model.body_mass.sum())
         self._steps = 0
         self._tools = tool_rotations(grasp_map)
-        model, limbs = self.model, range(robot.limbs)
-
-        def address(kind: str, names: list[str]) -> NDArray[np.int64]:
-            return np.array([int(getattr(model.joint(name), kind)[0]) for name in names])
-
-        joints = [f"limb{i}/joint{k}" for i in limbs for k in range(1, 7)]
-        self._base = int(model.joint("base").qposadr[0])
-        self._qpos, self._qvel = address("qposadr", joints), address("dofadr", joints)
-        self.joint_actuators = np.array([model.actuator(name).id for name in joints])
-        self._torques = np.array([int(model.sensor(name).adr[0]) for name in joints])
-        grasps = [[f"limb{i}/grasp/{axis}" for axis in AXES] for i in limbs]
-        self._wrenches = np.array(
-            [[int(model.sensor(name).adr[0]) for name in names] for names in grasps]
-        )
-        self._contact, self._velocity, self._momentum = (
-            int(model.sensor(name).adr[0]) for name in ("contact", "velocity", "angular_momentum")
-        )
-        self._anchors = [model.body(f"limb{i}/anchor").id for i in limbs]
+        model = self.model
+        self._instruments = Instruments(model, robot.limbs)
+        self.mass = self._instruments.mass
+        names = joint_names(robot.limbs)
+        self.joint_actuators: IntArray = np.array([model.actuator(name).id for name in names])
+        self._anchors = [model.body(f"limb{i}/anchor").id for i in range(robot.limbs)]
         boxes = (*grasp_map.boxes, *obstacles)
         self._boxes = np.array(
             [model.geom(scene_name(BOX, box.id)).id for box in boxes], dtype=np.int64
@@ -136,8 +124,8 @@ class Simulation:
                 distance, angle = self.grasp_error(limb, point)
                 if not self._within_reach(distance, angle):
                     raise SimulationError(
-                        f"limb {limb} is {1e3 * distance:.1f} mm and {np.rad2deg(angle):.2f} deg from point "
-                        f"{self.grasp_map.ids[point]!r} and cannot hold it"
+                        f"limb {limb} is {1e3 * distance:.1f} mm and {np.rad2deg(angle):.2f} deg "
+                        f"from point {self.grasp_map.ids[point]!r} and cannot hold it"
                     )
                 self._grasp(limb, point)
                 self._meets(limb, (point,))
@@ -146,11 +134,12 @@ class Simulation:
     @property
     def configuration(self) -> tuple[Array, Array, Array]:
         """Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad]."""
-        base = self.data.qpos[self._base : self._base + 7].copy()
-        return base[:3], base[3:], self.data.qpos[self._qpos].reshape(-1, 6)
+        first = self._instruments.base
+        base = self.data.qpos[first : first + 7].copy()
+        return base[:3], base[3:], self.data.qpos[self._instruments.joints].reshape(-1, 6)
 
     def execute(self, trajectory: Trajectory, step: int = 0) -> ExecutedStep:
-        """Carry a regrasp out: let go, follow the trajectory, take hold.
+        """Execute a regrasp: release, follow the trajectory, grasp.
 
         Args:
             trajectory: One step on the time grid of the simulation, from the stance that the robot
@@ -161,14 +150,13 @@ class Simulation:
             SimulationError: If the trajectory's time grid or first stance is another.
         """
         limb, to_point = self._moving(trajectory)
-        leaves = self.points[limb]
+        touched: tuple[tuple[int, ...], ...] = ((self.points[limb],), (), (to_point,))
         self._release(limb)
-        near = ((leaves,), (), (to_point,))
         recording, peaks, failure = self._run(
             trajectory,
             self._control(trajectory),
             step,
-            lambda phase: self._meets(limb, near[phase]),
+            lambda phase: self._meets(limb, touched[phase]),
         )
         if failure is not None:
             return ExecutedStep(recording, peaks, None, failure)
@@ -185,7 +173,7 @@ class Simulation:
         """Hold still in the stance in which a trajectory ended.
 
         Args:
-            trajectory: The trajectory that was carried out last.
+            trajectory: The trajectory that was executed last.
             duration: How long [s].
             step: Index of the step, for the record.
         """
@@ -213,17 +201,26 @@ class Simulation:
     def _run(
         self, trajectory: Trajectory, control: Array, step: int, enter: Callable[[int], None]
     ) -> tuple[Recording, Peaks, Failure | None]:
-        """Simulate until the end or the first failure; `enter` is called with the phase before each piece of it."""
+        """Simulate until the end or the first failure.
+
+        Args:
+            trajectory: The trajectory to follow.
+            control: Controls of the joints' actuators, shape (k, 6 N).
+            step: Index of the step, for the record.
+            enter: What is called with the phase before each piece of it.
+        """
         recordings, peaks, failure = [], [], None
         watch = FailureWatch(self.physics, self.robot.limb.limits, step)
         for first, last in _chunks(trajectory.phase, len(control) - 1):
             phase = int(trajectory.phase[first + 1])
             enter(phase)
             states, sensors = self._roll(control[first:last])
-            measured = self._measure(states, sensors, trajectory, first)
+            steps = np.arange(self._steps - len(states), self._steps, dtype=np.float64)
+            times = steps * self.physics.timestep
+            measured = self._instruments.measured(states, sensors, times, trajectory, first)
             found = watch.first(measured, PHASES[phase], [point != FREE for point in self.points])
             ended = len(measured.times) if found is None else found[0] + 1
-            recorded, largest = self._record(measured, ended, step, phase)
+            recorded, largest = self._instruments.recorded(measured, ended, step, phase)
             recordings.append(recorded)
             peaks.append(largest)
             if found is not None:
@@ -259,7 +256,7 @@ class Simulation:
         return distance <= self.physics.capture_distance and angle <= self.physics.capture_angle
 
     def _tool(self, limb: int, point: int) -> Array:
-        """Rotation of a gripper that holds a point: of the two, half a turn apart, the nearer one."""
+        """Rotation of a gripper that holds a point: of two, half a turn apart, the nearer one."""
         found = self.data.site(f"limb{limb}/grasp").xmat.reshape(3, 3)
         return max(
             (self._tools[point], self._tools[point] @ HALF_TURN),
@@ -292,14 +289,16 @@ class Simulation:
             contype[self._boxes[ahead + reach <= FLUSH]] &= ~bit
 
     def _moving(self, trajectory: Trajectory) -> tuple[int, int]:
-        """The limb that moves on a trajectory and the point it lands on."""
+        """The limb that moves on a trajectory and the point that it grasps."""
         if abs(trajectory.period - self.physics.timestep) > 1e-9:
             raise SimulationError(
-                f"the trajectory's period is {trajectory.period:g} s; the simulation's time step is {self.physics.timestep:g} s"
+                f"the trajectory's period is {trajectory.period:g} s; "
+                f"the simulation's time step is {self.physics.timestep:g} s"
             )
         if trajectory.grasps[0].tolist() != self.points:
             raise SimulationError(
-                f"the trajectory starts from points {trajectory.grasps[0].tolist()}, the robot holds {self.points}"
+                f"the trajectory starts from points {trajectory.grasps[0].tolist()}, "
+                f"the robot holds {self.points}"
             )
         moving = np.flatnonzero(trajectory.grasps[1] == FREE)
         if len(moving) != 1 or (trajectory.grasps[1:-1] != trajectory.grasps[1]).any():
@@ -333,77 +332,16 @@ class Simulation:
         self.time = self._steps * self.physics.timestep
         return np.concatenate([state[None], states[0, :-1]]), sensors[0]
 
-    def _measure(
-        self, states: Array, sensors: Array, trajectory: Trajectory, first: int
-    ) -> Measured:
-        count, limbs = len(states), self.robot.limbs
-        times = (
-            np.arange(self._steps - count, self._steps, dtype=np.float64) * self.physics.timestep
-        )
-        # MuJoCo resets a state that diverged, and its clock with it.
-        on_time = np.abs(states[:, 0] - times) < 0.5 * self.physics.timestep
-        finite: NDArray[np.bool_] = np.asarray(np.isfinite(states).all(axis=1) & on_time)
-        # What a diverged state holds is not looked at; a failure is reported at the first of them.
-        qpos, qvel = np.split(
-            np.where(finite[:, None], states, 0.0)[:, 1 : 1 + self.model.nq + self.model.nv],
-            [self.model.nq],
-            1,
-        )
-        base = qpos[:, self._base : self._base + 7]
-        wanted = trajectory.base_quaternions[first : first + count]
-        cosine = np.abs((base[:, 3:] * wanted).sum(axis=1)) / np.maximum(
-            np.linalg.norm(base[:, 3:], axis=1), 1e-9
-        )
-        return Measured(
-            times=times,
-            joints=qpos[:, self._qpos].reshape(count, limbs, 6),
-            speeds=qvel[:, self._qvel].reshape(count, limbs, 6),
-            torques=sensors[:, self._torques].reshape(count, limbs, 6),
-            base=base,
-            base_errors=np.linalg.norm(
-                base[:, :3] - trajectory.base_positions[first : first + count], axis=1
-            ),
-            base_angle_errors=2.0 * np.arccos(np.minimum(cosine, 1.0)),
-            forces=sensors[:, self._wrenches[:, :3]],
-            grasp_torques=sensors[:, self._wrenches[:, 3:]],
-            velocity=sensors[:, self._velocity : self._velocity + 3],
-            angular_momentum=sensors[:, self._momentum : self._momentum + 3],
-            contacts=sensors[:, self._contact].astype(np.int64),
-            finite=finite,
-        )
-
-    def _record(
-        self, measured: Measured, ended: int, step: int, phase: int
-    ) -> tuple[Recording, Peaks]:
-        stride = max(round(RECORD_PERIOD / self.physics.timestep), 1)
-        whole = measured._replace(
-            **{name: array[:ended] for name, array in measured._asdict().items()}
-        )
-        recording = Recording(
-            whole.times, np.full(ended, step), np.full(ended, phase), whole.joints, whole.torques,
-            whole.base[:, :3],
-            whole.base[:, 3:], whole.base_errors, whole.base_angle_errors, whole.forces,
-            whole.grasp_torques, self.mass * whole.velocity,
-            whole.angular_momentum, whole.contacts,
-        )  # fmt: skip
-        peaks = Peaks(
-            np.abs(whole.torques).max(axis=0), float(recording.torque_rms.max()),
-            np.linalg.norm(whole.forces, axis=2).max(axis=0),
-            np.linalg.norm(whole.grasp_torques, axis=2).max(axis=0),
-            float(whole.base_errors.max()), float(whole.base_angle_errors.max()),
-            float(np.abs(whole.speeds).max()),
-        )  # fmt: skip
-        start = round(whole.times[0] / self.physics.timestep)
-        return recording.every(stride, -start % stride), peaks
-
     def _missed(self, limb: int, point: int, distance: float, angle: float, step: int) -> Failure:
         values = {
             "distance_m": distance, "allowed_distance_m": self.physics.capture_distance,
             "angle_rad": angle, "allowed_angle_rad": self.physics.capture_angle,
         }  # fmt: skip
+        allowed = self.physics
         message = (
-            f"limb {limb} missed point {self.grasp_map.ids[point]!r} by {1e3 * distance:.1f} mm and {np.rad2deg(angle):.2f} deg; "
-            f"it takes hold within {1e3 * self.physics.capture_distance:g} mm and {np.rad2deg(self.physics.capture_angle):g} deg"
+            f"limb {limb} missed point {self.grasp_map.ids[point]!r} by {1e3 * distance:.1f} mm "
+            f"and {np.rad2deg(angle):.2f} deg; it grasps within "
+            f"{1e3 * allowed.capture_distance:g} mm and {np.rad2deg(allowed.capture_angle):g} deg"
         )
         return Failure("missed grasp", self.time, step, PHASES[-1], limb, message, values)
 
@@ -421,7 +359,7 @@ class Simulation:
         )
 
 
-def _chunks(phase: NDArray[np.int64], count: int) -> Iterator[tuple[int, int]]:
+def _chunks(phase: IntArray, count: int) -> Iterator[tuple[int, int]]:
     """First and last time step of pieces of at most `CHUNK` within one phase."""
     edges = [0, *(np.flatnonzero(np.diff(phase[1 : count + 1])) + 1).tolist(), count]
     for start, stop in pairwise(edges):

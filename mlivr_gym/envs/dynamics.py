@@ -1,0 +1,58 @@
+"""The kinds of dynamics of an environment: steps of the stance graph, or executed in MuJoCo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.motion.trajectory import Durations
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+if TYPE_CHECKING:
+    from mlivr_gym.simulation.dynamics import Physics
+    from mlivr_gym.simulation.physical_walk import PhysicalWalk
+
+DYNAMICS = ("kinematic", "mujoco")
+"""Their names."""
+
+
+def check_dynamics(
+    dynamics: str, *, transitions: bool, precompute: bool, grasp_failure: float | Array
+) -> None:
+    """Refuse arguments of `MlivrEnv` that do not go with its dynamics.
+
+    Raises:
+        SettingError: If there are no dynamics of that name, or another argument does not go with
+            them; the message names it.
+    """
+    choice("dynamics", dynamics, DYNAMICS)
+    if dynamics == "kinematic":
+        return
+    if not transitions:
+        raise SettingError(
+            "dynamics='mujoco' needs transitions=True: unchecked steps cannot be executed"
+        )
+    if precompute or np.any(np.asarray(grasp_failure) > 0.0):
+        raise SettingError("precompute and grasp_failure need dynamics='kinematic'")
+
+
+def physical_walk(
+    graph: StanceGraph, step_duration: float, physics: Physics | dict[str, Any] | None
+) -> PhysicalWalk:
+    """What executes steps in MuJoCo, which is loaded only where it is wanted.
+
+    Args:
+        graph: The stance graph.
+        step_duration: Duration of a step [s].
+        physics: Figures, also as plain data; by default those of `Physics`.
+
+    Raises:
+        MlivrError: If an argument cannot be used; the message names it.
+    """
+    from mlivr_gym.simulation.dynamics import Physics
+    from mlivr_gym.simulation.physical_walk import PhysicalWalk
+
+    return PhysicalWalk(graph, Durations.of_step(step_duration), Physics.of(physics))

@@ -1,0 +1,133 @@
+"""Rewards of a user's own: one object serves the single and the vector environment."""
+
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.rewards import BaseReward, StepReward
+from mlivr_gym.envs.vector_env import MlivrVectorEnv
+from mlivr_gym.errors import SettingError
+
+pytestmark = pytest.mark.usefixtures("cache")
+
+
+class Toll:
+    """Uses every figure of the outcome, with weights that tell them apart."""
+
+    def __call__(self, outcome):
+        progress = outcome.before - outcome.after
+        toll = np.where(outcome.legal, 0.25, 4.0)
+        return 3.0 * progress - outcome.displacement - toll + 7.0 * outcome.success
+
+
+class Recorder:
+    """Pays nothing and keeps the outcomes."""
+
+    def __init__(self):
+        self.outcomes = []
+
+    def __call__(self, outcome):
+        self.outcomes.append(outcome)
+        return 0.0 * outcome.displacement
+
+
+def worlds(small_map, reward, **arguments):
+    arguments = {"map": small_map, "collisions": False} | arguments
+    return MlivrEnv(reward=reward, **arguments), MlivrVectorEnv(6, None, reward=reward, **arguments)
+
+
+def paired_steps(single, copies, count=8):
+    """Rewards of steps that both environments take from the same states, allowed and masked out."""
+    rng, ours, theirs = np.random.default_rng(0), [], []
+    copies.reset(seed=5)
+    for _ in range(count):
+        masks = copies.action_masks()
+        actions = [int(rng.choice(np.flatnonzero(mask ^ (rng.random() < 0.2)))) for mask in masks]
+        starts = copies.tables.points[copies.stances].tolist()
+        branches, goals = copies.masks.copy(), copies.goals.copy()
+        _, rewards, terminated, _, _ = copies.step(actions)
+        for k, action in enumerate(actions):
+            single.reset(options={"start": starts[k], "goal": goals[k]})
+            single._enter(single.state._replace(masks=tuple(branches[k].tolist())))
+            theirs.append(single.step(action)[1])
+        ours.extend(rewards)
+        if terminated.any():
+            copies._ended[:] = False  # every step of this test starts where the last one ended
+    return np.array(ours), np.array(theirs)
+
+
+@pytest.mark.parametrize("shaping", [False, True])
+def test_both_environments_pay_what_the_object_says(small_map, shaping):
+    single, copies = worlds(
+        small_map, Toll(), shaping=shaping, success_bonus=2.0, goal_tolerance=0.4
+    )
+    ours, theirs = paired_steps(single, copies)
+    np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-12)
+    assert len(set(np.round(ours, 9))) > 30
+    assert (ours < -4.0).any()  # masked out
+    assert (ours > 7.0).any()  # at the goal
+
+
+def test_the_outcome_says_what_the_step_did(small_map):
+    reward = Recorder()
+    single, _ = worlds(small_map, reward)
+    _, info = single.reset(seed=3)
+    there = np.linalg.norm(info["base_position"] - single.goal)
+    mask = single.action_masks()
+    for action, legal in ((np.argmin(mask), False), (np.argmax(mask), True)):
+        _, _, _, _, after = single.step(int(action))
+        outcome = reward.outcomes[-1]
+        moved = np.linalg.norm(after["base_position"] - info["base_position"])
+        assert outcome.legal is legal
+        assert outcome.displacement == pytest.approx(moved if legal else single.graph.max_step)
+        assert outcome.before == pytest.approx(there)
+        there = np.linalg.norm(after["base_position"] - single.goal)
+        assert outcome.after == pytest.approx(there)
+        assert outcome.success == after["is_success"]
+
+
+@pytest.mark.parametrize(("name", "reward"), [("steps", StepReward()), ("base", BaseReward())])
+def test_names_are_short_for_the_objects(small_map, name, reward):
+    by_name, by_object = (paired_steps(*worlds(small_map, given)) for given in (name, reward))
+    for ours, theirs in zip(by_name, by_object, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    np.testing.assert_allclose(*by_name, rtol=0.0, atol=1e-12)
+    assert MlivrEnv(map=small_map, collisions=False, reward=name).reward.reward == reward
+
+
+@pytest.mark.parametrize("given", ["steps", "base", StepReward(), BaseReward()])
+def test_json_keeps_the_reward(small_map, given):
+    made = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False, reward=given)
+    again = gymnasium.make(EnvSpec.from_json(made.spec.to_json()))
+    assert again.unwrapped.reward == made.unwrapped.reward
+    assert again.spec == made.spec
+    made = gymnasium.make_vec("MLIVR-JEM-v0", map=small_map, collisions=False, reward=given)
+    again = gymnasium.make_vec(EnvSpec.from_json(made.spec.to_json()))
+    assert again.unwrapped.env.reward == made.unwrapped.env.reward
+
+
+@pytest.mark.parametrize("given", ["base", BaseReward(), Toll()])
+def test_copies_and_specs_keep_the_reward(small_map, given):
+    made = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False, reward=given)
+    again = gymnasium.make(made.spec)
+    other = pickle.loads(pickle.dumps(made.unwrapped))
+    rewards = []
+    for env in (made.unwrapped, again.unwrapped, other):
+        env.reset(seed=2)
+        rewards.append(env.step(int(np.flatnonzero(env.action_masks())[-1]))[1])
+    assert rewards[0] == rewards[1] == rewards[2] != -1.0
+    assert type(again.unwrapped.reward.reward) is type(made.unwrapped.reward.reward)
+
+
+@pytest.mark.parametrize(
+    "faulty", ["distance", "", 3, None, {}, {"kind": "distance"}, BaseReward, Toll]
+)
+def test_a_faulty_reward_is_one_clear_error(small_map, faulty):
+    for kind in (MlivrEnv, MlivrVectorEnv):
+        with pytest.raises(SettingError, match=r"reward is .*'steps'.*'base'") as caught:
+            kind(map=small_map, collisions=False, reward=faulty)
+        assert "\n" not in str(caught.value)

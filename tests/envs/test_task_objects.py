@@ -1,0 +1,166 @@
+"""Task generators of a user's own: one object serves the single and the vector environment."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.tasks import Task, WalkTasks, random_state
+from mlivr_gym.envs.vector_env import MlivrVectorEnv
+from mlivr_gym.errors import GoalError, SettingError, StanceError
+
+pytestmark = pytest.mark.usefixtures("cache")
+
+
+class Shuttle:
+    """A random start, and one fixed goal; keeps what it was asked and what it gave."""
+
+    def __init__(self, goal):
+        self.goal, self.given, self.drawn = goal, [], []
+
+    def draw(self, graph, rng, tolerance, start=None):
+        self.given.append((tolerance, start))
+        state = random_state(graph, rng) if start is None else start
+        self.drawn.append(state)
+        return Task(state, np.array(self.goal))
+
+
+class Fixed:
+    """The same task for ever."""
+
+    def __init__(self, task):
+        self.task = task
+
+    def draw(self, graph, rng, tolerance, start=None):
+        return self.task
+
+
+@pytest.fixture
+def shuttle(small_map):
+    return Shuttle(small_map.cabin.mean(axis=0).tolist())
+
+
+def test_the_single_environment_takes_start_and_goal(small_map, shuttle):
+    env = MlivrEnv(map=small_map, collisions=False, tasks=shuttle, goal_tolerance=0.15)
+    starts = set()
+    for seed in range(10):
+        observation, info = env.reset(seed=seed)
+        assert env.state == shuttle.drawn[-1]
+        assert info["stance"] == env.graph.ids(shuttle.drawn[-1].stance)
+        np.testing.assert_array_equal(env.goal, shuttle.goal)
+        np.testing.assert_allclose(observation["goal"], shuttle.goal, atol=1e-6)
+        starts.add(info["stance"])
+    assert len(starts) > 5
+    assert shuttle.given == [(0.15, None)] * 10
+    env.reset(seed=4)
+    assert shuttle.drawn[-1] == shuttle.drawn[4]
+
+
+def test_the_vector_environment_takes_start_and_goal_of_each_copy(small_map, shuttle):
+    copies = MlivrVectorEnv(5, map=small_map, collisions=False, tasks=shuttle, goal_tolerance=0.15)
+    copies.reset(seed=1)
+    assert shuttle.given == [(0.15, None)] * 5
+    assert [tuple(row) for row in copies.tables.points[copies.stances].tolist()] == [
+        state.stance for state in shuttle.drawn
+    ]
+    assert [tuple(row) for row in copies.masks.tolist()] == [s.masks for s in shuttle.drawn]
+    np.testing.assert_array_equal(copies.goals, [shuttle.goal] * 5)
+    assert len(set(shuttle.drawn)) > 2
+    copies.reset(seed=1)
+    assert shuttle.drawn[5:] == shuttle.drawn[:5]
+    copies.reset()
+    assert shuttle.drawn[10:] != shuttle.drawn[:5]
+    copies.reset(options={"reset_mask": np.array([False, True, False, True, False])})
+    assert len(shuttle.drawn) == 17
+
+
+def test_a_copy_that_starts_anew_draws_another_task(small_map, shuttle):
+    copies = MlivrVectorEnv(3, 1, map=small_map, collisions=False, tasks=shuttle)
+    copies.reset(seed=0)
+    actions = copies.action_masks().argmax(axis=1)
+    truncated = copies.step(actions)[3]
+    assert truncated.all()
+    copies.step(actions)
+    assert len(shuttle.drawn) == 6
+    assert [tuple(row) for row in copies.tables.points[copies.stances].tolist()] == [
+        state.stance for state in shuttle.drawn[3:]
+    ]
+
+
+def test_what_reset_is_given_is_not_drawn(small_map, shuttle):
+    env = MlivrEnv(map=small_map, collisions=False, tasks=shuttle)
+    copies = MlivrVectorEnv(2, env=env)
+    env.reset(seed=0)
+    start, goal = env.state, env.graph.posture(env.state.stance).position[0]
+    env.reset(seed=1, options={"start": start.stance})
+    assert shuttle.given[-1][1] == start
+    assert env.state == start
+    env.reset(seed=1, options={"goal": goal})
+    np.testing.assert_array_equal(env.goal, goal)
+    assert env.state == shuttle.drawn[-1]
+    copies.reset(seed=1, options={"start": [start.stance] * 2})
+    assert [given for _, given in shuttle.given[-2:]] == [start] * 2
+    copies.reset(seed=1, options={"goal": [goal] * 2})
+    np.testing.assert_array_equal(copies.goals, [goal] * 2)
+    count = len(shuttle.drawn)
+    env.reset(options={"start": start.stance, "goal": goal})
+    copies.reset(options={"start": [start.stance] * 2, "goal": [goal] * 2})
+    assert len(shuttle.drawn) == count
+
+
+@pytest.mark.parametrize("given", ["walk", WalkTasks(), {"kind": "walk"}])
+def test_json_keeps_the_walk(small_map, given):
+    arguments = {"map": small_map, "collisions": False}
+    made = gymnasium.make("MLIVR-JEM-v0", tasks=given, **arguments)
+    again = gymnasium.make(EnvSpec.from_json(made.spec.to_json()))
+    assert again.unwrapped.tasks == made.unwrapped.tasks == WalkTasks()
+    assert again.spec == made.spec
+    plain = MlivrEnv(**arguments)
+    for env in (made, again, plain):
+        assert env.reset(seed=6)[1]["stance"] == plain.reset(seed=6)[1]["stance"]
+        np.testing.assert_array_equal(env.unwrapped.goal, plain.goal)
+    made = gymnasium.make_vec("MLIVR-JEM-v0", tasks=given, **arguments)
+    again = gymnasium.make_vec(EnvSpec.from_json(made.spec.to_json()))
+    assert again.unwrapped.env.tasks == WalkTasks()
+
+
+def test_a_spec_keeps_the_object(small_map, shuttle):
+    made = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False, tasks=shuttle)
+    again = gymnasium.make(made.spec).unwrapped
+    assert isinstance(again.tasks, Shuttle)
+    again.reset(seed=2)
+    np.testing.assert_array_equal(again.goal, shuttle.goal)
+
+
+@pytest.mark.parametrize("faulty", ["run", "", 3, None, {}, {"kind": "run"}, WalkTasks, len])
+def test_what_draws_no_tasks_is_one_clear_error(small_map, faulty):
+    for kind in (MlivrEnv, MlivrVectorEnv):
+        with pytest.raises(SettingError, match=r"tasks is .*'walk'") as caught:
+            kind(map=small_map, collisions=False, tasks=faulty)
+        assert "\n" not in str(caught.value)
+
+
+def test_faulty_tasks_are_refused(small_map, shuttle):
+    """A goal outside the cabin, and a start that is no stance: no environment moves to them."""
+    env = MlivrEnv(map=small_map, collisions=False, tasks=shuttle)
+    copies = MlivrVectorEnv(2, env=env)
+    copies.reset(seed=0)
+    before = copies.stances.copy(), copies.goals.copy()
+    good, shuttle.goal = shuttle.goal, [0.0, 0.0, 99.0]
+    for reset in (env.reset, copies.reset):
+        with pytest.raises(GoalError, match="outside the cabin"):
+            reset(seed=3)
+    shuttle.goal = good
+    state = shuttle.drawn[-1]
+    for start, error, words in (
+        (state._replace(stance=(state.stance[0],) * 2), StanceError, "0.000 m apart"),
+        (state._replace(stance=(0, len(small_map) - 1)), StanceError, "cannot be held"),
+        (state.stance, SettingError, "must be a State"),
+    ):
+        env.tasks = Fixed(Task(start, np.array(good)))
+        for reset in (env.reset, copies.reset):
+            with pytest.raises(error, match=words):
+                reset(seed=3)
+    np.testing.assert_array_equal(copies.stances, before[0])
+    np.testing.assert_array_equal(copies.goals, before[1])
