@@ -14,7 +14,7 @@ from mlivr_gym.agents.policies import Policy
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
-from mlivr_gym.stances.stance_graph import State
+from mlivr_gym.transitions.state import State
 
 
 class Task(NamedTuple):

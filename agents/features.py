@@ -14,9 +14,10 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.stance_graph import StanceGraph, State
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import legal_positions
+from mlivr_gym.transitions.state import State
 
 Features = dict[str, NDArray[np.float32]]
 """Observations of the point-wise policy by name, as `point_features` returns them."""

@@ -20,7 +20,7 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.settings import GRAPH_RULES, check_rules
-from mlivr_gym.stances.stance_graph import State
+from mlivr_gym.transitions.state import State
 
 PRETRAINED = "pointer"
 """Name of the checkpoint that ships with the package, in `envs_assets`."""

@@ -24,10 +24,8 @@ from mlivr_gym.collisions.link_capsules import (
     against_boxes,
     against_limb,
     body_against_boxes,
-    frames_of_angles,
-    place,
-    to_world,
 )
+from mlivr_gym.collisions.link_frames import frames_of_angles, place, to_world
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import scene_spec
 from mlivr_gym.stances.pair_graph import PairGraph

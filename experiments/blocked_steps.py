@@ -17,8 +17,8 @@ from mlivr_gym.motion.sampling import sampled_line
 from mlivr_gym.motion.swings import Hold, SwingFinder
 from mlivr_gym.postures.solver import Postures
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.transitions.candidate import Candidate
 from mlivr_gym.transitions.grasp_poses import flange_at, lifted_branches, line_end, place_branches
-from mlivr_gym.transitions.step_check import Candidate
 
 DIRECT = "a direct swing exists"
 SAMPLED = "a sampled swing exists"

@@ -47,7 +47,7 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.stance_graph import State
+from mlivr_gym.transitions.state import State
 
 SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
 """Tasks in each split."""

@@ -9,7 +9,7 @@ from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.specification import Limb, RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.stance_graph import State
+from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 if __name__ == "planners":
     raise ImportError("import mlivr_gym.planners: the bare folder is not a package")
 
-from mlivr_gym.motion.plan import Plan, Step
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.plan_parts import Step
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.planner import Planner, PlanningResult

@@ -13,7 +13,8 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.commitment import CommittedMotion, committed_motion
-from mlivr_gym.motion.plan import Plan, Statistics, World
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.plan_parts import Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.estimates import CACHED_TABLES, Estimates, unchecked
 from mlivr_gym.planners.pair_search import FOUND, LIMIT

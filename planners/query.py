@@ -11,7 +11,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import SettingError, choice, nonnegative
-from mlivr_gym.motion.plan import Query
+from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.costs import HEURISTICS, Cost
 from mlivr_gym.stances.stance_graph import StanceGraph
 

@@ -8,7 +8,8 @@ from typing import NamedTuple
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
 from mlivr_gym.motion.commitment import committed_motion
-from mlivr_gym.motion.plan import Plan, Query, Statistics, World
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.plan_parts import Query, Statistics, World
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State, moving_limb
 

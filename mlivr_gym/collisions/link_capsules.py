@@ -17,10 +17,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, box_answer, segments_answer
-from mlivr_gym.collisions.link_frames import frames_of_angles as frames_of_angles
-from mlivr_gym.collisions.link_frames import frames_of_branch as frames_of_branch
-from mlivr_gym.collisions.link_frames import place as place
-from mlivr_gym.collisions.link_frames import to_world as to_world
+from mlivr_gym.collisions.link_frames import to_world
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.stack_arrays import floats
 

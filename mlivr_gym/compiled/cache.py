@@ -51,8 +51,14 @@ def source_digest(source: Path) -> str:
 
     Where the files lie plays no part.
     """
-    contents = sorted(hashlib.sha256(path.read_bytes()).digest() for path in _sources(source))
+    contents = sorted(map(_content, _sources(source)))
     return hashlib.sha256(b"".join(contents)).hexdigest()[:16]
+
+
+@cache
+def _content(source: Path) -> bytes:
+    """Digest of the content of one file."""
+    return hashlib.sha256(source.read_bytes()).digest()
 
 
 def _sources(source: Path) -> set[Path]:

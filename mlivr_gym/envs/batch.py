@@ -78,8 +78,8 @@ def advance(
         s2 = stance_at[grasped, point] if held == 0 else stance_at[point, grasped]
         e = np.int64(-1)
         if s2 >= 0 and s2 != s:
-            e = find_step(s, moving, s2, tables)
-        kept = kept_on_edge(masks[k, held], tables.kept[e]) if e >= 0 else np.int64(0)
+            e = np.int64(find_step(s, moving, s2, tables))
+        kept = kept_on_edge(masks[k, held], tables.kept[e] if e >= 0 else 0)
         if not kept or not can_release(masks[k, moving], tables.releasable[s, moving]):
             moved[k], outcome[k] = max_step, 1
             continue

@@ -292,7 +292,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         action = action_number(action, self.graph.limbs * points)
         limb, point = divmod(action, points)
         legal, moved, failed = bool(self._mask[action]), self.graph.max_step, False
-        before = self._distance()
+        before = self._distance
         self.steps += 1
         if legal:
             after = self.moves.take(state, action)
@@ -307,9 +307,8 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             if self._walk is None or after.stance != state.stance:
                 self._enter(after)
                 self.base_translation += moved
-        distance = self._distance()
-        success = distance <= self.goal_tolerance
-        reward = self.reward(StepOutcome(moved, before, distance, success, legal))
+        success = self._distance <= self.goal_tolerance
+        reward = self.reward(StepOutcome(moved, before, self._distance, success, legal))
         if self.render_mode == "human":
             self.render()
         ended = success or bool(self._measures.get("failure"))
@@ -337,13 +336,11 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
     def _enter(self, state: State) -> None:
         self._state, self._place = state, self.moves.place(state)
+        self._distance = math.dist(self._place.position, self.goal)
         if self._walk is None:
             self._mask = self.moves.mask(state)
         else:
             self._mask = action_mask(self.graph, self.successors())
-
-    def _distance(self) -> float:
-        return math.dist(self._place.position, self.goal)
 
     def _observation(self) -> Observation:
         return self._observer.observation(self.state, self._place, self.goal)
@@ -358,7 +355,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             "limb_manipulability": place.w_m.copy(),
             "base_manipulability": place.w_b,
             "action_mask": self._mask.astype(np.int8),
-            "is_success": self._distance() <= self.goal_tolerance,
+            "is_success": self._distance <= self.goal_tolerance,
             "invalid_action": invalid,
             **self._measures,
             "grasp_failed": failed,

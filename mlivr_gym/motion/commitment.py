@@ -28,8 +28,8 @@ from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
 from mlivr_gym.motion.swings import SwingFinder, line_of_edge
 from mlivr_gym.postures.selection import base_along, choices_along
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.candidate import Edge
 from mlivr_gym.transitions.state import State, moving_limb
-from mlivr_gym.transitions.step_check import Edge
 
 FULL_TURN = 2.0 * np.pi
 
@@ -94,9 +94,10 @@ def commit(
     """
     if not graph.settings.collisions:
         return Committed(regrasp, "unchecked")
-    path, ends = RegraspPath(graph, regrasp), np.array([0.0, 1.0])
-    start, down = path.departure(ends)[1], path.approach(ends)
+    path = RegraspPath(graph, regrasp)
+    start, down = path.departure(np.ones(1))[0], path.approach(np.zeros(1))
     if turns is None:
+        down = path.approach(np.array([0.0, 1.0]))
         turns = turns_within_limits(graph, down.min(axis=0), down.max(axis=0))
     line = None if edge.pair < 0 else line_of_edge(graph, regrasp, edge.pair)
     finder = SwingFinder.of(graph, regrasp)

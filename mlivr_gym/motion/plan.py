@@ -13,11 +13,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, PlanError
 from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.motion.plan_files import check_form, parts_of, plan_data
-from mlivr_gym.motion.plan_parts import Motion as Motion
-from mlivr_gym.motion.plan_parts import Query as Query
-from mlivr_gym.motion.plan_parts import Statistics as Statistics
-from mlivr_gym.motion.plan_parts import Step as Step
-from mlivr_gym.motion.plan_parts import World as World
+from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.world.grasp_map import GraspMap
 
 

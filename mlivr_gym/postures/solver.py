@@ -37,7 +37,7 @@ from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.queries import clear_of_world, hands_clear
 from mlivr_gym.compiled.kernels import in_parallel
-from mlivr_gym.postures.base_frames import base_frames as base_frames
+from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.postures.geometries import Grasps, grasps_of_geometries, relative_geometries
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_geometries

@@ -25,8 +25,8 @@ from mlivr_gym.simulation.dynamics import Physics, check_masses
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
 from mlivr_gym.stances.stance_graph import StanceGraph, join
+from mlivr_gym.transitions.candidate import Edge
 from mlivr_gym.transitions.state import State, Successors
-from mlivr_gym.transitions.step_check import Edge
 
 MEASURES = (
     "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force",

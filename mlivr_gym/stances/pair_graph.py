@@ -37,10 +37,10 @@ from mlivr_gym.stances.pair_steps import (
     longest_step,
     pair_successors,
 )
-from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph, State, Successors
+from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.transitions.candidate import Edge
 from mlivr_gym.transitions.rule import BRANCH_BITS, can_release, kept_on_edge
-from mlivr_gym.transitions.state import moving_limb
+from mlivr_gym.transitions.state import State, Successors, moving_limb
 from mlivr_gym.world.grasp_map import GraspMap
 
 REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
@@ -231,6 +231,11 @@ class PairGraph(StanceGraph):
         """Posture of one stance given by point indices, every array with a leading 1."""
         s = self.find((stance[0], stance[1]))
         return super().posture(stance) if s < 0 else self.node_postures(slice(s, s + 1))
+
+    def postures_of(self, states: Sequence[State]) -> Postures:
+        """Postures in which a robot stands in k states."""
+        rows = np.array([self.find(state.stance) if state.pose is None else -1 for state in states])
+        return self.node_postures(rows) if (rows >= 0).all() else super().postures_of(states)
 
     def node_postures(self, chosen: slice | IntArray) -> Postures:
         """Postures of stances given by index."""

@@ -30,8 +30,7 @@ from mlivr_gym.postures.solver import FIELDS, Postures, PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.obstacles import ObstacleChecks
-from mlivr_gym.transitions.state import State as State
-from mlivr_gym.transitions.state import Successors as Successors
+from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.grasp_map import GraspMap
 
 MOST_PAIRS = 2_000_000

@@ -34,11 +34,8 @@ class Candidate(NamedTuple):
     """Postures of both stances."""
     pivot: Array
     """Centre of a base path that is an arc: the centroid of the held points [m], shape (3,)."""
-
-    @property
-    def held(self) -> list[int]:
-        """Limbs that hold."""
-        return [i for i in range(len(self.after)) if i != self.limb]
+    held: tuple[int, ...]
+    """Limbs that hold."""
 
     @property
     def ends(self) -> tuple[tuple[tuple[int, ...], Postures], ...]:

@@ -21,12 +21,11 @@ from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.postures.solver import Postures, PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.transitions.candidate import Candidate as Candidate
-from mlivr_gym.transitions.candidate import Edge as Edge
+from mlivr_gym.transitions.candidate import Candidate, Edge
 from mlivr_gym.transitions.grasp_poses import place_branches
 from mlivr_gym.transitions.line_swings import TRIES, lifted_at, line_free, pairs_by_travel
 from mlivr_gym.transitions.release import FOLDS_AT, both_apart, folded_swing, holding, release
-from mlivr_gym.transitions.rule import BRANCH_BITS, can_release, kept_on_edge, mask_of_grasp
+from mlivr_gym.transitions.rule import BRANCH_BITS, can_release, mask_of_grasp
 from mlivr_gym.transitions.state import State, moving_limb
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
@@ -76,8 +75,9 @@ class StepChecks(ABC):
     ) -> Candidate:
         """The step between two neighbouring stances, whose postures are given in this order."""
         limb = moving_limb(before, after)
-        held = [p for i, p in enumerate(after) if i != limb]
-        return Candidate(limb, before, after, posture, self.grasp_map.positions[held].mean(axis=0))
+        held = tuple(i for i in range(self.limbs) if i != limb)
+        pivot = self.grasp_map.positions[[after[i] for i in held]].mean(axis=0)
+        return Candidate(limb, before, after, posture, pivot, held)
 
     def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
         """The state after a step, or None if no such step leaves the state.
@@ -173,7 +173,7 @@ class StepChecks(ABC):
         """Branches on which each limb that holds can follow a base path, none if one cannot."""
         kept: dict[int, int] = {}
         for i in step.held:
-            kept[i] = self.hold(step, kind, i, kept_on_edge(before[i], masks[i]))
+            kept[i] = self.hold(step, kind, i, before[i] & masks[i])
             if not kept[i]:
                 return {}
         return kept

@@ -9,7 +9,7 @@ from mlivr_gym.agents.imitation import Imitation, ImitationSettings, optimal_set
 from mlivr_gym.agents.learned import LearnedPolicy
 from mlivr_gym.agents.networks import make_policy, scores_and_value
 from mlivr_gym.planners import Planner
-from mlivr_gym.stances.stance_graph import State
+from mlivr_gym.transitions.state import State
 
 
 def test_loss_on_sets_against_brute_force():

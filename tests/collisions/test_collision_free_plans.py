@@ -11,7 +11,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
-from mlivr_gym.stances.stance_graph import State
+from mlivr_gym.transitions.state import State
 
 
 def penetrating(model, data, held):

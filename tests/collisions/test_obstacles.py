@@ -19,7 +19,7 @@ from mlivr_gym.motion.swings import SwingFinder
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_steps import LINE, PAIR_BITS, edge_entry, turned
-from mlivr_gym.stances.stance_graph import State
+from mlivr_gym.transitions.state import State
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 

@@ -12,7 +12,7 @@ from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.kinematics.base_path import STRAIGHT
 from mlivr_gym.kinematics.holding import base_path, quaternion
 from mlivr_gym.motion.swings import SwingFinder
-from mlivr_gym.stances.stance_graph import State
+from mlivr_gym.transitions.state import State
 
 CLEARANCE = 0.02
 

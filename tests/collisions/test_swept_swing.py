@@ -40,8 +40,8 @@ from mlivr_gym.collisions.swept_swing import departure_free, swing_free
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.kinematics.holding import base_path, quaternion
 from mlivr_gym.kinematics.ur import branch_angles
-from mlivr_gym.stances.stance_graph import State
 from mlivr_gym.transitions.grasp_poses import flange_at
+from mlivr_gym.transitions.state import State
 
 CLEARANCE = 0.02
 

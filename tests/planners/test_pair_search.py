@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.pair_search import _sift_down, _sift_up
+from mlivr_gym.planners.heap import sift_down, sift_up
 
 COSTS = [("base", None), ("steps", None), ("weighted", 0.1)]
 
@@ -41,11 +41,11 @@ def test_ties_prefer_what_is_further_along(small_map):
     for k in range(300):
         heap[size] = k
         size += 1
-        _sift_up(heap, size, f, g)
+        sift_up(heap, size, f, g)
         heapq.heappush(plain, (f[k], -g[k], k))
     while size:
         assert heap[0] == heapq.heappop(plain)[2]
         size -= 1
         if size:
             heap[0] = heap[size]
-            _sift_down(heap, size, f, g)
+            sift_down(heap, size, f, g)

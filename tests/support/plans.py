@@ -2,7 +2,7 @@
 
 from dataclasses import fields, replace
 
-from mlivr_gym.motion.plan import Motion
+from mlivr_gym.motion.plan_parts import Motion
 
 
 def first_steps(plan, count):
