@@ -111,8 +111,8 @@ def execute(
         durations: How long the parts of a step take; by default the paper's 10, 30 and 10 s.
         physics: Figures of controller, grasps and failures.
         progress: Called with the number of steps done.
-        simulation: A simulation of the plan's robot, map and obstacles to use again; it brings its
-            own `physics`.
+        simulation: A simulation of the plan's robot, map and obstacles to use again; its `physics`
+            are used then.
 
     Raises:
         PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.

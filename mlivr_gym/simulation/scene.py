@@ -90,21 +90,7 @@ def scene_spec(
     spec.add_material(name="matt", specular=0.1, shininess=0.1)
     spec.add_material(name="metal", specular=0.6, shininess=0.6)
     world = spec.worldbody
-    low, high = grasp_map.cabin
-    for x in np.linspace(low[0] + 0.2 * (high[0] - low[0]), low[0] + 0.8 * (high[0] - low[0]), 3):
-        world.add_light(
-            pos=[float(x), float(low[1] * 0.5), float(high[2] * 0.8)], dir=[0.0, 0.35, -1.0],
-            diffuse=[0.35, 0.35, 0.35], castshadow=bool(abs(x - 0.5 * (low[0] + high[0])) < 1.0),
-        )  # fmt: skip
-    world.add_light(
-        pos=[0.0, 0.0, 0.0], dir=[0.0, 0.3, 1.0], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        diffuse=[0.4, 0.4, 0.4], castshadow=False,
-    )  # fmt: skip
-    for side in (-1.0, 1.0):
-        world.add_light(
-            pos=[float(low[0] if side > 0 else high[0]), 0.0, 0.0], dir=[side, 0.0, 0.0],
-            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, diffuse=[0.3, 0.3, 0.3], castshadow=False,
-        )  # fmt: skip
+    _add_lights(world, grasp_map)
     for box in boxes:
         world.add_geom(
             name=scene_name(BOX, box.id), type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre,
@@ -122,6 +108,25 @@ def scene_spec(
         )  # fmt: skip
     _add_robot(spec, robot)
     return spec
+
+
+def _add_lights(world: mujoco.MjsBody, grasp_map: GraspMap) -> None:
+    """Three lamps along the cabin, and soft light from below and from both ends."""
+    low, high = grasp_map.cabin
+    for x in np.linspace(low[0] + 0.2 * (high[0] - low[0]), low[0] + 0.8 * (high[0] - low[0]), 3):
+        world.add_light(
+            pos=[float(x), float(low[1] * 0.5), float(high[2] * 0.8)], dir=[0.0, 0.35, -1.0],
+            diffuse=[0.35, 0.35, 0.35], castshadow=bool(abs(x - 0.5 * (low[0] + high[0])) < 1.0),
+        )  # fmt: skip
+    world.add_light(
+        pos=[0.0, 0.0, 0.0], dir=[0.0, 0.3, 1.0], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        diffuse=[0.4, 0.4, 0.4], castshadow=False,
+    )  # fmt: skip
+    for side in (-1.0, 1.0):
+        world.add_light(
+            pos=[float(low[0] if side > 0 else high[0]), 0.0, 0.0], dir=[side, 0.0, 0.0],
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, diffuse=[0.3, 0.3, 0.3], castshadow=False,
+        )  # fmt: skip
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:

@@ -155,7 +155,7 @@ def test_faulty_tasks_are_refused(small_map, shuttle):
     state = shuttle.drawn[-1]
     for start, error, words in (
         (state._replace(stance=(state.stance[0],) * 2), StanceError, "0.000 m apart"),
-        (state._replace(stance=(0, len(small_map) - 1)), StanceError, "cannot be held"),
+        (state._replace(stance=(0, len(small_map) - 1)), StanceError, "spans"),
         (state.stance, SettingError, "must be a State"),
     ):
         env.tasks = Fixed(Task(start, np.array(good)))
