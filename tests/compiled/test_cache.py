@@ -65,11 +65,13 @@ def digest(monkeypatch):
         monkeypatch.setattr(cache, "PACKAGE", package)
         cache.source_digest.cache_clear()
         cache._imported.cache_clear()
+        cache._content.cache_clear()
         return cache.source_digest(package / "caller.py")
 
     yield fresh
     cache.source_digest.cache_clear()
     cache._imported.cache_clear()
+    cache._content.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -46,12 +46,12 @@ def test_obstacles_are_drawn_where_they_are_and_only_while_they_are_there(painte
 
 def test_the_scene_is_built_anew_only_for_other_obstacles(painter):
     painter.render()
-    before = painter._viewer
+    before = painter._viewer.scene
     painter.graph.occupy(["D5a:0"])
     painter.render()
     painter.graph.vacate()
     painter.render()
-    assert painter._viewer is before
+    assert painter._viewer.scene is before
 
 
 def test_the_window_shows_the_present_obstacles(monkeypatch):
