@@ -106,6 +106,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.masks: IntArray = np.zeros((num_envs, 2), dtype=np.int64)
         self.steps: IntArray = np.zeros(num_envs, dtype=np.int64)
         self.base_translation: Array = np.zeros(num_envs)
+        self._away: Array = np.zeros(num_envs)
         self._ended = np.ones(num_envs, dtype=np.bool_)
         self._all = np.ones(num_envs, dtype=np.bool_)
 
@@ -215,7 +216,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 )
             self._draw(restart, False, self.stances, self.masks, self.goals)
             self._begin(restart)
-        before = self._distance()
+        before = self._away
         moved, outcome = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=np.int64)
         advance(
             actions, restart, env.failure_probability, env.graph.max_step, self._stance_at,
@@ -224,7 +225,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         invalid, failed = outcome == 1, outcome == 2
         self.steps += ~restart
         self.base_translation += np.where(invalid, 0.0, moved)
-        after = self._distance()
+        after = self._away = self._distance()
         success = after <= env.goal_tolerance
         worth = env.reward(StepOutcome(moved, before, after, success, ~invalid))
         reward = np.where(restart, 0.0, worth)
@@ -300,6 +301,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     def _begin(self, which: BoolArray) -> None:
         self.steps[which], self.base_translation[which], self._ended[which] = 0, 0.0, False
         self._started[which] = True
+        self._away = self._distance()
 
     def _distance(self) -> Array:
         away = self.tables.position[self.stances] - self.goals
@@ -318,7 +320,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             "limb_manipulability": self._w_m[self.stances],
             "base_manipulability": self._w_b[self.stances],
             "action_mask": self._legal(self.stances, self.masks).view(np.int8),
-            "is_success": self._distance() <= self.env.goal_tolerance,
+            "is_success": self._away <= self.env.goal_tolerance,
             "invalid_action": invalid,
             "grasp_failed": failed,
         }

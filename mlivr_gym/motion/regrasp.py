@@ -122,7 +122,7 @@ class RegraspPath:
         flange = graph.solver.flanges[point] + graph.robot.lift * height[:, None] * normal
         grasped = step.grasp_joints if end else step.joints[step.limb]
         # The angles are followed from the point on, where the windings are known.
-        order = np.argsort(height, kind="stable")
+        order = np.argsort(height, kind="stable") if len(height) > 1 else slice(None)
         base = (step.positions[end][None], step.rotations[end][None])
         tool = graph.solver.tools[point][None]
         out = np.empty((len(height), 6))

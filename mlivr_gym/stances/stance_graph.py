@@ -256,7 +256,7 @@ class StanceGraph(ObstacleChecks):
 
     def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
         """The state after a step, or None if no such step leaves it; see `StepChecks`."""
-        if (state.stance, state.pose, tuple(after)) in self._barred:
+        if self._barred and (state.stance, state.pose, tuple(after)) in self._barred:
             return None
         return super().transition(state, after, posture)
 
