@@ -148,9 +148,9 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     releasable_after = np.ones((k, limbs, m), dtype=np.bool_)
     for row, state in enumerate(states):
         steps, posture = env.moves.successors(state), graph.posture_of(state)
-        base[row], rotation[row] = posture.position[0], posture.rotation[0]
+        base[row], rotation[row] = posture.base_position[0], posture.base_rotation[0]
         legal[row, steps.limb, steps.point] = True
-        after[row, steps.limb, steps.point] = steps.position
+        after[row, steps.limb, steps.point] = steps.base_in_world
         releasable_after[row, steps.limb, steps.point] = env.moves.releasable_after(state, steps)
     free = np.ones(m, dtype=np.bool_)
     free[list(graph.occupied)] = False
@@ -168,7 +168,10 @@ class TableFeatures:
 
     def __init__(self, env: MlivrEnv) -> None:
         """Of an environment with two limbs."""
-        self.grasp_map, self.rotation = env.graph.grasp_map, env.table_moves().graph.rotation
+        self.grasp_map, self.rotation = (
+            env.graph.grasp_map,
+            env.table_moves().graph.base_axes_in_world,
+        )
         self.risk, self.tolerance = env.failure_probability, env.goal_tolerance
 
     def __call__(
@@ -197,7 +200,7 @@ class TableFeatures:
         free = np.ones(m, dtype=np.bool_) if free is None else free
         legal &= free[..., None, :]
         states = Situations(
-            tables.position[stances],
+            tables.base_in_world[stances],
             self.rotation[stances],
             tables.points[stances].astype(np.int64),
             legal.view(np.bool_),

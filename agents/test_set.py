@@ -117,7 +117,9 @@ def _draw(world: World, count: int, rng: np.random.Generator, groups: int = 0) -
         planner = Planner(env.graph)
         while len(tasks) < share:
             first, last = random_state(env.graph, rng), random_state(env.graph, rng)
-            origin, goal = (env.graph.posture(state.stance).position[0] for state in (first, last))
+            origin, goal = (
+                env.graph.posture(state.stance).base_position[0] for state in (first, last)
+            )
             low, high = env.graph.grasp_map.cabin
             if np.linalg.norm(goal - origin) < FAR or (goal < low).any() or (goal > high).any():
                 continue

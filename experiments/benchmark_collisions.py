@@ -105,8 +105,8 @@ def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
         masks = tuple(1 << int(branch) for branch in graph.branch[s])
         joints[k] = graph.configuration(State((a, b), masks))[2]
     return (
-        graph.position[chosen],
-        graph.rotation[chosen],
+        graph.base_in_world[chosen],
+        graph.base_axes_in_world[chosen],
         joints + rng.normal(0.0, 0.1, joints.shape),
     )
 

@@ -198,7 +198,7 @@ def libraries(grasp_map: GraspMap, tasks: Tasks, advance: Callable[[str], None])
         grown = resident() - before
         times, error = [], 0.0
         for (start, goal), cost in zip(tasks, least, strict=True):
-            away = np.linalg.norm(graph.position - goal, axis=1)
+            away = np.linalg.norm(graph.base_in_world - goal, axis=1)
             h = [
                 *Cost.named("base")
                 .heuristic("consistent", away, TOLERANCE, graph.max_step)
@@ -208,7 +208,7 @@ def libraries(grasp_map: GraspMap, tasks: Tasks, advance: Callable[[str], None])
             spent, path = query(
                 roadmap, graph.find(start.stance), np.flatnonzero(away <= TOLERANCE).tolist(), h
             )
-            length = np.linalg.norm(np.diff(graph.position[path], axis=0), axis=1).sum()
+            length = np.linalg.norm(np.diff(graph.base_in_world[path], axis=0), axis=1).sum()
             times.append(spent)
             error = max(error, abs(float(length) - cost))
         out[name] = {
@@ -255,7 +255,7 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
     setup = default_setup()
     grasp_map, start, goal = jem_map(), tuple(setup["start"]), np.array(setup["goal"])
     whole = paper_graph(grasp_map)
-    origin = whole.posture(whole.indices(start)).position[0]
+    origin = whole.posture(whole.indices(start)).base_position[0]
     close = origin + (goal - origin) / np.linalg.norm(goal - origin)
     if quick:
         grasp_map = grasp_map.subset(

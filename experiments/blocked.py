@@ -72,7 +72,12 @@ def _along(graph: PairGraph, held: int, s0: int, s1: int) -> Panel | None:
     if not mask:
         return None
     branch = (mask & -mask).bit_length() - 1 & 7
-    ends = (graph.position[s0], graph.rotation[s0], graph.position[s1], graph.rotation[s1])
+    ends = (
+        graph.base_in_world[s0],
+        graph.base_axes_in_world[s0],
+        graph.base_in_world[s1],
+        graph.base_axes_in_world[s1],
+    )
     path = (*ends, STRAIGHT, solver.points[point])
     where, turned = base_path(path, np.linspace(0.0, 1.0, SAMPLES))
     q = np.full(6, np.nan)

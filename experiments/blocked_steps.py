@@ -133,7 +133,7 @@ def _departures(
     """
     solver, robot, other = graph.solver, graph.robot, 1 - limb
     point, grasp = stance[limb], stance[other]
-    position, rotation = static.position[row], static.rotation[row]
+    position, rotation = static.base_position[row], static.base_rotation[row]
     shapes, gripper, _, fixed, world, clearance, _ = solver.collision_model.arrays
     placed = np.empty((1, len(shapes[0]), 2, 3))
     place_branches(
@@ -218,8 +218,8 @@ def follow_to(
     solver = graph.solver
     return bool(
         follow(
-            solver.flanges[point],
-            solver.tools[point],
+            solver.flanges_in_world[point],
+            solver.flange_axes_in_world[point],
             *pose,
             *pose,
             STRAIGHT,

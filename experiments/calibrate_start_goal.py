@@ -81,15 +81,16 @@ def _can_start(planner: Planner, points: IntArray) -> bool:
 def candidates(graph: PairGraph, checked: Planner) -> tuple[list[int], Array]:
     """Stances from which the walk may start, and goals, shape (g, 3) [m]."""
     faces = np.array(graph.grasp_map.faces)[graph.points]
-    close = np.linalg.norm(graph.position - START, axis=1) < RADIUS
+    close = np.linalg.norm(graph.base_in_world - START, axis=1) < RADIUS
     starts = [
         int(s)
         for s in np.flatnonzero((faces == "deck").all(axis=1) & close)
         if _can_start(checked, graph.points[s])
     ]
-    close = np.linalg.norm(graph.position - GOAL, axis=1) < RADIUS
+    close = np.linalg.norm(graph.base_in_world - GOAL, axis=1) < RADIUS
     goals = np.unique(
-        np.round(graph.position[(faces == "overhead").all(axis=1) & close] / 0.05) * 0.05, axis=0
+        np.round(graph.base_in_world[(faces == "overhead").all(axis=1) & close] / 0.05) * 0.05,
+        axis=0,
     )
     return starts, goals
 

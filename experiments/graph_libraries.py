@@ -19,7 +19,7 @@ def edge_chunks(graph: PairGraph) -> Iterator[list[tuple[int, int, float]]]:
         for begin, end in pairwise(starts):
             i, j = np.triu_indices(end - begin, 1)
             u, v = rows[begin:end][i], rows[begin:end][j]
-            length = np.linalg.norm(graph.position[u] - graph.position[v], axis=1)
+            length = np.linalg.norm(graph.base_in_world[u] - graph.base_in_world[v], axis=1)
             yield list(zip(u.tolist(), v.tolist(), length.tolist(), strict=True))
 
 

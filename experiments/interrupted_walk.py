@@ -35,7 +35,7 @@ def main() -> None:
     how: dict[str, Any] = {"cost": "weighted", "regrasp_price": 0.05}
     planner.prepare(goal, **how)
     plans: list[Plan] = []
-    walked, interruptions = [graph.posture(graph.indices(stance)).position[0]], 0
+    walked, interruptions = [graph.posture(graph.indices(stance)).base_position[0]], 0
     while True:
         began = time.perf_counter()
         plan = planner.plan(stance, goal, **how).unwrap()
@@ -47,7 +47,7 @@ def main() -> None:
         take = 2 if interruptions < 2 else len(plan.steps)
         for limb, point in plan.actions[:take]:
             stance = tuple(point if i == limb else held for i, held in enumerate(stance))
-            walked.append(graph.posture(graph.indices(stance)).position[0])
+            walked.append(graph.posture(graph.indices(stance)).base_position[0])
             print(f"    limb {limb} takes {point}")
         if np.linalg.norm(walked[-1] - goal) <= plan.query.goal_tolerance:
             break

@@ -122,7 +122,7 @@ class ReferencePlanner:
         self.thresholds = settings.thresholds(2)
         self.model, self.frame = dh_model(robot.limb.lengths, robot.tool_length)
         self.data = self.model.createData()
-        self.tools = tool_rotations(grasp_map)
+        self.flange_axes_in_world = tool_rotations(grasp_map)
         self.mounts = [
             pin.SE3(r, p) for r, p in zip(robot.mount_rotations, robot.mount_positions, strict=True)
         ]
@@ -181,7 +181,7 @@ class ReferencePlanner:
         local = pin.computeFrameJacobian(
             self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED
         )
-        jacobian: Array = np.kron(np.eye(2), self.mounts[limb].rotation) @ local
+        jacobian: Array = np.kron(np.eye(2), self.mounts[limb].base_rotation) @ local
         return jacobian
 
     def evaluate(self, stance: Stance) -> Array | None:
@@ -192,7 +192,9 @@ class ReferencePlanner:
             base = pin.SE3(rotation, position)
             margin, jacobians, grasps = np.inf, [], []
             for limb, point in enumerate(stance):
-                grasp = base.actInv(pin.SE3(self.tools[point], self.grasp_map.positions[point]))
+                grasp = base.actInv(
+                    pin.SE3(self.flange_axes_in_world[point], self.grasp_map.positions[point])
+                )
                 q = self.inverse_kinematics(self.mounts[limb].actInv(grasp), seeds[limb])
                 if q is None:
                     break
@@ -340,13 +342,14 @@ def map_to_plan(
 
     def known(stance: tuple[int, int]) -> Array | None:
         s = graph.find(stance)
-        return graph.position[s] if s >= 0 else None
+        return graph.base_in_world[s] if s >= 0 else None
 
     counter = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY)
     out["needed"] = counter.plan(first, goal, TOLERANCE, np.inf, known)
     for mode, options in MODES.items():
         advance(
-            f"reference, {mode}, {np.linalg.norm(goal - graph.position[graph.find(first)]):.1f} m"
+            f"reference, {mode}, "
+            f"{np.linalg.norm(goal - graph.base_in_world[graph.find(first)]):.1f} m"
         )
         reference = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY, **options)
         run = reference.plan(first, goal, TOLERANCE, limit)

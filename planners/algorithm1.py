@@ -83,7 +83,7 @@ def algorithm1(
         return inflation * cost.heuristic(heuristic, distance, tolerance, graph.max_step)
 
     explored = Explored()
-    origin = graph.posture_of(start).position[0]
+    origin = graph.posture_of(start).base_position[0]
     # An entry: f, minus g, its age, the state, its base position, the index of its parent.
     queue = [(float(estimate(origin)), 0.0, 0, start, origin, -1)]  # line 1
     least, closed = {start: 0.0}, set()
@@ -106,14 +106,14 @@ def algorithm1(
         if progress is not None and index % 100 == 0:
             progress(index)
         steps = graph.successors(state)  # line 6
-        away = np.linalg.norm(steps.position - here, axis=1)
+        away = np.linalg.norm(steps.base_in_world - here, axis=1)
         g = -minus_g + cost.base_weight * away + cost.step_weight  # line 7
-        f = g + estimate(steps.position)
+        f = g + estimate(steps.base_in_world)
         for k in range(len(steps.limb)):
             after = steps.after(state, k)
             if after not in closed and g[k] < least.get(after, np.inf):  # line 8
                 least[after] = float(g[k])
                 entry = (float(f[k]), -float(g[k]), explored.generated)
-                heapq.heappush(queue, (*entry, after, steps.position[k], index))  # line 9
+                heapq.heappush(queue, (*entry, after, steps.base_in_world[k], index))  # line 9
                 explored.generated += 1
     return explored  # line 10

@@ -35,7 +35,7 @@ CORRIDORS = (0.3, 0.6, 1.2)
 
 def _far(steps: Successors, goal: Array) -> Array:
     """Distances of the bases after some steps from the goal [m], shape (k,)."""
-    away = steps.position - goal
+    away = steps.base_in_world - goal
     distances: Array = np.sqrt(np.einsum("ij,ij->i", away, away))
     return distances
 
@@ -55,7 +55,7 @@ class _Task:
         return self.moves.successors(state)
 
     def distance(self, state: State) -> float:
-        return math.dist(self.moves.place(state).position, self.goal)
+        return math.dist(self.moves.place(state).base_in_world, self.goal)
 
     def done(self, state: State) -> bool:
         return self.distance(state) <= self.tolerance
@@ -167,7 +167,7 @@ def _simulate(
 
 def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     """The base path first, footholds after."""
-    origin = np.array(task.moves.place(task.start).position)
+    origin = np.array(task.moves.place(task.start).base_in_world)
     length = float(np.linalg.norm(task.goal - origin))
     direction = (task.goal - origin) / max(length, 1e-9)
     for half_width in CORRIDORS:
@@ -184,9 +184,10 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
             if depth[here] >= task.longest:
                 continue
             steps = task.steps(states[here])
-            along = (steps.position - origin) @ direction
+            along = (steps.base_in_world - origin) @ direction
             aside = np.linalg.norm(
-                steps.position - origin - np.clip(along, 0.0, length)[:, None] * direction, axis=1
+                steps.base_in_world - origin - np.clip(along, 0.0, length)[:, None] * direction,
+                axis=1,
             )
             for k in np.flatnonzero(aside <= half_width):
                 after = steps.after(states[here], int(k))

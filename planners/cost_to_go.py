@@ -179,7 +179,7 @@ class CostToGo:
     def __init__(self, graph: PairGraph, goal: Array, tolerance: float, cost: Cost) -> None:
         """Search backward from the goal; the steps it wants are checked, once for all goals."""
         self.graph, self.cost, self.goal, self.tolerance = graph, cost, goal, tolerance
-        self.is_goal: BoolArray = np.linalg.norm(graph.position - goal, axis=1) <= tolerance
+        self.is_goal: BoolArray = np.linalg.norm(graph.base_in_world - goal, axis=1) <= tolerance
         self._held = np.full((len(graph), 2, 16), np.inf)
         backward(
             self.is_goal, -1, np.zeros(len(graph)), cost.base_weight, cost.step_weight, NO_LIMIT,
@@ -215,7 +215,7 @@ class CostToGo:
         """Cost of taking each step that leaves a state and going on optimally, shape (k,)."""
         out = np.empty(len(successors.limb))
         shift = np.linalg.norm(
-            successors.position - self.graph.posture_of(state).position[0], axis=1
+            successors.base_in_world - self.graph.posture_of(state).base_position[0], axis=1
         )
         for k in range(len(out)):
             after = successors.after(state, k)

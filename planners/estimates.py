@@ -50,7 +50,7 @@ class Estimates:
         """The region of a goal; kept."""
         graph, key = self.graph, goal.key[:-1]
         if key not in self._regions:
-            distance = _distances(graph.position, goal.target)
+            distance = _distances(graph.base_in_world, goal.target)
             reached = distance <= goal.tolerance
             parts = frozenset(graph.components[1][reached].tolist())
             self._regions[key] = Region(distance, reached, parts)
@@ -72,7 +72,7 @@ class Estimates:
         region = self.region(goal)
         if cost.base_weight == 0.0 or start < 0:
             return self.keep(goal, unchecked(graph, region.goal, cost))
-        away = _distances(graph.position, graph.position[start])
+        away = _distances(graph.base_in_world, graph.base_in_world[start])
         toward = cost.heuristic("consistent", away, 0.0, graph.max_step)
         table = unchecked(graph, region.goal, cost, start, toward)
         # Stances that the backward search did not reach cost at least what it had got to.
@@ -109,7 +109,7 @@ class Estimates:
         """
         graph, n, cost = self.graph, len(self.graph), goal.cost
         value = np.full((n, 2, 16), np.inf)
-        away = _distances(graph.position, origin)
+        away = _distances(graph.base_in_world, origin)
         if start < 0:
             toward = cost.base_weight * away
         elif learnt and cost.base_weight:
@@ -148,7 +148,8 @@ def unchecked(
         return table * cost.step_weight
     distance_to_goal(
         goal, start, np.zeros(n) if toward is None else toward, cost.base_weight, cost.step_weight,
-        graph.rows, graph.row_start, graph.points, graph.position, graph.row_position, graph.mask,
+        graph.rows, graph.row_start, graph.points, graph.base_in_world, graph.row_position,
+        graph.mask,
         np.full(n, np.inf), table, np.full(n, -1),
     )  # fmt: skip
     return table

@@ -53,7 +53,7 @@ class _LazySearch:
         first = graph.posture_of(start)
         self.queue: list[tuple[float, float, int]]
         """Estimate, minus the cost so far, and index of the entry."""
-        self.queue = [(float(self._estimate(first.position)[0]), 0.0, 0)]
+        self.queue = [(float(self._estimate(first.base_position)[0]), 0.0, 0)]
         self.entries: list[tuple[tuple[int, ...], Postures, int]] = [(start.stance, first, -1)]
         """Stance, its posture, and index of the expanded state before it, -1 at the start."""
         self.closed: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
@@ -77,7 +77,7 @@ class _LazySearch:
             found.parents.append(parent)
             found.costs.append(-negative)
             found.postures.append(posture)
-            if search.goal.reached(posture.position)[0]:
+            if search.goal.reached(posture.base_position)[0]:
                 found.status = FOUND
                 return found
             if here + 1 >= search.limit:
@@ -115,14 +115,14 @@ class _LazySearch:
     def _expand(self, here: int) -> None:
         """Put the neighbours of an expanded state into the queue."""
         graph, cost = self.graph, self.search.goal.cost
-        state, position = self.found.states[here], self.found.postures[here].position
+        state, position = self.found.states[here], self.found.postures[here].base_position
         limb, point, postures = graph.candidates(state.stance)
         if not len(limb):
             return
-        shift = np.linalg.norm(postures.position - position, axis=1)
+        shift = np.linalg.norm(postures.base_position - position, axis=1)
         g = self.found.costs[here] + cost.base_weight * shift
         g += cost.step_weight
-        f = self.search.g_weight * g + self._estimate(postures.position)
+        f = self.search.g_weight * g + self._estimate(postures.base_position)
         for k in range(len(limb)):
             after = state.stance_after(int(limb[k]), int(point[k]))
             if not graph.settings.transitions:

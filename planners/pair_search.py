@@ -259,7 +259,7 @@ def distance_to_goal(
         rows: `PairGraph.rows`.
         row_start: `PairGraph.row_start`.
         points: `PairGraph.points`.
-        position: `PairGraph.position`.
+        position: `PairGraph.base_in_world`.
         row_position: `PairGraph.row_position`.
         mask: `PairGraph.mask`; stances without a branch are omitted.
         value: Infinities, shape (n,); least costs found.

@@ -80,7 +80,7 @@ class PairSearcher:
         graph, goal = self.graph, search.goal
         origin = graph.posture_of(first)
         seeds = _Seeds(graph, first, origin, search)
-        arrived = bool(goal.distance(origin.position[0]) <= goal.tolerance)
+        arrived = bool(goal.distance(origin.base_position[0]) <= goal.tolerance)
         if seeds.given and (arrived or not len(seeds.rows)):
             status = FOUND if arrived else EXHAUSTED
             return Path(status, (first,), 0.0, 1, 1, np.zeros((0, 2, 3)))
@@ -92,8 +92,10 @@ class PairSearcher:
         stance, moved = node // 3, node % 3
         chain = _chain(parent)
         states = tuple(self._state(int(stance[k]), int(moved[k]), int(mask[k])) for k in chain)
-        before = np.where(parent[:, None] >= 0, graph.position[stance[parent]], origin.position[0])
-        tree = np.stack([before, graph.position[stance]], axis=1)
+        before = np.where(
+            parent[:, None] >= 0, graph.base_in_world[stance[parent]], origin.base_position[0]
+        )
+        tree = np.stack([before, graph.base_in_world[stance]], axis=1)
         if not seeds.given:
             return Path(int(status), states, float(g[-1]), explored, generated, tree[1:])
         counts = explored + 1, generated + 1
@@ -127,7 +129,12 @@ class PairSearcher:
                 return found, explored, generated
             # Many steps that the estimate counts on are no edges: learn from the goal.
             h, bound = estimates.learn(
-                goal, seeds.start, origin.position[0], bound, LEARNING * patience, learnt=learnt
+                goal,
+                seeds.start,
+                origin.base_position[0],
+                bound,
+                LEARNING * patience,
+                learnt=learnt,
             )
             if keep:
                 estimates.keep(goal, bound)
@@ -168,7 +175,7 @@ class _Seeds:
             after = steps.after(first, k)
             rows.append((graph.find(after.stance), limb, after.masks[1 - limb]))
         self.rows = np.array(rows, dtype=np.int64).reshape(-1, 3)
-        away = [float(np.linalg.norm(p - origin.position[0])) for p in steps.position]
+        away = [float(np.linalg.norm(p - origin.base_position[0])) for p in steps.base_in_world]
         self.costs = np.array([cost.base_weight * d + cost.step_weight for d in away])
 
 
@@ -182,7 +189,7 @@ class LazySearcher:
     def find(self, search: Search, first: State, again: bool) -> Path | None:
         """See `Searcher.find`."""
         found = lazy_search(self.graph, first, search)
-        position = np.concatenate([p.position for p in found.postures])
+        position = np.concatenate([p.base_position for p in found.postures])
         states = tuple(found.states[k] for k in _chain(np.array(found.parents)))
         counts = len(found.states), found.generated
         return Path(found.status, states, found.costs[-1], *counts, _tree(position, found.parents))

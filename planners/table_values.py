@@ -61,7 +61,7 @@ def relax(
                     continue
                 square = 0.0
                 for axis in range(3):
-                    square += (tables.position[s, axis] - tables.position[s2, axis]) ** 2
+                    square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
                 cost = step_cost[point] + base_cost[point] * np.sqrt(square)
                 branches, changed = tables.kept[e], False
                 for b in range(16):
@@ -118,7 +118,7 @@ def step_values(
                 if can_release(branches, tables.releasable[s2, held]):
                     rest = grasped[g, s2, moving]
                 for axis in range(3):
-                    square += (tables.position[s, axis] - tables.position[s2, axis]) ** 2
+                    square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
                 for b in range(16):
                     if branches >> b & 1:
                         rest = min(rest, values[g, s2, held, b])
@@ -180,7 +180,10 @@ class TableValues:
         n, count = len(tables.points), len(goals)
         held = (tables.masks != 0).all(axis=1)
         self.goals: BoolArray = np.array(
-            [(np.linalg.norm(tables.position - goal, axis=1) <= tolerance) & held for goal in goals]
+            [
+                (np.linalg.norm(tables.base_in_world - goal, axis=1) <= tolerance) & held
+                for goal in goals
+            ]
         )
         self.values: Array = np.full((count, n, 2, 16), np.inf)
         self.grasped: Array = np.full((count, n, 2), np.inf)

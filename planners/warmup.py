@@ -36,8 +36,8 @@ class PlainSolver(PostureSolver):
         )
         count = len(stances)
         return Postures(
-            position=centroid + HEIGHT * out,
-            rotation=frames,
+            base_position=centroid + HEIGHT * out,
+            base_rotation=frames,
             w_m=np.ones((count, 2)),
             w_b=np.ones(count),
             branch=np.zeros((count, 2), dtype=np.int64),
@@ -56,7 +56,7 @@ def main() -> None:
     """Plan from one stance to another, and search backward as plans do that explore much."""
     full = jem_map()
     graph = PlainGraph(full.subset(np.isin(full.ids, POINTS)), robot_spec("mlivr2"), Settings())
-    goal = graph.posture(graph.indices(("F3a:4", "F3b:2"))).position[0].tolist()
+    goal = graph.posture(graph.indices(("F3a:4", "F3b:2"))).base_position[0].tolist()
     for cost in ("base", "steps"):
         planner = Planner(graph)
         planner.plan(("F3a:4", "F3b:4"), goal, cost, goal_tolerance=0.01)

@@ -79,7 +79,8 @@ def tables(name, graph):
     for field in ("points", "masks", "land", "start", "after", "left"):
         now = field if hasattr(t, field) else names[field]
         yield f"{name}/{field}", np.asarray(getattr(t, now), dtype=np.int64)
-    yield f"{name}/position", t.position[::50]
+    base = t.base_in_world if hasattr(t, "base_in_world") else t.position
+    yield f"{name}/position", base[::50]
     yield f"{name}/w_b", graph.w_b[::50]
     yield f"{name}/w_m", graph.w_m[::50]
     yield f"{name}/branch", np.asarray(graph.branch, dtype=np.int64)
@@ -101,7 +102,10 @@ def many_limbs():
                     steps = graph.successors(state)
                     rows.append(np.array([*state.stance, *state.masks, len(steps.limb)]))
                     rows.append(np.column_stack([steps.limb, steps.point, steps.masks]).ravel())
-                    numbers.append(steps.position.ravel())
+                    base = (
+                        steps.base_in_world if hasattr(steps, "base_in_world") else steps.position
+                    )
+                    numbers.append(base.ravel())
                     if not len(steps.limb):
                         break
                     k = int(rng.integers(len(steps.limb)))
@@ -170,7 +174,9 @@ def plans():
     for k in range(100):
         start, goal = sample_task(graph, rng, 0.2)
         if k % 2:
-            goal = graph.position[int(rng.integers(len(graph)))]
+            places = getattr(graph, "base_in_world", None)
+            places = graph.position if places is None else places
+            goal = places[int(rng.integers(len(graph)))]
         for cost, price in (("base", None), ("steps", None), ("weighted", 0.1)):
             result = planner.plan(start.stance, goal, cost, regrasp_price=price)
             yield from plan_of(f"plans/{k}/{cost}", result)

@@ -85,7 +85,7 @@ def advance(
             continue
         square = 0.0
         for axis in range(3):
-            square += (tables.position[s, axis] - tables.position[s2, axis]) ** 2
+            square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
         moved[k], outcome[k] = np.sqrt(square), 0
         masks[k, held] = kept
         if failure[point] > 0.0 and random_below(streams, k, 1 << 53) < failure[point] * (1 << 53):
@@ -125,7 +125,7 @@ def draw_tasks(
         masks: Shape (k, 2), written where not given.
         goals: Shape (k, 3) [m], written.
     """
-    start, after, kept, position = tables.start, tables.after, tables.kept, tables.position
+    start, after, kept, position = tables.start, tables.after, tables.kept, tables.base_in_world
     n = len(position)
     for k in range(len(which)):
         if not which[k]:

@@ -296,7 +296,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self.steps += 1
         if legal:
             after = self.moves.take(state, action)
-            moved = math.dist(self.moves.place(after).position, self._place.position)
+            moved = math.dist(self.moves.place(after).base_in_world, self._place.base_in_world)
             risk = self.failure_probability[point]
             failed = bool(risk > 0.0 and self.np_random.random() < risk)
             if failed:
@@ -336,7 +336,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
     def _enter(self, state: State) -> None:
         self._state, self._place = state, self.moves.place(state)
-        self._distance = math.dist(self._place.position, self.goal)
+        self._distance = math.dist(self._place.base_in_world, self.goal)
         if self._walk is None:
             self._mask = self.moves.mask(state)
         else:
@@ -349,7 +349,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         place = self._place
         return {
             "stance": place.ids,
-            "base_position": np.array(place.position),
+            "base_position": np.array(place.base_in_world),
             "base_translation": self.base_translation,
             "steps": self.steps,
             "limb_manipulability": place.w_m.copy(),

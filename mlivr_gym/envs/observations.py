@@ -76,7 +76,7 @@ def place_observation(
     return {
         "stance": np.array(stance, dtype=np.int64),
         "grasps": graph.grasp_map.positions[list(stance)].ravel().astype(np.float32),
-        "base_position": np.array(place.position).astype(np.float32),
+        "base_position": np.array(place.base_in_world).astype(np.float32),
         "base_quaternion": place.quaternion.astype(np.float32),
     }
 
@@ -119,8 +119,10 @@ def stance_observations(graph: PairGraph) -> PlaceObservation:
     return {
         "stance": graph.points.astype(np.int64),
         "grasps": graph.grasp_map.positions[graph.points].reshape(-1, 6).astype(np.float32),
-        "base_position": graph.position.astype(np.float32),
-        "base_quaternion": np.array([quaternion(r) for r in graph.rotation], dtype=np.float32),
+        "base_position": graph.base_in_world.astype(np.float32),
+        "base_quaternion": np.array(
+            [quaternion(r) for r in graph.base_axes_in_world], dtype=np.float32
+        ),
     }
 
 

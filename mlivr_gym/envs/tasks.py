@@ -184,7 +184,7 @@ def sample_task(
     for _ in range(TRIES):
         state = random_state(graph, rng) if start is None else start
         target = grasp_map.positions[int(rng.integers(len(grasp_map)))]
-        origin = graph.posture_of(state).position[0]
+        origin = graph.posture_of(state).base_position[0]
         position = _walk(graph, state, origin, target)
         inside = (position >= grasp_map.cabin[0]).all() and (position <= grasp_map.cabin[1]).all()
         if inside and np.linalg.norm(position - origin) > tolerance:
@@ -201,9 +201,9 @@ def _walk(graph: StanceGraph, state: State, origin: Array, target: Array) -> Arr
         steps = graph.successors(state)
         if not steps:
             break
-        distance = np.linalg.norm(steps.position - target, axis=1)
+        distance = np.linalg.norm(steps.base_in_world - target, axis=1)
         k = int(np.argmin(distance))
         if distance[k] >= best:
             break
-        best, position, state = float(distance[k]), steps.position[k], steps.after(state, k)
+        best, position, state = float(distance[k]), steps.base_in_world[k], steps.after(state, k)
     return position

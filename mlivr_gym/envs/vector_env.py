@@ -304,7 +304,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self._away = self._distance()
 
     def _distance(self) -> Array:
-        away = self.tables.position[self.stances] - self.goals
+        away = self.tables.base_in_world[self.stances] - self.goals
         distance: Array = np.sqrt(np.einsum("ij,ij->i", away, away))
         return distance
 
@@ -314,7 +314,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     def _info(self, invalid: BoolArray, failed: BoolArray) -> dict[str, Any]:
         info: dict[str, Any] = {
             "stance": self._ids[self.stances],
-            "base_position": self.tables.position[self.stances],
+            "base_position": self.tables.base_in_world[self.stances],
             "base_translation": self.base_translation.copy(),
             "steps": self.steps.copy(),
             "limb_manipulability": self._w_m[self.stances],

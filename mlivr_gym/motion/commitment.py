@@ -148,8 +148,8 @@ def committed_motion(
     motion = Motion(
         stances=tuple(graph.ids(state.stance) for state in states),
         steps=tuple(steps),
-        base_positions=draft.postures.position,
-        base_quaternions=np.array([quaternion(r) for r in draft.postures.rotation]),
+        base_positions=draft.postures.base_position,
+        base_quaternions=np.array([quaternion(r) for r in draft.postures.base_rotation]),
         joint_positions=draft.joints,
         branches=draft.branches,
         w_m=w_m,
@@ -174,7 +174,7 @@ class _Draft:
         self._w = np.empty((count, limbs, 4))
         choices_along(
             self.points, graph.grasp_map.positions, graph.grasp_map.normals,
-            graph.robot.tool_length, self.postures.position, self.postures.rotation,
+            graph.robot.tool_length, self.postures.base_position, self.postures.base_rotation,
             *self._mounts, self._p, self._z, self._w,
         )  # fmt: skip
         self.branches: IntArray = self.postures.branch.copy()
@@ -275,9 +275,9 @@ class _Draft:
         Returns the least and the largest angle of each joint over the hold, each (6,) [rad].
         """
         solver, point = self.graph.solver, self.points[first, limb]
-        grasp = (solver.flanges[point], solver.tools[point])
+        grasp = (solver.flanges_in_world[point], solver.flange_axes_in_world[point])
         mount = (solver.mount_rotations[limb], solver.mount_positions[limb], solver.lengths)
-        positions, rotations = self.postures.position, self.postures.rotation
+        positions, rotations = self.postures.base_position, self.postures.base_rotation
         low, high, q = np.full(6, np.inf), np.full(6, -np.inf), np.full(6, np.nan)
         for k in range(first, last + 1):
             if not self.edges:
@@ -313,8 +313,8 @@ class _Draft:
             limb=limb,
             before=self.states[k].stance,
             to_point=self.states[k + 1].stance[limb],
-            positions=self.postures.position[k : k + 2],
-            rotations=self.postures.rotation[k : k + 2],
+            positions=self.postures.base_position[k : k + 2],
+            rotations=self.postures.base_rotation[k : k + 2],
             kind=self.edges[k].kind if self.edges else STRAIGHT,
             pivot=self.pivots[k],
             branches=(*self.branches[k].tolist(), int(self.branches[k + 1, limb])),

@@ -225,7 +225,8 @@ class SwingFinder:
         for hold in self.holds:
             i, point = hold.limb, hold.point
             found = hold_free(
-                i, solver.flanges[point], solver.tools[point], *line, hold.branch, solver.lengths,
+                i, solver.flanges_in_world[point], solver.flange_axes_in_world[point], *line,
+                hold.branch, solver.lengths,
                 solver.mount_rotations[i], solver.mount_positions[i], a[1:], b[1:], *mount, shapes,
                 hand, fixed, world, clearance, inside, BOTH,
             )  # fmt: skip

@@ -120,11 +120,14 @@ def branch_angles_at(
     Returns:
         One row a branch, shape (8, 6) [rad], and a bit mask of the branches.
     """
-    robot, rotation = solver.robot, posture.rotation[0]
+    robot, rotation = solver.robot, posture.base_rotation[0]
     mount = rotation @ robot.mount_rotations[limb]
-    origin = posture.position[0] + rotation @ robot.mount_positions[limb]
+    origin = posture.base_position[0] + rotation @ robot.mount_positions[limb]
     out = np.full((8, 6), np.nan)
-    place, turn = mount.T @ (solver.flanges[point] - origin), mount.T @ solver.tools[point]
+    place, turn = (
+        mount.T @ (solver.flanges_in_world[point] - origin),
+        mount.T @ solver.flange_axes_in_world[point],
+    )
     return out, inverse_kinematics(place, np.ascontiguousarray(turn), robot.limb.lengths, out)
 
 
@@ -138,15 +141,15 @@ def given_pose_fault(
     robot, ids = solver.robot, solver.grasp_map.ids
     w = np.empty((1, robot.limbs, 4))
     choices_along(
-        np.array([points]), solver.points, solver.normals, robot.tool_length, posture.position,
-        posture.rotation,
+        np.array([points]), solver.points, solver.normals, robot.tool_length, posture.base_position,
+        posture.base_rotation,
         solver.mount_rotations, solver.mount_positions, solver.lengths, robot.characteristic_length,
         np.empty((1, robot.limbs, 3)), np.empty((1, robot.limbs, 3)), w,
     )  # fmt: skip
     for limb, point in enumerate(points):
         if not w[0, limb].any():
             return f"limb {limb} does not reach point {ids[point]!r} from this base pose"
-    free = solver.at(points, posture.position[0], posture.rotation[0], collisions=False)
+    free = solver.at(points, posture.base_position[0], posture.base_rotation[0], collisions=False)
     if not free.w_b[0] > 0.0:
         return (
             "at this base pose every combination of branches is singular or penetrates the robot "
@@ -175,8 +178,8 @@ def _closest(
     joints = np.full((robot.limbs, 6), np.nan)
     for limb, point in enumerate(points):
         joints[limb] = branch_angles_at(solver, limb, point, posture)[0][posture.branch[0, limb]]
-    quaternion = Rotation.from_matrix(posture.rotation[0]).as_quat(scalar_first=True)
+    quaternion = Rotation.from_matrix(posture.base_rotation[0]).as_quat(scalar_first=True)
     boxes = (*solver.grasp_map.boxes, *obstacles)
     grasps = [(i, solver.points[p], solver.normals[p]) for i, p in enumerate(points)]
-    here = (posture.position[0], quaternion, joints)
+    here = (posture.base_position[0], quaternion, joints)
     return contacts(robot, boxes, here, solver.settings.clearance, grasps)

@@ -57,8 +57,8 @@ class Postures:
     """Postures of k stances.
 
     Attributes:
-        position: Base positions in the world [m], shape (k, 3).
-        rotation: Base rotations in the world, shape (k, 3, 3).
+        base_position: Base positions in the world [m], shape (k, 3).
+        base_rotation: Base rotations in the world, shape (k, 3, 3).
         w_m: Limb manipulability, shape (k, N); 0 where the stance cannot be held.
         w_b: Base manipulability, shape (k,).
         branch: Branch of each limb that gives the margin, shape (k, N).
@@ -67,8 +67,8 @@ class Postures:
             shape (k,); one of the causes in `distances`.
     """
 
-    position: Array
-    rotation: Array
+    base_position: Array
+    base_rotation: Array
     w_m: Array
     w_b: Array
     branch: IntArray
@@ -136,8 +136,8 @@ class PostureSolver:
         self.mount_positions = robot.mount_positions
         self.lengths = robot.limb.lengths
         self.limits, self.full_turn = robot.limb.limits, robot.full_turn
-        self.tools = tool_rotations(grasp_map)
-        self.flanges: Array = grasp_map.positions + robot.tool_length * grasp_map.normals
+        self.flange_axes_in_world = tool_rotations(grasp_map)
+        self.flanges_in_world: Array = grasp_map.positions + robot.tool_length * grasp_map.normals
         self.points = grasp_map.positions.copy()
         self.normals = np.ascontiguousarray(grasp_map.normals)
         self.rails = np.ascontiguousarray(grasp_map.rotations[:, :, 0])
@@ -176,9 +176,9 @@ class PostureSolver:
         local = self._solved.take(where[inverse])
         frames = self.grasp_map.rotations[stances[:, 0]]
         postures = Postures(
-            position=self.grasp_map.positions[stances[:, 0]]
-            + np.einsum("kij,kj->ki", frames, local.position),
-            rotation=frames @ local.rotation,
+            base_position=self.grasp_map.positions[stances[:, 0]]
+            + np.einsum("kij,kj->ki", frames, local.base_position),
+            base_rotation=frames @ local.base_rotation,
             w_m=local.w_m,
             w_b=local.w_b,
             branch=local.branch,
@@ -202,7 +202,7 @@ class PostureSolver:
         in_parallel(
             len(nodes), clear_of_world, nodes, stances, self.points, self.normals,
             self.robot.tool_length,
-            postures.position, postures.rotation, postures.branch, postures.mask,
+            postures.base_position, postures.base_rotation, postures.branch, postures.mask,
             self.settings.transitions,
             self.mount_rotations, self.mount_positions, self.lengths, self.collision_model.arrays,
             postures.cause,
@@ -223,12 +223,12 @@ class PostureSolver:
         postures.mask[again] = 0
         for name in FIELDS:
             getattr(postures, name)[again[better]] = getattr(new, name)[better]
-        postures.position[again[better]] += centres[better]
+        postures.base_position[again[better]] += centres[better]
 
     def _solve_new(self, rows: IntArray) -> None:
         grasps, centroid = grasps_of_geometries(rows, self.robot.limbs)
         out = self._solve_in_place(grasps, self._alone, avoid=False)
-        out.position[:] += centroid
+        out.base_position[:] += centroid
         self._solved.append(out)
 
     def _scales(self) -> tuple[float, float]:
@@ -279,7 +279,7 @@ class PostureSolver:
             avoid=collisions,
             collisions=collisions,
         )
-        out.position[:], out.rotation[:] = position, rotation
+        out.base_position[:], out.base_rotation[:] = position, rotation
         if collisions and self.point_cause[held].any():
             out.mask[:] = 0
         return out
@@ -338,7 +338,7 @@ class PostureSolver:
             *candidates[1:], *self._scales(), *thresholds, settings.path_floor,
             least * (1.0 - 3.0 * TIE), avoid,
             settings.transitions, collisions, held.centres, model.arrays,
-            out.position, out.rotation, out.w_m, out.w_b, out.branch, out.mask, out.cause,
+            out.base_position, out.base_rotation, out.w_m, out.w_b, out.branch, out.mask, out.cause,
         )  # fmt: skip
         return out
 

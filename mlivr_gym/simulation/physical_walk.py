@@ -207,7 +207,8 @@ class PhysicalWalk:
         )
         limb, branches = candidate.limb, [_branch(mask) for mask in state.masks]
         regrasp = Regrasp(
-            limb, state.stance, after[limb], postures.position, postures.rotation, edge.kind,
+            limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
+            edge.kind,
             candidate.pivot, (*branches, branches[limb]), self.joints, self.joints[limb],
             UNCHECKED_KNOTS,
         )  # fmt: skip

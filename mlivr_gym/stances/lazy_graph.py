@@ -35,7 +35,11 @@ class LazyGraph(StanceGraph):
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
         """On which branches a limb can be released at a stance, worked out once."""
-        key = (stance, posture.position[0].tobytes() + posture.rotation[0].tobytes(), limb)
+        key = (
+            stance,
+            posture.base_position[0].tobytes() + posture.base_rotation[0].tobytes(),
+            limb,
+        )
         if key not in self._released:
             self._released[key] = super().released(stance, posture, limb)
         return self._released[key]

@@ -30,7 +30,7 @@ class Place(NamedTuple):
 
     ids: tuple[str, ...]
     """Point id of each limb."""
-    position: tuple[float, ...]
+    base_in_world: tuple[float, ...]
     """Base position x, y, z in the world [m]."""
     quaternion: Array
     """Base orientation in the world w, x, y, z, shape (4,)."""
@@ -60,8 +60,8 @@ class Moves(Protocol):
 
 
 def _place(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> Place:
-    position = tuple(posture.position[0].tolist())
-    turn = quaternion(posture.rotation[0])
+    position = tuple(posture.base_position[0].tolist())
+    turn = quaternion(posture.base_rotation[0])
     return Place(graph.ids(stance), position, turn, posture.w_m[0], float(posture.w_b[0]))
 
 

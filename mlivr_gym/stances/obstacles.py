@@ -111,7 +111,7 @@ class ObstacleChecks(StepChecks):
         solver, collision_model = self.solver, self.obstacle_model.arrays
         in_parallel(
             len(chosen), clear_of_world, chosen, points, solver.points, solver.normals,
-            self.robot.tool_length, postures.position, postures.rotation, postures.branch,
+            self.robot.tool_length, postures.base_position, postures.base_rotation, postures.branch,
             postures.mask, True, solver.mount_rotations, solver.mount_positions, solver.lengths,
             collision_model, np.zeros(len(points), dtype=np.int64),
         )  # fmt: skip

@@ -70,8 +70,8 @@ class PairGraph(StanceGraph):
 
     Attributes:
         points: Point indices of each stance, shape (n, 2), in lexical order.
-        position: Base positions [m], shape (n, 3).
-        rotation: Base rotations, shape (n, 3, 3).
+        base_in_world: Base positions [m], shape (n, 3).
+        base_axes_in_world: Base rotations, the axes in columns, shape (n, 3, 3).
         w_m: Limb manipulability, shape (n, 2).
         w_b: Base manipulability, shape (n,).
         mask: Branches and flips each limb may hold on, shape (n, 2).
@@ -107,12 +107,12 @@ class PairGraph(StanceGraph):
         self.no_departure = int((stuck & (postures.w_m >= self.limb_threshold).all(axis=1)).sum())
         self.points = np.ascontiguousarray(self.pairs[node])
         chosen = postures.take(node)
-        self.position, self.rotation = chosen.position, chosen.rotation
+        self.base_in_world, self.base_axes_in_world = chosen.base_position, chosen.base_rotation
         self.w_m, self.w_b = chosen.w_m, chosen.w_b
         self.branch, self.mask = chosen.branch, chosen.mask
         n, m = len(self.points), len(grasp_map)
         self.rows, self.row_start, self.degree, self.offset, self.local = rows_of(self.points, m)
-        self.row_position: Array = self.position[self.rows]
+        self.row_position: Array = self.base_in_world[self.rows]
         """Base positions in the order of `rows` [m], shape (2, n, 3)."""
         self.table = np.zeros(
             int((self.degree**2).sum()) if settings.transitions else 1, dtype=np.int64
@@ -150,10 +150,12 @@ class PairGraph(StanceGraph):
                     np.flatnonzero(touching), self.points, self.node_postures(slice(None))
                 )
         return (
-            self.points, self.local, self.degree, self.offset, self.table, self.position,
-            self.rotation, self.mask,
-            solver.mount_rotations, solver.mount_positions, solver.lengths, self.solver.flanges,
-            solver.tools, solver.points, settings.path_floor * robot.characteristic_length**3,
+            self.points, self.local, self.degree, self.offset, self.table, self.base_in_world,
+            self.base_axes_in_world, self.mask,
+            solver.mount_rotations, solver.mount_positions, solver.lengths,
+            self.solver.flanges_in_world,
+            solver.flange_axes_in_world, solver.points,
+            settings.path_floor * robot.characteristic_length**3,
             solver.limits, solver.full_turn,
             (
                 settings.collisions, ready, released, solver.normals, solver.rails,
@@ -172,7 +174,7 @@ class PairGraph(StanceGraph):
         within = np.zeros(len(self), dtype=np.bool_)
         for box in self.obstacles:
             low, high = box.bounds
-            away = self.position - np.clip(self.position, low, high)
+            away = self.base_in_world - np.clip(self.base_in_world, low, high)
             within |= np.einsum("ij,ij->i", away, away) <= reach**2
         return within
 
@@ -239,9 +241,9 @@ class PairGraph(StanceGraph):
 
     def node_postures(self, chosen: slice | IntArray) -> Postures:
         """Postures of stances given by index."""
-        position = self.position[chosen]
+        position = self.base_in_world[chosen]
         return Postures(
-            position, self.rotation[chosen], self.w_m[chosen], self.w_b[chosen],
+            position, self.base_axes_in_world[chosen], self.w_m[chosen], self.w_b[chosen],
             self.branch[chosen], self.mask[chosen], np.zeros(len(position), dtype=np.int64),
         )  # fmt: skip
 
@@ -258,8 +260,8 @@ class PairGraph(StanceGraph):
         s = self.find((stance[0], stance[1]))
         same = (
             s >= 0
-            and (posture.position[k] == self.position[s]).all()
-            and (posture.rotation[k] == self.rotation[s]).all()
+            and (posture.base_position[k] == self.base_in_world[s]).all()
+            and (posture.base_rotation[k] == self.base_axes_in_world[s]).all()
         )
         return s if same else -1
 
@@ -366,14 +368,16 @@ class PairGraph(StanceGraph):
             limb, stance, masks, self.edges,
         )  # fmt: skip
         limb, stance = limb[:count], stance[:count]
-        return Successors(limb, self.points[stance, limb], self.position[stance], masks[:count])
+        return Successors(
+            limb, self.points[stance, limb], self.base_in_world[stance], masks[:count]
+        )
 
     @cached_property
     def max_step(self) -> float:
         """Largest base displacement of one step [m], over all pairs of stances of a row."""
         out = np.zeros(len(self.grasp_map))
         for held in range(2):
-            longest_step(0, len(out), held, self.rows, self.row_start, self.position, out)
+            longest_step(0, len(out), held, self.rows, self.row_start, self.base_in_world, out)
         return max(float(np.sqrt(out.max())), 1e-9)
 
     @cached_property

@@ -143,8 +143,8 @@ class StanceGraph(ObstacleChecks):
         """A base pose as `state` takes it, None if it is that of the stance's posture."""
         posture = self.posture(self.indices(stance))
         off = (
-            np.abs(posture.position[0] - position).max(),
-            np.abs(posture.rotation[0] - rotation_of((0, 0, 0, *quaternion))).max(),
+            np.abs(posture.base_position[0] - position).max(),
+            np.abs(posture.base_rotation[0] - rotation_of((0, 0, 0, *quaternion))).max(),
         )
         return None if max(off) < 1e-9 else given_pose((position, quaternion))
 
@@ -224,13 +224,14 @@ class StanceGraph(ObstacleChecks):
             [rad], shape (N, 6).
         """
         posture = self.posture_of(state)
-        here = (posture.position[0], posture.rotation[0])
+        here = (posture.base_position[0], posture.base_rotation[0])
         joints = np.full((self.limbs, 6), np.nan)
         for i, point in enumerate(state.stance):
             bit = (state.masks[i] & -state.masks[i]).bit_length() - 1
             branch = bit & 7 if self.settings.transitions else int(posture.branch[0, i])
             follow(
-                self.solver.flanges[point], self.solver.tools[point], *here, *here, STRAIGHT,
+                self.solver.flanges_in_world[point], self.solver.flange_axes_in_world[point], *here,
+                *here, STRAIGHT,
                 here[0], self.solver.mount_rotations[i], self.solver.mount_positions[i],
                 self.solver.lengths, branch, 0, joints[i], np.full(6, np.nan), np.full(6, np.inf),
                 np.full(6, -np.inf),
@@ -282,7 +283,7 @@ class StanceGraph(ObstacleChecks):
                 masks.append(after.masks)
         chosen = np.array(kept, dtype=np.int64)
         rows = np.array(masks, dtype=np.int64).reshape(-1, self.limbs)
-        return Successors(limb[chosen], point[chosen], postures.position[chosen], rows)
+        return Successors(limb[chosen], point[chosen], postures.base_position[chosen], rows)
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
         """The state after the step to a neighbouring stance, None if there is no such step."""

@@ -46,7 +46,7 @@ class StepTables(NamedTuple):
 
     points: NDArray[np.int32]
     """Point that each limb of a stance holds, shape (n, 2)."""
-    position: Array
+    base_in_world: Array
     """Base positions [m], shape (n, 3)."""
     masks: NDArray[np.int32]
     """Branches and flips each limb of a stance may hold on, shape (n, 2)."""
@@ -82,7 +82,7 @@ class StepTables(NamedTuple):
         both = self.releasable[after].astype(np.int64)
         both[np.arange(count), 1 - moving] = kept
         return Successors(
-            moving, self.points[after, moving].astype(np.int64), self.position[after], both
+            moving, self.points[after, moving].astype(np.int64), self.base_in_world[after], both
         )
 
 
@@ -169,7 +169,7 @@ def step_tables(
     released = graph.releasable if check else graph.mask
     masks, releasable = ((mask & BRANCH_BITS).astype(np.int32) for mask in (graph.mask, released))
     return StepTables(
-        graph.points.astype(np.int32), graph.position, masks, releasable, start, after, kept
+        graph.points.astype(np.int32), graph.base_in_world, masks, releasable, start, after, kept
     )
 
 

@@ -97,7 +97,7 @@ def legal_positions(
                     if can_release(kept, tables.releasable[s2, 1 - moving]):
                         releasable_after[k, moving, point] = 1
                     for axis in range(3):
-                        position[k, moving, point, axis] = tables.position[s2, axis]
+                        position[k, moving, point, axis] = tables.base_in_world[s2, axis]
 
 
 @kernel

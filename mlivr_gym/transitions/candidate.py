@@ -45,5 +45,5 @@ class Candidate(NamedTuple):
 
     def path(self, kind: int) -> tuple[Any, ...]:
         """The base path between the postures as the kernels take it."""
-        p, r = self.posture.position, self.posture.rotation
+        p, r = self.posture.base_position, self.posture.base_rotation
         return (p[0], r[0], p[1], r[1], kind, self.pivot)

@@ -38,7 +38,7 @@ class Successors(NamedTuple):
     """Limb that moves, shape (k,)."""
     point: IntArray
     """Point it moves to, shape (k,)."""
-    position: Array
+    base_in_world: Array
     """Base position after the step [m], shape (k, 3)."""
     masks: IntArray
     """Masks of all limbs after the step, shape (k, N)."""
@@ -59,7 +59,9 @@ class Successors(NamedTuple):
 
     def take(self, kept: IntArray) -> Successors:
         """Some of the steps, by index or truth value."""
-        return Successors(self.limb[kept], self.point[kept], self.position[kept], self.masks[kept])
+        return Successors(
+            self.limb[kept], self.point[kept], self.base_in_world[kept], self.masks[kept]
+        )
 
 
 def moving_limb(before: tuple[int, ...], after: tuple[int, ...]) -> int:

@@ -209,8 +209,8 @@ class StepChecks(ABC):
         """On which branches a limb can be released at a stance, 0 if on none; see `release`."""
         solver, robot, limbs = self.solver, self.robot, self.limbs
         here = (
-            np.ascontiguousarray(posture.position[0]),
-            np.ascontiguousarray(posture.rotation[0]),
+            np.ascontiguousarray(posture.base_position[0]),
+            np.ascontiguousarray(posture.base_rotation[0]),
         )
         mounts = (solver.mount_rotations, solver.mount_positions, solver.lengths)
         answer, wanted, point = -1, int(posture.mask[0, limb]), stance[limb]
@@ -336,7 +336,8 @@ class StepChecks(ABC):
                 point = step.after[i]
                 kept[i] = int(
                     holding(
-                        i, mask, solver.flanges[point], solver.tools[point], path, step.limb,
+                        i, mask, solver.flanges_in_world[point], solver.flange_axes_in_world[point],
+                        path, step.limb,
                         *swing, *self._mounts, collision_model, inside, parts,
                     )
                 )  # fmt: skip
@@ -345,8 +346,10 @@ class StepChecks(ABC):
             for i, j in combinations(kept, 2) if inside and parts & STANDING else ():
                 a, b = step.after[i], step.after[j]
                 first, second = both_apart(
-                    i, j, kept[i], kept[j], solver.flanges[a], solver.tools[a],
-                    solver.flanges[b], solver.tools[b], path, *self._mounts, collision_model,
+                    i, j, kept[i], kept[j], solver.flanges_in_world[a],
+                    solver.flange_axes_in_world[a],
+                    solver.flanges_in_world[b], solver.flange_axes_in_world[b], path, *self._mounts,
+                    collision_model,
                 )  # fmt: skip
                 kept[i], kept[j] = int(first), int(second)
                 if not (first and second):
@@ -360,7 +363,8 @@ class StepChecks(ABC):
         floor = self.settings.path_floor * self.robot.characteristic_length**3
         return int(
             hold_mask(
-                kind, pivot, solver.flanges[point], solver.tools[point], t0, r0, t1, r1,
+                kind, pivot, solver.flanges_in_world[point], solver.flange_axes_in_world[point], t0,
+                r0, t1, r1,
                 solver.mount_rotations[limb], solver.mount_positions[limb], solver.lengths,
                 floor, solver.limits, solver.full_turn, mask,
             )

@@ -34,7 +34,7 @@ def test_features_are_positions_seen_from_the_robot(env):
     env.reset(seed=0)
     seen = {name: rows[0].astype(float) for name, rows in env_features(env).items()}
     posture, grasp_map = env.graph.posture(env.state.stance), env.graph.grasp_map
-    base, rotation = posture.position[0], posture.rotation[0]
+    base, rotation = posture.base_position[0], posture.base_rotation[0]
     np.testing.assert_allclose(
         seen["points"][:, :3] @ rotation.T + base, grasp_map.positions, atol=1e-5
     )
@@ -45,7 +45,7 @@ def test_features_are_positions_seen_from_the_robot(env):
     assert [int(row.argmax()) for row in seen["limbs"][:, :, 0]] == list(env.state.stance)
     np.testing.assert_array_equal(seen["limbs"][:, :, 1].ravel() > 0, env.action_masks())
     steps = env.successors()
-    for limb, point, position in zip(steps.limb, steps.point, steps.position, strict=True):
+    for limb, point, position in zip(steps.limb, steps.point, steps.base_in_world, strict=True):
         np.testing.assert_allclose(
             rotation @ seen["limbs"][limb, point, 2:5] + base, position, atol=1e-5
         )
@@ -71,7 +71,7 @@ def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
     """After one step any stance with the point, then any that keeps the point of the other limb."""
     graph, goal = env.graph, np.array([1.5, 0.0, 0.0])
     reach, held = reach_of_points(graph, goal), (graph.mask > 0).all(axis=1)
-    distance = np.linalg.norm(graph.position - goal, axis=1)
+    distance = np.linalg.norm(graph.base_in_world - goal, axis=1)
     for limb in range(2):
         for point in range(0, len(graph.grasp_map), 3):
             stances, kept = held & (graph.points[:, limb] == point), limb

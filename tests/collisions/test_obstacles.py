@@ -114,12 +114,12 @@ def test_a_sampled_line_is_clear_and_reproducible(checked_graph):
     graph = checked_graph
     s = graph.find(graph.indices(START))
     path = (
-        graph.position[s],
-        graph.rotation[s],
-        graph.position[s],
-        graph.rotation[s],
+        graph.base_in_world[s],
+        graph.base_axes_in_world[s],
+        graph.base_in_world[s],
+        graph.base_axes_in_world[s],
         STRAIGHT,
-        graph.position[s],
+        graph.base_in_world[s],
     )
     finder = SwingFinder(graph, 0, path, [])
     start, end = (np.array([0.0, *fold, 0.0]) for fold in graph.robot.folds[:2])

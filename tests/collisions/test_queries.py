@@ -50,7 +50,12 @@ def test_a_thin_rod_in_the_notch_keeps_stances_away(small_checked_graph):
         s, limb = int(rng.integers(len(graph))), int(rng.integers(2))
         here, mask = configuration(graph, s, rng)
         place, axes = notch(limb, rng.uniform(-np.pi, np.pi))
-        box = rod(here[0] + graph.rotation[s] @ place, graph.rotation[s] @ axes, 0.001, 0.01)
+        box = rod(
+            here[0] + graph.base_axes_in_world[s] @ place,
+            graph.base_axes_in_world[s] @ axes,
+            0.001,
+            0.01,
+        )
         close = [entry for entry in ruler.among([box]).measured(here) if entry[0] < CLEARANCE]
         if [name for _, name, _ in close] != [f"limb{limb}/base/0"]:
             continue
@@ -71,7 +76,9 @@ def test_stances_among_random_rods_keep_their_clearance(small_checked_graph):
         here, mask = configuration(graph, s, rng)
         out = rng.normal(size=3) * (0.4, 1.0, 1.0)
         out *= rng.uniform(0.05, 0.12) / np.linalg.norm(out)
-        out = graph.rotation[s] @ (out + rng.choice((-0.19, 0.19)) * np.array([1.0, 0.0, 0.0]))
+        out = graph.base_axes_in_world[s] @ (
+            out + rng.choice((-0.19, 0.19)) * np.array([1.0, 0.0, 0.0])
+        )
         turn = Rotation.random(rng=rng).as_matrix()
         box = rod(here[0] + out, turn, rng.uniform(0.006, 0.04), rng.uniform(0.02, 0.1))
         close = [entry for entry in ruler.among([box]).measured(here) if entry[0] < CLEARANCE]
@@ -104,7 +111,7 @@ def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):
     robot = replace(ROBOT, name="mast", capsules=(*ROBOT.shapes, mast))
     graph, rng = stance_graph(ladder, robot), np.random.default_rng(3)
     here, _ = configuration(graph, 0, rng)
-    tip = here[0] + graph.rotation[0] @ (
+    tip = here[0] + graph.base_axes_in_world[0] @ (
         robot.mount_positions[0] + robot.mount_rotations[0] @ np.array([2.45, 0.0, 0.05])
     )  # fmt: skip
     with obstacles(graph, rod(tip, np.eye(3), 0.01, 0.01)):
@@ -122,7 +129,7 @@ def moving_base(graph, rng):
         row = graph.row(held, s0)
         s1 = int(rng.choice(row))
         masks = graph.edge_masks(held, s0, np.array([s1]))
-        if not masks[0] or np.linalg.norm(graph.position[s1] - graph.position[s0]) < 0.15:
+        if not masks[0] or np.linalg.norm(graph.base_in_world[s1] - graph.base_in_world[s0]) < 0.15:
             continue
         stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
         masks_held = [0xFFFF, 0xFFFF]
@@ -131,10 +138,10 @@ def moving_base(graph, rng):
         edge = graph.edge(state, stances[1], graph.node_postures(np.array([s0, s1])))
         if edge.kind == STRAIGHT and edge.fold >= 0:
             path = (
-                graph.position[s0],
-                graph.rotation[s0],
-                graph.position[s1],
-                graph.rotation[s1],
+                graph.base_in_world[s0],
+                graph.base_axes_in_world[s0],
+                graph.base_in_world[s1],
+                graph.base_axes_in_world[s1],
                 STRAIGHT,
                 np.zeros(3),
             )

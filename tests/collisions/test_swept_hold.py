@@ -121,11 +121,11 @@ def both_hold(graph, rng):
     """
     while True:
         s = int(rng.integers(len(graph)))
-        points, turn = graph.points[s].tolist(), graph.rotation[s]
+        points, turn = graph.points[s].tolist(), graph.base_axes_in_world[s]
         path = (
-            graph.position[s],
+            graph.base_in_world[s],
             turn,
-            graph.position[s] + 0.08 * draw(rng),
+            graph.base_in_world[s] + 0.08 * draw(rng),
             turn,
             STRAIGHT,
             np.zeros(3),
@@ -140,7 +140,10 @@ def both_hold(graph, rng):
 
 def apart_answer(graph, branches, path, points, offset=(0.0, 0.0, 0.0)):
     """`holds_apart`, the second limb's mount and grip shifted by an offset in the body frame."""
-    grips, tools = graph.solver.flanges[points].copy(), graph.solver.tools[points]
+    grips, tools = (
+        graph.solver.flanges_in_world[points].copy(),
+        graph.solver.flange_axes_in_world[points],
+    )
     grips[1] += path[1] @ offset
     places = MOUNTS[1].copy()
     places[1] += offset

@@ -121,7 +121,10 @@ class Departure:
             bits[0] & 7,
             grasps_of(graph, enumerate(stance)),
         )
-        self.pose, self.at = [np.empty(3) for _ in range(4)], (graph.position[s], graph.rotation[s])
+        self.pose, self.at = (
+            [np.empty(3) for _ in range(4)],
+            (graph.base_in_world[s], graph.base_axes_in_world[s]),
+        )
         mount = MOUNTS[0][0], MOUNTS[1][0]
         flange_at(
             *self.grasps[0][1:],

@@ -45,7 +45,7 @@ def test_an_environment_of_objects_is_made_again_from_json(small_map):
     assert theirs._walk.physics == physics
     assert again.spec == env.spec
     assert type(env.spec.kwargs["map"]) is dict
-    np.testing.assert_array_equal(theirs.graph.position, ours.graph.position)
+    np.testing.assert_array_equal(theirs.graph.base_in_world, ours.graph.base_in_world)
     assert again.reset(seed=4)[1]["stance"] == env.reset(seed=4)[1]["stance"]
 
 

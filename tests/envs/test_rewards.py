@@ -109,7 +109,9 @@ def test_a_failed_grasp_costs_both_displacements_and_keeps_the_branches_that_wen
         _, reward, terminated, _, after = env.step(limb * len(small_map) + point)
         if not after["grasp_failed"]:
             continue
-        there = np.linalg.norm(steps.position[k] - graph.posture(state.stance).position[0])
+        there = np.linalg.norm(
+            steps.base_in_world[k] - graph.posture(state.stance).base_position[0]
+        )
         assert reward == pytest.approx(-2.0 * there)
         assert after["base_translation"] == pytest.approx(2.0 * there)
         assert after["stance"] == info["stance"]

@@ -92,7 +92,7 @@ def test_what_reset_is_given_is_not_drawn(small_map, shuttle):
     env = MlivrEnv(map=small_map, collisions=False, tasks=shuttle)
     copies = MlivrVectorEnv(2, env=env)
     env.reset(seed=0)
-    start, goal = env.state, env.graph.posture(env.state.stance).position[0]
+    start, goal = env.state, env.graph.posture(env.state.stance).base_position[0]
     env.reset(seed=1, options={"start": start.stance})
     assert shuttle.given[-1][1] == start
     assert env.state == start

@@ -25,14 +25,18 @@ def stance_after(state, limb, point):
 def random_query(graph, rng):
     """A stance, and a goal: the base of another, or now and then any place among them."""
     start, other = (int(s) for s in rng.integers(0, len(graph), 2))
-    anywhere = rng.uniform(graph.position.min(axis=0), graph.position.max(axis=0))
-    goal = anywhere if rng.random() < 0.05 else graph.position[other]
+    anywhere = rng.uniform(graph.base_in_world.min(axis=0), graph.base_in_world.max(axis=0))
+    goal = anywhere if rng.random() < 0.05 else graph.base_in_world[other]
     return graph.points[start].tolist(), np.clip(goal, *graph.grasp_map.cabin)
 
 
 def reachable(graph, start, cost):
     """All states that steps lead to from a start as a networkx graph, and their base positions."""
-    out, positions, rest = nx.DiGraph(), {start: graph.posture(start.stance).position[0]}, [start]
+    out, positions, rest = (
+        nx.DiGraph(),
+        {start: graph.posture(start.stance).base_position[0]},
+        [start],
+    )
     out.add_node(start)
     while rest:
         state = rest.pop()
@@ -58,7 +62,7 @@ def least_cost(truth, positions, start, goal, tolerance=0.2):
 
 def compiled_cost(graph, start, goal, cost):
     """Cost that the compiled search finds, inf if it finds none."""
-    away = np.linalg.norm(graph.position - goal, axis=1)
+    away = np.linalg.norm(graph.base_in_world - goal, axis=1)
     h = cost.heuristic("consistent", away, 0.2, graph.max_step)
     status, *_, costs = search(
         np.array([[graph.find(start), 2, 0]]), np.zeros(1), away <= 0.2, h, cost.base_weight,
@@ -181,7 +185,7 @@ def test_three_limbs_cost_what_the_other_search_finds(small_map, name, price):
     stances = [s.tolist() for s in stances if pdist(graph.grasp_map.positions[s]).min() > 0.1]
     several = 0
     for start, end in list(pairwise(stances))[:10]:
-        goal = np.clip(graph.posture(end).position[0], *small_map.cabin)
+        goal = np.clip(graph.posture(end).base_position[0], *small_map.cabin)
         how = {"regrasp_price": price, "heuristic": "consistent"}
         ours = planner.plan(start, goal, name, method="algorithm1", **how)
         other = planner.plan(start, goal, name, inflation=1.0, **how)

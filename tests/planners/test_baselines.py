@@ -26,7 +26,7 @@ def test_baselines_walk_possible_steps(env, method):
             steps = env.graph.successors(before)
             k = int(np.flatnonzero((steps.limb == limb) & (steps.point == point))[0])
             assert tuple(steps.masks[k].tolist()) == after.masks
-        last = env.graph.posture(walk.states[-1].stance).position[0]
+        last = env.graph.posture(walk.states[-1].stance).base_position[0]
         assert walk.reached == (math.dist(last, env.goal) <= 0.2)
         stuck = not len(env.graph.successors(walk.states[-1]).limb)
         assert walk.reached or method != "random" or stuck or len(walk.actions) == 30
@@ -68,7 +68,7 @@ def test_local_choice_does_not_go_back(env):
     rng, longest = np.random.default_rng(0), 0
     for _ in range(20):
         first, last = random_state(env.graph, rng), random_state(env.graph, rng)
-        goal = env.graph.posture(last.stance).position[0]
+        goal = env.graph.posture(last.stance).base_position[0]
         walk = find_walk("local", env.moves, first, goal, longest=40)
         stances = [state.stance for state in walk.states]
         assert len(set(stances)) == len(stances)

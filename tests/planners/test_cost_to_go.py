@@ -20,7 +20,11 @@ def test_the_table_is_an_expert(graph, weight):
             total += weight(
                 cost,
                 None,
-                float(np.linalg.norm(steps.position[k] - graph.posture(state.stance).position[0])),
+                float(
+                    np.linalg.norm(
+                        steps.base_in_world[k] - graph.posture(state.stance).base_position[0]
+                    )
+                ),
             )
             stance = list(state.stance)
             stance[steps.limb[k]] = int(steps.point[k])

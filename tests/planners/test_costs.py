@@ -11,7 +11,7 @@ from mlivr_gym.planners.costs import Cost
 
 def test_heuristics_never_overestimate_and_the_papers_does(graph, weight):
     goal = np.array([6.0, 0.0, 0.42])
-    distance = np.linalg.norm(graph.position - goal, axis=1)
+    distance = np.linalg.norm(graph.base_in_world - goal, axis=1)
     over = 0
     for name in ("base", "steps"):
         truth = Planner(graph).cost_to_go(goal, name).values
@@ -21,7 +21,9 @@ def test_heuristics_never_overestimate_and_the_papers_does(graph, weight):
         for s in steps:
             for t in graph.row(0, s):
                 edge = weight(
-                    name, None, float(np.linalg.norm(graph.position[s] - graph.position[t]))
+                    name,
+                    None,
+                    float(np.linalg.norm(graph.base_in_world[s] - graph.base_in_world[t])),
                 )
                 assert ours[s] <= edge + ours[t] + 1e-9
         over += (

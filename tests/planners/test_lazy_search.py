@@ -13,7 +13,7 @@ def test_compiled_and_plain_search_agree(small_map, small_graph):
     for cost in ("base", "steps"):
         for _ in range(3):
             s, g = (int(v) for v in rng.integers(0, len(small_graph), 2))
-            goal = np.clip(small_graph.position[g], *small_map.cabin)
+            goal = np.clip(small_graph.base_in_world[g], *small_map.cabin)
             start = small_graph.points[s].tolist()
             a = ours.plan(start, goal, cost).plan
             b = lazy.plan(start, goal, cost, heuristic="consistent", inflation=1.0).plan

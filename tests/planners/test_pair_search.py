@@ -16,7 +16,7 @@ def test_astar_equals_dijkstra_on_the_whole_module(graph, cost, price):
     planner, rng = Planner(graph), np.random.default_rng(2)
     for _ in range(4):
         s, g = (int(v) for v in rng.integers(0, len(graph), 2))
-        goal = np.clip(graph.position[g], *graph.grasp_map.cabin)
+        goal = np.clip(graph.base_in_world[g], *graph.grasp_map.cabin)
         start = graph.points[s].tolist()
         costs = [
             planner.plan(start, goal, cost, regrasp_price=price, **how).unwrap().statistics.cost

@@ -35,7 +35,7 @@ def branch_graph(graph):
             stance = list(state.stance)
             stance[limb] = int(point)
             t, held = graph.find(tuple(stance)), 1 - limb
-            displacement = float(np.linalg.norm(position - graph.position[s]))
+            displacement = float(np.linalg.norm(position - graph.base_in_world[s]))
             kept = [b for b in range(16) if masks[held] >> b & 1]
             old = [b for b in range(16) if state.masks[limb] >> b & 1]
             new = [b for b in range(16) if graph.mask[t, limb] >> b & 1]
@@ -69,8 +69,8 @@ def test_plans_are_optimal_by_exhaustive_search_of_another_library(
     rng = np.random.default_rng(0)
     for _ in range(5):
         s, g = (int(v) for v in rng.integers(0, len(tiny), 2))
-        goal = np.clip(tiny.position[g], *tiny.grasp_map.cabin)
-        goals = {v for v in truth if np.linalg.norm(tiny.position[v[0]] - goal) <= 0.2}
+        goal = np.clip(tiny.base_in_world[g], *tiny.grasp_map.cabin)
+        goals = {v for v in truth if np.linalg.norm(tiny.base_in_world[v[0]] - goal) <= 0.2}
         sources = {v for v in truth if v[0] == s}
         reached = nx.multi_source_dijkstra_path_length(
             truth, sources, weight=lambda _, __, edge: weight(cost, price, edge["displacement"])
@@ -98,15 +98,17 @@ def test_node_only_plans_agree_with_rustworkx(small_map, cost, price, weight):
                     s,
                     t,
                     weight(
-                        cost, price, float(np.linalg.norm(graph.position[s] - graph.position[t]))
+                        cost,
+                        price,
+                        float(np.linalg.norm(graph.base_in_world[s] - graph.base_in_world[t])),
                     ),
                 )
     planner, rng = Planner(graph), np.random.default_rng(1)
     for _ in range(10):
         s, g = (int(v) for v in rng.integers(0, len(graph), 2))
-        goal = np.clip(graph.position[g], *small_map.cabin)
+        goal = np.clip(graph.base_in_world[g], *small_map.cabin)
         reached = rx.dijkstra_shortest_path_lengths(truth, s, float)
-        goals = np.flatnonzero(np.linalg.norm(graph.position - goal, axis=1) <= 0.2)
+        goals = np.flatnonzero(np.linalg.norm(graph.base_in_world - goal, axis=1) <= 0.2)
         expected = (
             0.0 if s in goals else min((reached[t] for t in goals if t in reached), default=np.inf)
         )
@@ -200,7 +202,7 @@ def test_search_exhausted_where_the_only_step_cannot_be_executed(jem, graph):
             keep[[*graph.points[s], *graph.points[t]]] = True
             three = stance_graph(jem.subset(keep, "three"), settings=NO_COLLISIONS)
             result = Planner(three).plan(
-                graph.ids(graph.points[s]), graph.position[t], goal_tolerance=0.01
+                graph.ids(graph.points[s]), graph.base_in_world[t], goal_tolerance=0.01
             )
             reasons.add(result.reason)
             if result.reason == "search exhausted":
@@ -233,7 +235,7 @@ def test_bad_arguments_are_named(graph):
 
 def test_start_inside_the_goal_is_a_plan_without_steps(graph):
     start = graph.state(("D1a:4", "D1b:4"))
-    here = graph.posture(start.stance).position[0]
+    here = graph.posture(start.stance).base_position[0]
     plan = Planner(graph).plan(start.stance, here).unwrap()
     assert plan.steps == ()
     assert plan.statistics.cost == 0.0
@@ -243,8 +245,8 @@ def test_start_inside_the_goal_is_a_plan_without_steps(graph):
 def test_a_plan_on_the_map_of_a_user(ladder):
     graph = stance_graph(ladder, settings=Settings(collisions=False, limb_threshold=0.05))
     assert isinstance(ladder, GraspMap)
-    s, g = 0, int(np.argmax(np.linalg.norm(graph.position - graph.position[0], axis=1)))
-    result = Planner(graph).plan(graph.points[s].tolist(), graph.position[g])
+    s, g = 0, int(np.argmax(np.linalg.norm(graph.base_in_world - graph.base_in_world[0], axis=1)))
+    result = Planner(graph).plan(graph.points[s].tolist(), graph.base_in_world[g])
     assert result.unwrap().world.map_name == "ladder"
 
 

@@ -24,8 +24,8 @@ START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 def moved_pose(graph, stance, shift, turn=(0.0, 0.0, 0.0)):
     """The posture of a stance, shifted [m] and turned [rad] in its axes."""
     posture = graph.posture(graph.indices(stance))
-    rotation = posture.rotation[0] @ Rotation.from_rotvec(turn).as_matrix()
-    position = posture.position[0] + posture.rotation[0] @ np.array(shift)
+    rotation = posture.base_rotation[0] @ Rotation.from_rotvec(turn).as_matrix()
+    position = posture.base_position[0] + posture.base_rotation[0] @ np.array(shift)
     return (*position.tolist(), *Rotation.from_matrix(rotation).as_quat(scalar_first=True).tolist())
 
 
@@ -67,7 +67,7 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(small_map, cost, 
     for s in rng.integers(0, len(graph), 12):
         stance = graph.ids(graph.points[s].tolist())
         pose = moved_pose(graph, stance, rng.uniform(-0.04, 0.04, 3), rng.uniform(-0.05, 0.05, 3))
-        goal = graph.position[rng.integers(len(graph))]
+        goal = graph.base_in_world[rng.integers(len(graph))]
         not_executable.clear()
         result = Planner(graph).plan(stance, goal, cost, start_pose=pose, goal_tolerance=0.1)
         if result.reason == "start infeasible":
@@ -93,12 +93,12 @@ def least_cost(graph, first, goal, cost):
     digraph.add_node(first)
     while todo:
         state = todo.pop()
-        here = graph.posture_of(state).position[0]
+        here = graph.posture_of(state).base_position[0]
         if np.linalg.norm(here - goal) <= 0.1:
             digraph.add_edge(state, "goal", weight=0.0)
         steps = graph.successors(state)
         for limb, point, position, masks in zip(
-            steps.limb.tolist(), steps.point.tolist(), steps.position, steps.masks, strict=True
+            steps.limb.tolist(), steps.point.tolist(), steps.base_in_world, steps.masks, strict=True
         ):
             stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
             after = State(stance, tuple(masks.tolist()))
@@ -188,7 +188,7 @@ def test_three_limbs_start_in_a_given_pose(jem):
             continue
         if len(steps.limb):
             break
-    goal = steps.position[0]
+    goal = steps.base_in_world[0]
     plan = Planner(graph).plan(stance, goal, "base", start_pose=pose, goal_tolerance=0.005).unwrap()
     np.testing.assert_allclose(plan.motion.base_positions[0], pose[:3], atol=1e-12)
     assert plan.statistics.cost == pytest.approx(
@@ -233,7 +233,10 @@ def test_policies_walk_from_a_given_pose_in_the_fewest_steps(small_map, make):
     graph = env.graph
     rng, done = np.random.default_rng(0), 0
     for s in rng.integers(0, len(graph), 20):
-        stance, goal = graph.ids(graph.points[s].tolist()), graph.position[rng.integers(len(graph))]
+        stance, goal = (
+            graph.ids(graph.points[s].tolist()),
+            graph.base_in_world[rng.integers(len(graph))],
+        )
         pose = moved_pose(graph, stance, (0.0, 0.02, 0.02))
         plan = Planner(graph).plan(stance, goal, "steps", start_pose=pose).plan
         if plan is None or not plan.steps:

@@ -32,7 +32,10 @@ def choices(graph, stance, position, rotation):
         mount = rotation @ robot.mount_rotations[i]
         origin = position + rotation @ robot.mount_positions[i]
         q = np.empty((8, 6))
-        p, r = mount.T @ (graph.solver.flanges[point] - origin), mount.T @ graph.solver.tools[point]
+        p, r = (
+            mount.T @ (graph.solver.flanges_in_world[point] - origin),
+            mount.T @ graph.solver.flange_axes_in_world[point],
+        )
         mask, found = inverse_kinematics(p, np.ascontiguousarray(r), robot.limb.lengths, q), []
         for b in range(8):
             if mask >> b & 1:
@@ -105,9 +108,11 @@ def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
         stance = here.points[s]
         (margin, _, pose, labels), tied = chosen_by_definition(here, stance)
         assert min(here.w_m[s].min() / 0.1, here.w_b[s] / 0.001) == pytest.approx(margin, rel=1e-7)
-        np.testing.assert_allclose(here.position[s], pose[0], atol=1e-6)
+        np.testing.assert_allclose(here.base_position[s], pose[0], atol=1e-6)
         np.testing.assert_allclose(
-            here.rotation[s], Rotation.from_quat(pose[1], scalar_first=True).as_matrix(), atol=1e-5
+            here.base_rotation[s],
+            Rotation.from_quat(pose[1], scalar_first=True).as_matrix(),
+            atol=1e-5,
         )
         assert tuple(here.branch[s]) == labels
         ties.append(tied)
@@ -128,7 +133,7 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
         points = checked_graph.points[c]
         s = at[tuple(points.tolist())]
         same = (checked_graph.branch[c] == graph.branch[s]).all() and np.allclose(
-            checked_graph.position[c], graph.position[s], atol=1e-6
+            checked_graph.base_in_world[c], graph.base_in_world[s], atol=1e-6
         )
         grasps = [
             (i, graph.solver.points[p], graph.solver.normals[p]) for i, p in enumerate(points)
@@ -150,7 +155,7 @@ def test_no_posture_penetrates_the_robot_itself_in_the_papers_world(graph):
     for s in rng.integers(0, len(graph), 150):
         configuration = best_configuration(graph, s)
         ends = capsule_ends(robot, shapes, configuration)
-        base = coal.Transform3s(graph.rotation[s], graph.position[s])
+        base = coal.Transform3s(graph.base_axes_in_world[s], graph.base_in_world[s])
         limbs = []
         for i in range(2):
             limbs.append([capsule(*ends[i, c], radius[c]) for c in range(len(shapes))])
@@ -198,9 +203,9 @@ def test_no_side_is_favoured_when_two_limbs_change_places(graph):
         other, centre = at[b, a], grasps.mean(axis=0)
         half = 2.0 * np.outer(graph.grasp_map.normals[a], graph.grasp_map.normals[a]) - np.eye(3)
         np.testing.assert_allclose(
-            graph.position[other], centre + half @ (graph.position[s] - centre), atol=1e-6
+            graph.base_in_world[other], centre + half @ (graph.base_in_world[s] - centre), atol=1e-6
         )
-        away = graph.position[s] - centre
+        away = graph.base_in_world[s] - centre
         leaning += (
             np.linalg.norm(away - away @ graph.grasp_map.normals[a] * graph.grasp_map.normals[a])
             > 1e-3
@@ -216,7 +221,14 @@ def test_the_order_of_the_candidates_shows_in_nothing(small_map):
     for _ in range(100):
         heights, rolls = (tuple(rng.permutation(v).tolist()) for v in (spec.heights, spec.rolls))
         graph = stance_graph(map_, replace(spec, heights=heights, rolls=rolls))
-        arrays = [graph.points, graph.position, graph.rotation, graph.w_m, graph.branch, graph.mask]
+        arrays = [
+            graph.points,
+            graph.base_in_world,
+            graph.base_axes_in_world,
+            graph.w_m,
+            graph.branch,
+            graph.mask,
+        ]
         result = Planner(graph).plan(graph.ids(graph.points[0]), (2.4, 0.0, -0.2), "base")
         steps = result.plan and (
             result.plan.stances,

@@ -19,11 +19,11 @@ def truth(graph, postures, k, stance, branch):
     arm = pinocchio_arm(robot.limb)
     jacobians, grasps, w_m = [], [], []
     for i, point in enumerate(stance):
-        mount = postures.rotation[k] @ robot.mount_rotations[i]
-        origin = postures.position[k] + postures.rotation[k] @ robot.mount_positions[i]
+        mount = postures.base_rotation[k] @ robot.mount_rotations[i]
+        origin = postures.base_position[k] + postures.base_rotation[k] @ robot.mount_positions[i]
         pose = np.eye(4)
-        pose[:3, :3] = mount.T @ graph.solver.tools[point]
-        pose[:3, 3] = mount.T @ (graph.solver.flanges[point] - origin)
+        pose[:3, :3] = mount.T @ graph.solver.flange_axes_in_world[point]
+        pose[:3, 3] = mount.T @ (graph.solver.flanges_in_world[point] - origin)
         from mlivr_gym.kinematics.ur import inverse_kinematics
 
         out = np.empty((8, 6))
@@ -40,7 +40,8 @@ def truth(graph, postures, k, stance, branch):
         jacobian[:3] += np.cross(jacobian[3:].T, tip).T
         jacobians.append(np.kron(np.eye(2), robot.mount_rotations[i]) @ jacobian)
         grasps.append(
-            postures.rotation[k].T @ (graph.grasp_map.positions[point] - postures.position[k])
+            postures.base_rotation[k].T
+            @ (graph.grasp_map.positions[point] - postures.base_position[k])
         )
     return w_m, base_manipulability(
         np.array(jacobians), np.array(grasps), robot.characteristic_length
@@ -106,7 +107,10 @@ def best_margin(graph, stance, position, rotation):
         mount = rotation @ robot.mount_rotations[i]
         origin = position + rotation @ robot.mount_positions[i]
         out = np.empty((8, 6))
-        p, r = mount.T @ (graph.solver.flanges[point] - origin), mount.T @ graph.solver.tools[point]
+        p, r = (
+            mount.T @ (graph.solver.flanges_in_world[point] - origin),
+            mount.T @ graph.solver.flange_axes_in_world[point],
+        )
         mask = inverse_kinematics(p, np.ascontiguousarray(r), robot.limb.lengths, out)
         choices = []
         for b in range(8):
@@ -163,7 +167,7 @@ def test_postures_move_with_the_grasps(seed):
     np.testing.assert_allclose(here.w_m, there.w_m, atol=1e-4)
     same = (here.w_m.min(axis=1) > 0.01) & (here.branch == there.branch).all(axis=1)
     np.testing.assert_allclose(
-        here.position[same] @ turn.T + shift, there.position[same], atol=1e-4
+        here.base_position[same] @ turn.T + shift, there.base_position[same], atol=1e-4
     )
 
 
@@ -197,9 +201,11 @@ def test_body_faces_away_from_a_wall_and_lies_on_the_line_of_the_grasps(graph):
     for s in rng.integers(0, len(graph), 100):
         a, b = graph.points[s]
         normal = graph.grasp_map.normals[[a, b]].mean(axis=0)
-        assert graph.rotation[s][:, 2] @ normal > 0.5
+        assert graph.base_axes_in_world[s][:, 2] @ normal > 0.5
         line = graph.grasp_map.positions[a] - graph.grasp_map.positions[b]
-        np.testing.assert_allclose(graph.rotation[s][:, 0], line / np.linalg.norm(line), atol=1e-6)
+        np.testing.assert_allclose(
+            graph.base_axes_in_world[s][:, 0], line / np.linalg.norm(line), atol=1e-6
+        )
 
 
 def test_stances_between_opposite_walls_have_a_posture(kinematic_graph):

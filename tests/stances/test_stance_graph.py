@@ -98,10 +98,10 @@ def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
         after[steps.limb[k]] = int(steps.point[k])
         postures = join(graph.posture(state.stance), graph.posture(after))
         ends = (
-            postures.position[0],
-            postures.rotation[0],
-            postures.position[1],
-            postures.rotation[1],
+            postures.base_position[0],
+            postures.base_rotation[0],
+            postures.base_position[1],
+            postures.base_rotation[1],
         )
         held = [p for i, p in enumerate(after) if i != steps.limb[k]]
         pivot = graph.grasp_map.positions[held].mean(axis=0)
@@ -118,9 +118,9 @@ def keeps_branch(graph, limb, point, branch, positions, rotations):
     for position, rotation in zip(positions, rotations, strict=True):
         mount = rotation @ robot.mount_rotations[limb]
         p = mount.T @ (
-            graph.solver.flanges[point] - position - rotation @ robot.mount_positions[limb]
+            graph.solver.flanges_in_world[point] - position - rotation @ robot.mount_positions[limb]
         )
-        tool = np.ascontiguousarray(mount.T @ graph.solver.tools[point])
+        tool = np.ascontiguousarray(mount.T @ graph.solver.flange_axes_in_world[point])
         if not inverse_kinematics(p, tool, robot.limb.lengths, q) >> branch & 1:
             return False
         if abs(np.linalg.det(jacobian(q[branch], robot.limb.lengths))) / 0.87**3 < 0.03 - 1e-9:
@@ -153,10 +153,14 @@ def test_max_step_bounds_every_step(graph, jem):
     longest = 0.0
     for s in np.random.default_rng(3).integers(0, len(graph), 200):
         steps = graph.successors(state_of(graph, s))
-        longest = max(longest, np.linalg.norm(steps.position - graph.position[s], axis=1).max())
+        longest = max(
+            longest, np.linalg.norm(steps.base_in_world - graph.base_in_world[s], axis=1).max()
+        )
     assert longest <= graph.max_step + 1e-12
     pairs = graph.points[:, 0][:, None] == graph.points[:, 0][None, :500]
-    far = np.linalg.norm(graph.position[:, None] - graph.position[None, :500], axis=2)[pairs]
+    far = np.linalg.norm(graph.base_in_world[:, None] - graph.base_in_world[None, :500], axis=2)[
+        pairs
+    ]
     assert far.max() <= graph.max_step + 1e-12
     lazy = stance_graph(jem, "mlivr3", NO_COLLISIONS)
     from mlivr_gym.envs.tasks import random_state
@@ -164,8 +168,11 @@ def test_max_step_bounds_every_step(graph, jem):
     rng = np.random.default_rng(0)
     for _ in range(3):
         state = random_state(lazy, rng)
-        here = lazy.posture(state.stance).position[0]
-        assert np.linalg.norm(lazy.successors(state).position - here, axis=1).max() <= lazy.max_step
+        here = lazy.posture(state.stance).base_position[0]
+        assert (
+            np.linalg.norm(lazy.successors(state).base_in_world - here, axis=1).max()
+            <= lazy.max_step
+        )
 
 
 def test_configuration_reaches_every_held_point(graph):

@@ -118,7 +118,7 @@ class Hold(NamedTuple):
             s0, limb = int(rng.integers(len(graph))), int(rng.integers(2))
             s1 = int(rng.choice(graph.row(limb, s0)))
             mask = int(graph.edge_masks(limb, s0, np.array([s1]))[0])
-            far = np.linalg.norm(graph.position[s1] - graph.position[s0]) > 0.1
+            far = np.linalg.norm(graph.base_in_world[s1] - graph.base_in_world[s0]) > 0.1
             if mask and far:
                 break
         bit = int(rng.choice([b for b in range(16) if mask >> b & 1]))
@@ -127,10 +127,10 @@ class Hold(NamedTuple):
         edge = graph.edge(State(stances[0], (1 << bit, 1 << bit)), stances[1], postures)
         point = stances[0][limb]
         path = (
-            graph.position[s0],
-            graph.rotation[s0],
-            graph.position[s1],
-            graph.rotation[s1],
+            graph.base_in_world[s0],
+            graph.base_axes_in_world[s0],
+            graph.base_in_world[s1],
+            graph.base_axes_in_world[s1],
             edge.kind,
         )
         path = (*path, graph.solver.points[point])
@@ -145,7 +145,9 @@ class Hold(NamedTuple):
 
     @property
     def grip(self):
-        return self.graph.solver.flanges[self.point], self.graph.solver.tools[self.point]
+        return self.graph.solver.flanges_in_world[
+            self.point
+        ], self.graph.solver.flange_axes_in_world[self.point]
 
     def world(self):
         """Ends of its capsules in the world, shape (k, c, 2, 3)."""
@@ -172,7 +174,10 @@ def held_joints(graph, limb, point, branch, path, samples):
     """Joint angles of a limb that holds along a base path, shape (samples, 6)."""
     out = np.empty((samples, 6))
     poses = base_path(path, np.linspace(0.0, 1.0, samples))
-    grip = graph.solver.flanges[point][None], graph.solver.tools[point][None]
+    grip = (
+        graph.solver.flanges_in_world[point][None],
+        graph.solver.flange_axes_in_world[point][None],
+    )
     mount = MOUNTS[0][limb], MOUNTS[1][limb], ROBOT.limb.lengths
     assert joints_along(*grip, *poses, *mount, branch, np.zeros(6), out) == samples
     return out
