@@ -108,9 +108,9 @@ def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
         stance = here.points[s]
         (margin, _, pose, labels), tied = chosen_by_definition(here, stance)
         assert min(here.w_m[s].min() / 0.1, here.w_b[s] / 0.001) == pytest.approx(margin, rel=1e-7)
-        np.testing.assert_allclose(here.base_position[s], pose[0], atol=1e-6)
+        np.testing.assert_allclose(here.base_in_world[s], pose[0], atol=1e-6)
         np.testing.assert_allclose(
-            here.base_rotation[s],
+            here.base_axes_in_world[s],
             Rotation.from_quat(pose[1], scalar_first=True).as_matrix(),
             atol=1e-5,
         )
