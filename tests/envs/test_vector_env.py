@@ -6,13 +6,9 @@ import pytest
 import torch
 from gymnasium.vector import AutoresetMode
 
-from mlivr_gym import Settings, stance_graph
-from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import GoalError, SettingError, StanceError, UnknownPointError
-from mlivr_gym.stances.pair_graph import fill_rows
-from mlivr_gym.stances.step_tables import cache_file, step_tables, without_points
 
 pytestmark = pytest.mark.usefixtures("cache")
 
@@ -92,42 +88,6 @@ def test_tables_give_the_steps_of_the_graph(single, exact):
             assert all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
             action = int(rng.choice(np.flatnonzero(theirs[-1]["action_mask"])))
             ours, theirs = exact.step(action), single.step(action)
-
-
-def test_tables_without_some_points_are_those_of_the_occupied_map(small_map):
-    graph = stance_graph(small_map, settings=Settings(collisions=False))
-    free = step_tables(graph)
-    taken = np.random.default_rng(0).permutation(len(small_map))[:10]
-    occupied = np.zeros(len(small_map), dtype=bool)
-    occupied[taken] = True
-    thinned = without_points(free, occupied)
-    graph.occupy(taken.tolist())
-    there = step_tables(graph)
-    for name in ("start", "after", "kept", "masks"):
-        np.testing.assert_array_equal(getattr(thinned, name), getattr(there, name))
-
-
-def test_what_is_cached_is_what_was_worked_out(small_map, monkeypatch, tmp_path):
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "new"))
-    fewer = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
-    first, second = stance_graph(fewer), stance_graph(fewer)
-    assert len(step_tables(first).after) > 200
-    assert cache_file(first).exists()
-    monkeypatch.setattr(
-        "mlivr_gym.stances.step_tables.fill_rows", lambda *_: pytest.fail("the cache was not used")
-    )
-    step_tables(second)
-    np.testing.assert_array_equal(first.table, second.table)
-    np.testing.assert_array_equal(first.mask, second.mask)
-    monkeypatch.setattr("mlivr_gym.stances.step_tables.fill_rows", fill_rows)
-    cache_file(first).write_bytes(b"no archive")
-    third = stance_graph(fewer)
-    step_tables(third)
-    np.testing.assert_array_equal(first.table, third.table)
-    other = stance_graph(fewer, settings=Settings(path_floor=0.035))
-    assert cache_file(other) != cache_file(first)
-    monkeypatch.setenv(CACHE_VARIABLE, "")
-    assert cache_file(first) is None
 
 
 def test_made_by_gymnasium_and_seeded(small_map):
