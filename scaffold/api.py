@@ -11,7 +11,7 @@ from mlivr_gym.transitions.state import State
 
 
 def step_way(graph, tables, s, s2, moving, left):
-    """How the step from stance s to stance s2 is made, on the first branch left to the limb that holds."""
+    """How the step from stance s to s2 is made, on the first branch of the limb that holds."""
     bit = left & -left
     masks = [0, 0]
     masks[1 - moving] = bit

@@ -41,7 +41,7 @@ BOX = Box("crate", "obstacle", (4.6, -0.55, 0.1), (0.15, 0.2, 0.3))
 
 
 def edges():
-    """All edge entries of the JEM, with and without collisions, with a box, with points occupied."""
+    """All edge entries of the JEM, with and without collisions, with a box, points occupied."""
     for name, collisions in (("plain", False), ("checked", True)):
         graph = stance_graph(settings=Settings(collisions=collisions))
         fill_rows(graph)
@@ -163,7 +163,7 @@ def plan_of(name, result):
 
 
 def _knots(step):
-    """Knots of a swing; of a sampled one, whose planner amplifies the last digit, its ends alone."""
+    """Knots of a swing; of a sampled one, which amplifies the last digit, its ends alone."""
     return step["knots"] if step["swing"] != "sampled" else [step["knots"][0], step["knots"][-1]]
 
 
@@ -210,7 +210,7 @@ def plans():
 
 
 def environments():
-    """10,000 seeded steps: single, with shaping, unreliable, three limbs, carried out, and as a vector."""
+    """10,000 seeded steps: single, shaped, unreliable, three limbs, in MuJoCo, as a vector."""
     kinds = {
         "plain": (3000, {}),
         "shaped": (
@@ -332,7 +332,8 @@ def main():
         a, b = kept.get(name), found.get(name)
         if a is None or b is None or a.shape != b.shape:
             print(
-                f"{name}: {None if a is None else a.shape} before, {None if b is None else b.shape} now"
+                f"{name}: {None if a is None else a.shape} before, "
+                f"{None if b is None else b.shape} now"
             )
             wrong += 1
         elif a.dtype.kind in "iub":

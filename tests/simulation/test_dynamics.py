@@ -1,0 +1,193 @@
+"""Masses, momentum and energy of the simulated robot, and which robots are simulated."""
+
+import argparse
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Limb, Settings, robot_spec
+from mlivr_gym.cli.main import main
+from mlivr_gym.cli.simulate import add_arguments
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.errors import RobotError
+from mlivr_gym.motion.trajectory import FREE
+from mlivr_gym.robot.specification import ur5e_data
+from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.scene import set_configuration
+from mlivr_gym.simulation.simulator import Simulation
+
+
+@pytest.fixture
+def floating(jem, plan):
+    """A robot that holds nothing, controllers and grasps without effect, turning and bending."""
+    simulation = Simulation(jem, plan.world.robot, Physics(timestep=0.001))
+    model, data = simulation.model, simulation.data
+    model.actuator_gainprm[:], model.actuator_biasprm[:] = 0.0, 0.0
+    simulation.reset(
+        np.array([4.0, 0.0, 0.0]),
+        np.array([1.0, 0, 0, 0]),
+        plan.motion.joint_positions[0],
+        [FREE, FREE],
+    )
+    data.qvel[:] = np.random.default_rng(0).uniform(-0.2, 0.2, model.nv)
+    return simulation
+
+
+def pinocchio_robot(robot):
+    """The robot from the manufacturer's joint origins and inertias, on a free flyer."""
+    data, model = ur5e_data(), pin.Model()
+    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    size, mass = robot.body_size, robot.body_mass
+    model.appendBodyToJoint(base, pin.Inertia.FromBox(mass, size, size, size), pin.SE3.Identity())
+    for i in range(robot.limbs):
+        place = pin.SE3(robot.mount_rotations[i], robot.mount_positions[i])
+        parent = base
+        for k, (origin, link) in enumerate(
+            zip(data["urdf_joint_origins"], data["links"], strict=True)
+        ):
+            here = pin.SE3(
+                pin.rpy.rpyToMatrix(*map(float, origin["rpy"])),
+                np.array(origin["xyz"], dtype=float),
+            )
+            parent = model.addJoint(
+                parent,
+                pin.JointModelRZ(),
+                place * here if k == 0 else here,
+                f"limb{i}/joint{k + 1}",
+            )
+            inertia = pin.Inertia(
+                link["mass"],
+                np.array(link["com_urdf"], dtype=float),
+                np.array(link["inertia_urdf"]),
+            )
+            model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+        radius, length = data["gripper"]["radius"], robot.tool_length
+        gripper = pin.Inertia.FromCylinder(robot.gripper_mass, radius, length)
+        model.appendBodyToJoint(
+            parent, gripper, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5 * length]))
+        )
+        model.addFrame(
+            pin.Frame(
+                f"grasp{i}", parent, pin.SE3(np.eye(3), np.array([0.0, 0.0, length])), pin.OP_FRAME
+            )
+        )
+    return model
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_mass_matrix_and_kinematics_are_pinocchios(jem, limbs):
+    robot = robot_spec(f"mlivr{limbs}")
+    model, other = dynamics_spec(jem, robot).compile(), pinocchio_robot(robot)
+    data, theirs, rng = mujoco.MjData(model), other.createData(), np.random.default_rng(limbs)
+    order = [
+        int(model.joint(f"limb{i}/joint{k}").dofadr[0]) for i in range(limbs) for k in range(1, 7)
+    ]
+    dofs = np.concatenate([np.arange(6), order])
+    for _ in range(3):
+        position, turn, joints = (
+            rng.uniform(-1, 1, 3),
+            Rotation.random(rng=rng),
+            rng.uniform(-3, 3, (limbs, 6)),
+        )
+        set_configuration(model, data, position, turn.as_quat(scalar_first=True), joints)
+        q = np.concatenate([position, turn.as_quat(), joints.ravel()])
+        pin.crba(other, theirs, q)
+        mass = np.triu(theirs.M) + np.triu(theirs.M, 1).T
+        # MuJoCo's linear velocity of the base is in world axes, Pinocchio's in the base's.
+        axes = np.eye(model.nv)
+        axes[:3, :3] = turn.as_matrix().T
+        full = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, full)
+        np.testing.assert_allclose(full[np.ix_(dofs, dofs)], axes.T @ mass @ axes, atol=2e-6)
+        pin.framesForwardKinematics(other, theirs, q)
+        for i in range(limbs):
+            frame = theirs.oMf[other.getFrameId(f"grasp{i}")]
+            np.testing.assert_allclose(
+                data.site(f"limb{i}/grasp").xpos, frame.translation, atol=1e-9
+            )
+            np.testing.assert_allclose(
+                data.site(f"limb{i}/grasp").xmat.reshape(3, 3), frame.rotation, atol=1e-9
+            )
+
+
+def momenta(simulation):
+    mujoco.mj_forward(simulation.model, simulation.data)
+    linear = simulation.mass * simulation.data.sensor("velocity").data
+    centre = simulation.data.subtree_com[simulation.model.body("base").id]
+    return linear.copy(), simulation.data.sensor("angular_momentum").data + np.cross(centre, linear)
+
+
+def test_momentum_is_kept_when_nothing_is_held_and_nothing_pulls(floating):
+    linear, angular = momenta(floating)
+    for _ in range(1000):
+        mujoco.mj_step(floating.model, floating.data)
+    assert floating.data.ncon == 0
+    after = momenta(floating)
+    np.testing.assert_allclose(after[0], linear, atol=2e-3 * np.linalg.norm(linear))
+    np.testing.assert_allclose(after[1], angular, atol=5e-3 * np.linalg.norm(angular))
+
+
+def test_energy_falls_under_damping_alone(floating):
+    model, data = floating.model, floating.data
+    model.actuator_biasprm[floating.joint_actuators, 2] = -50.0
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    energies = []
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+        energies.append(data.energy[1])
+    assert (np.diff(energies) < 0.0).all()
+
+
+UR10E = Limb(d1=0.1807, a2=-0.6127, a3=-0.57155, d4=0.17415, d5=0.11985, d6=0.11655)
+"""Lengths published by the manufacturer; its links weigh 32 kg and not the UR5e's 18 kg."""
+
+
+def test_another_arm_is_not_simulated_with_masses_of_the_ur5e(
+    jem, checked_graph, plan, tmp_path, capsys
+):  # fmt: skip
+    robot = replace(plan.world.robot, name="ur10e", limb=UR10E)
+    told = r"'ur10e'.*a2 -0\.6127 m \(UR5e -0\.425 m\).*assume_ur5e_masses"
+    refused = pytest.raises(RobotError, match=told)
+    with refused:
+        execute(checked_graph, replace(plan, world=replace(plan.world, robot=robot)))
+    with refused:
+        dynamics_spec(jem, robot)
+    with refused:
+        MlivrEnv(robot, dynamics="mujoco", collisions=False)
+    path, out = tmp_path / "plan.json", tmp_path / "walk"
+    world = replace(plan.world, robot=robot, settings=Settings(collisions=False))
+    replace(plan, world=world).save(path)
+    assert main(["simulate", "--plan", str(path), "--out", str(out)]) == 2
+    assert "robot 'ur10e' cannot be simulated" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_another_arm_is_simulated_where_that_is_asked_for(jem):
+    robot = replace(robot_spec("mlivr2"), name="ur10e", limb=UR10E)
+    simulation = Simulation(jem, robot, Physics(assume_ur5e_masses=True))
+    assert simulation.mass == pytest.approx(20.0 + 2 * (17.70 + 0.5))
+    how = {"dynamics": "mujoco", "collisions": False, "physics": Physics(assume_ur5e_masses=True)}
+    MlivrEnv(robot, **how).reset(seed=0)
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    assert parser.parse_args(["--assume-ur5e-masses"]).assume_ur5e_masses
+    assert not parser.parse_args([]).assume_ur5e_masses
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"limbs": 4, "body_mass": 8.0, "body_size": 0.3, "tool_length": 0.08, "mount_radius": 0.15},
+        {"limb": Limb(joint_limits=((-3.0, 3.0),) * 6)},
+        {"limb": Limb(a2=-0.42512, a3=-0.39198)},  # as calibrated
+    ],
+)
+def test_robots_with_limbs_of_the_ur5e_are_simulated(jem, changes):
+    robot = replace(robot_spec("mlivr2"), name="own", **changes)
+    mass = robot.body_mass + robot.limbs * (17.70 + robot.gripper_mass)
+    assert Simulation(jem, robot).mass == pytest.approx(mass)

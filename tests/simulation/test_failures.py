@@ -1,0 +1,120 @@
+"""What ends a walk, and that it is told with its numbers."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from mlivr_gym import Box
+from mlivr_gym.motion.plan_motion import step_motion
+from mlivr_gym.motion.trajectory import FREE, Durations
+from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.failures import FailureWatch, Measured
+from mlivr_gym.simulation.simulator import Simulation
+
+
+def failed(graph, plan, **changes):
+    execution = execute(
+        graph, plan, Durations.of_step(changes.pop("duration", 50.0)), Physics(**changes)
+    )
+    failure = execution.failure
+    assert failure is not None
+    assert failure.step == 0
+    assert failure.time <= execution.durations.total
+    assert not execution.captures
+    assert execution.simulated_time == failure.time
+    return failure
+
+
+def test_a_grasp_that_misses_is_a_failure_with_its_numbers(checked_graph, plan):
+    failure = failed(checked_graph, plan, capture_distance=1e-9, duration=10.0)
+    assert failure.kind == "missed grasp"
+    assert failure.limb == plan.steps[0].limb
+    assert failure.phase == "approach"
+    assert failure.values["distance_m"] > failure.values["allowed_distance_m"] == 1e-9
+
+
+def test_a_lost_hold_and_a_limb_at_its_torque_limit_are_failures(checked_graph, plan):
+    failure = failed(checked_graph, plan, hold_force=0.1)
+    assert failure.kind == "lost hold"
+    assert failure.limb == 1 - plan.steps[0].limb
+    assert 0.1 < failure.values["force_N"] < 0.12
+    failure = failed(
+        checked_graph, plan, duration=1.5, hold_force=1e4, hold_torque=1e4, saturation_time=0.02
+    )
+    assert failure.kind == "saturation"
+    assert abs(failure.values["torque_N_m"]) in (28.0, 150.0)
+
+
+@pytest.mark.parametrize("name", ["tool bag", "limbo", "body"])
+def test_a_collision_is_a_failure_that_names_what_touches(checked_graph, plan, jem, name):
+    step, motion = plan.steps[0], step_motion(checked_graph, plan, 0, 41)
+    swinging = np.flatnonzero(motion.phase == 1)
+    k = int(swinging[len(swinging) // 2])
+    robot = Simulation(jem, plan.world.robot)
+    robot.reset(
+        motion.base_positions[k],
+        motion.base_quaternions[k],
+        motion.joint_positions[k],
+        [FREE, FREE],
+    )
+    place = robot.data.site(f"limb{step.limb}/grasp").xpos
+    box = Box.between(name, "obstacle", place - 0.05, place + 0.05)
+    failure = execute(
+        checked_graph, replace(plan, world=replace(plan.world, obstacles=(box,)))
+    ).failure
+    assert failure is not None
+    assert failure.kind == "collision"
+    assert failure.limb == step.limb
+    assert f"box/{name} " in failure.message
+    assert failure.values["depth_m"] > 0.0
+
+
+def test_divergence_is_a_failure(checked_graph, plan, jem, tmp_path, monkeypatch):
+    """The damping of joints as light as a wrist's is too stiff for an explicit integrator."""
+    monkeypatch.chdir(tmp_path)  # MuJoCo leaves a log file
+    simulation = Simulation(jem, plan.world.robot, Physics(hold_force=1e9, hold_torque=1e9))
+    simulation.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    failure = execute(checked_graph, plan, simulation=simulation).failure
+    assert failure is not None
+    assert failure.kind == "divergence"
+
+
+def measured(count, **changes):
+    zero = {
+        "times": 0.002 * np.arange(count), "joints": np.zeros((count, 2, 6)),
+        "speeds": np.zeros((count, 2, 6)),
+        "torques": np.zeros((count, 2, 6)), "base": np.zeros((count, 7)),
+        "base_errors": np.zeros(count),
+        "base_angle_errors": np.zeros(count), "forces": np.zeros((count, 2, 3)),
+        "grasp_torques": np.zeros((count, 2, 3)),
+        "velocity": np.zeros((count, 3)), "angular_momentum": np.zeros((count, 3)),
+        "contacts": np.zeros(count, dtype=np.int64), "finite": np.ones(count, dtype=bool),
+    }  # fmt: skip
+    return Measured(**{**zero, **changes})
+
+
+def test_the_first_failure_is_found_also_across_chunks():
+    limits = np.tile([-2 * np.pi, 2 * np.pi], (6, 1))
+    watch = FailureWatch(Physics(saturation_time=0.02), limits, 4)
+    assert watch.first(measured(50), "swing", [True, True]) is None
+    torques = np.zeros((50, 2, 6))
+    torques[43:, 1, 4] = -28.0
+    assert watch.first(measured(50, torques=torques), "swing", [True, True]) is None
+    torques = np.zeros((50, 2, 6))
+    torques[:20, 1, 4] = -28.0
+    index, failure = watch.first(measured(50, torques=torques), "swing", [True, True])
+    # Seven time steps at the end of the last chunk and four here make more than 0.02 s.
+    assert (index, failure.kind, failure.limb, failure.step) == (3, "saturation", 1, 4)
+    joints = np.zeros((50, 2, 6))
+    joints[30:, 0, 2] = 2 * np.pi + 0.1
+    index, failure = watch.first(measured(50, joints=joints), "approach", [True, True])
+    assert (index, failure.kind, failure.limb) == (30, "joint limit", 0)
+    assert failure.values["joint"] == 3.0
+    finite = np.arange(50) < 10
+    index, failure = watch.first(
+        measured(50, finite=finite, joints=joints), "approach", [True, True]
+    )
+    assert (index, failure.kind) == (10, "divergence")
