@@ -8,161 +8,212 @@ goal fills all of it.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.compiled.kernels import allocating_kernel
+from mlivr_gym.compiled.bit_sets import has
+from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.heap import grown, sift_down, sift_up
+from mlivr_gym.planners.pair_search import (
+    EXHAUSTED,
+    FOUND,
+    LIMIT,
+    NO_ROOM,
+    UNKNOWN_STEP,
+    Progress,
+    Weights,
+    weights_of,
+)
+from mlivr_gym.planners.queue import Queue, first, grown, has_room, pop, push, queue
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_steps import KNOWN, edge_entry
-from mlivr_gym.transitions.rule import can_release, kept_on_edge, mask_of_grasp
+from mlivr_gym.stances.pair_steps import PairTable, edge_index, releasable
+from mlivr_gym.transitions.rule import can_release, kept_on_edge
 from mlivr_gym.transitions.state import State, Successors
 
+FLIPS = 16
+"""Number of branches with flips."""
 
-@allocating_kernel
+
+class Backward(NamedTuple):
+    """What a search backward knows of each stance and limb that holds, shape (n, 2, ...)."""
+
+    value: Array
+    """`U` by branch and flip, shape (n, 2, 16); inf where it is not known."""
+    best: Array
+    """Least cost found by branch and flip, shape (n, 2, 16)."""
+    holding: IntArray
+    """Branches expanded with which the limb holds and the other moves next, shape (n, 2)."""
+    grasped: IntArray
+    """Branches expanded with which the other limb has just grasped, shape (n, 2)."""
+
+
 def backward(
-    goal: BoolArray, start: int, toward: Array, base_weight: float, step_weight: float, limit: int,
-    check: bool, rows: IntArray, row_start: IntArray, row_position: Array, edges: tuple[Any, ...],
-    value: Array, done: IntArray, best: Array,
-) -> tuple[float, bool]:  # fmt: skip
+    graph: PairGraph, goal: BoolArray, weights: Weights, start: int = -1,
+    toward: Array | None = None,
+) -> tuple[Array, float, bool]:
     """Fill the table by best-first search backward from the goal stances.
 
-    Steps are checked when the search wants them. A queue entry is (cost, stance, limb, mask, kind).
-    Kind 0: limb holds on a branch of the mask and the other moves next. Kind 1: the other limb has
-    just grasped: either may move next.
-
     Args:
+        graph: The stance graph; steps that the search wants to know are checked.
         goal: Which stances are goals, shape (n,).
+        weights: What is minimised, and the most entries to take from the queue.
         start: Stance at which to stop, or -1 to go on to the end.
-        toward: Consistent lower bound of the cost from the start to each stance, shape (n,); zeros
-            without one.
-        base_weight: Weight of the base displacement [1/m].
-        step_weight: Charge for each step.
-        limit: Most entries to take from the queue.
-        check: Whether steps are checked.
-        rows: `PairGraph.rows`.
-        row_start: `PairGraph.row_start`.
-        row_position: `PairGraph.row_position`.
-        edges: `PairGraph.edges`.
-        value: Shape (n, 2, 16), filled with U by holding limb and bit; inf where the goal cannot be
-            reached.
-        done: Zeros, shape (n, 2, 2); branches expanded by holding limb and kind.
-        best: Infinities, shape (n, 2, 16); least costs found.
+        toward: Consistent lower bound of the cost from the start to each stance, shape (n,).
 
     Returns:
-        Lower bound of cost and `toward` together over all states that were not expanded, and
-        whether it got to the start.
+        U by stance, limb that holds, and branch and flip, shape (n, 2, 16), inf where the goal
+        cannot be reached; lower bound of cost and `toward` together over all states that were not
+        expanded; and whether it got to the start.
     """
-    points, local, degree, offset, table, position, mask, released = (
-        edges[0], edges[1], edges[2], edges[3], edges[4], edges[5], edges[7], edges[17][2],
-    )  # fmt: skip
-    n = len(goal)
-    size_pool = 1 << 16
-    f, none = np.empty(size_pool), np.empty(size_pool)
-    node, bits = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
-    heap = np.empty(size_pool, np.int64)
-    after, spent = np.empty(size_pool, np.int64), np.empty(size_pool)
-    used = size = taken = 0
-    for s in range(n):
-        if goal[s] and mask[s, 0]:
-            for held in range(2):
-                if used == size_pool:
-                    f, none, node, bits = grown(f), grown(none), grown(node), grown(bits)
-                    heap, after, spent = grown(heap), grown(after), grown(spent)
-                    size_pool *= 2
-                f[used], none[used] = toward[s], 0.0
-                node[used], bits[used] = 4 * s + 2 * held + 1, mask[s, held]
-                spent[used], after[used], heap[size] = 0.0, -1, used
-                used += 1
-                size += 1
-                sift_up(heap, size, f, none)
-    while size > 0:
-        item = heap[0]
-        size -= 1
-        if size > 0:
-            heap[0] = heap[size]
-            sift_down(heap, size, f, none)
-        s, held, kind = node[item] >> 2, node[item] >> 1 & 1, node[item] & 1
-        cost, next = spent[item], after[item]
-        new = bits[item] & ~done[s, held, kind]
+    n, progress, entries = len(goal), Progress.row(), queue(1 << 16)
+    toward = np.zeros(n) if toward is None else toward
+    costs = (np.full((n, 2, FLIPS), np.inf) for _ in range(2))
+    known = Backward(*costs, *(np.zeros((n, 2), dtype=np.int64) for _ in range(2)))
+    while True:
+        status = int(
+            _backward(goal, start, toward, weights, graph.steps, known, entries, progress)
+        )
+        if status == UNKNOWN_STEP:
+            graph.know_step(int(progress.held), int(progress.before), int(progress.after))
+        elif status == NO_ROOM:
+            entries = grown(entries)
+        else:
+            bound = np.inf if status == EXHAUSTED else float(entries.f[first_entry(entries)])
+            return known.value, bound, status == FOUND
+
+
+def first_entry(entries: Queue) -> int:
+    """The entry at which a search stopped."""
+    return int(entries.heap[0])
+
+
+@entry
+def _backward(
+    goal: BoolArray, start: int, toward: Array, weights: Weights, table: PairTable,
+    known: Backward, entries: Queue, progress: Progress,
+) -> int:
+    """Go on with a search until it ends or stops for a while, see `backward`.
+
+    An entry's node is `4 * stance + 2 * limb + kind`. Kind 0: the limb holds on a branch of `bits`
+    and the other moves next, to the stance `link`. Kind 1: the other limb has just grasped: either
+    may move next.
+    """
+    if not progress.seeded:
+        if not has_room(entries, 2 * len(goal)):
+            return NO_ROOM
+        progress.seeded = True
+        for s in range(len(goal)):
+            if goal[s] and table.mask[s, 0]:
+                for held in range(2):
+                    node = 4 * s + 2 * held + 1
+                    push(entries, toward[s], 0.0, 0.0, node, -1, table.mask[s, held])
+    while entries.count.size > 0:
+        item = first(entries)
+        s, held = entries.node[item] // 4, entries.node[item] // 2 % 2
+        grasped = entries.node[item] % 2 == 1
+        new, done = entries.bits[item], known.grasped if grasped else known.holding
+        new &= ~done[s, held]
         if new == 0:
+            pop(entries)
             continue
-        if taken >= limit:
-            return f[item], False
-        taken += 1
-        if kind == 0:
-            if check:
-                new = kept_on_edge(new, edge_entry(held, s, next, edges))
-                if new == 0:
-                    continue
-            # Where the limb that holds grasped here, the other came holding and must be releasable.
-            releasable = mask_of_grasp(released[s, held]) if check else mask[s, held]
-            first = can_release(new, releasable) and not can_release(done[s, held, 0], releasable)
-            done[s, held, 0] |= new
-            for b in range(16):
-                if new >> b & 1:
-                    value[s, held, b] = cost
+        if progress.expanded >= weights.limit:
+            return LIMIT
+        if not grasped and table.check:
+            edge = table.edges[edge_index(held, s, entries.link[item], table)]
+            if not edge.known:
+                progress.held, progress.before, progress.after = held, s, entries.link[item]
+                return UNKNOWN_STEP
+        first_time = False
+        if not has_room(entries, 2 + table.degree[held, table.points[s, held]]):
+            return NO_ROOM
+        progress.expanded += 1
+        if grasped:
+            pop(entries)
+            known.grasped[s, held] |= new
+            _hold_before(s, held, new, entries.cost[item], toward, weights, table, (known, entries))
+            continue
+        if table.check:
+            edge = table.edges[edge_index(held, s, entries.link[item], table)]
+            new = kept_on_edge(new, np.int64(edge.kept))
+        if new:
+            first_time = _note(s, held, new, entries.cost[item], table, known)
             if s == start:
-                return f[item], True
-            # The other limb may have grasped here; so may this one, if the other held meanwhile.
-            if used + 2 > size_pool:
-                f, none, node, bits = grown(f), grown(none), grown(node), grown(bits)
-                heap, after, spent = grown(heap), grown(after), grown(spent)
-                size_pool *= 2
-            for turn in range(2 if first else 1):
-                holder = held if turn == 0 else 1 - held
-                leave = mask_of_grasp(released[s, holder]) if check else mask[s, holder]
-                f[used], none[used], node[used] = f[item], 0.0, 4 * s + 2 * holder + 1
-                bits[used] = new if turn == 0 else leave
-                spent[used], after[used], heap[size] = cost, -1, used
-                used += 1
-                size += 1
-                sift_up(heap, size, f, none)
+                return FOUND
+        pop(entries)
+        if new:
+            _grasp_before(s, held, new, first_time, item, table, entries)
+    return EXHAUSTED
+
+
+@kernel
+def _note(
+    s: int, held: int, new: int, cost: float, table: PairTable, known: Backward
+) -> bool:
+    """Note the cost of holding on some branches; whether one of them is the first on which the limb
+    can be released here."""
+    branches = releasable(table, s, held) if table.check else table.mask[s, held]
+    first_time = can_release(new, branches) and not can_release(known.holding[s, held], branches)
+    known.holding[s, held] |= new
+    for b in range(FLIPS):
+        if has(new, b):
+            known.value[s, held, b] = cost
+    return first_time
+
+
+@kernel
+def _grasp_before(
+    s: int, held: int, new: int, first_time: bool, item: int, table: PairTable, entries: Queue
+) -> None:
+    """Put what comes before a state into the queue in which a limb holds on branches `new`.
+
+    The other limb may have grasped here; so may this one, if the other held meanwhile. Where the
+    limb that holds grasped here, the other came holding and must be releasable.
+    """
+    f, cost = entries.f[item], entries.cost[item]
+    push(entries, f, 0.0, cost, 4 * s + 2 * held + 1, -1, new)
+    if first_time:
+        other = 1 - held
+        leave = releasable(table, s, other) if table.check else table.mask[s, other]
+        push(entries, f, 0.0, cost, 4 * s + 2 * other + 1, -1, leave)
+
+
+@kernel
+def _hold_before(
+    s: int, held: int, new: int, cost: float, toward: Array, weights: Weights, table: PairTable,
+    arrays: tuple[Backward, Queue],
+) -> None:
+    """Put the stances into the queue from which the other limb may have come to grasp here."""
+    known, entries = arrays
+    point, check = table.points[s, held], table.check
+    first_edge = table.offset[held, point] + table.local[held, s] * table.degree[held, point]
+    x, y, z = table.base[s, 0], table.base[s, 1], table.base[s, 2]
+    for k in range(table.row_start[held, point], table.row_start[held, point + 1]):
+        s2 = table.rows[held, k]
+        if s2 == s:
             continue
-        done[s, held, 1] |= new
-        point = points[s, held]
-        first_entry = offset[held, point] + local[held, s] * degree[held, point]
-        x, y, z = position[s, 0], position[s, 1], position[s, 2]
-        for k in range(row_start[held, point], row_start[held, point + 1]):
-            s2 = rows[held, k]
-            if s2 == s:
-                continue
-            keep = kept_on_edge(new, mask[s2, held]) & ~done[s2, held, 0]
-            if keep == 0:
-                continue
-            entry = table[first_entry + local[held, s2]] if check else KNOWN
-            if check and entry & KNOWN:
-                keep = kept_on_edge(keep, entry)
-            dx = row_position[held, k, 0] - x
-            dy = row_position[held, k, 1] - y
-            dz = row_position[held, k, 2] - z
-            cost2 = cost + base_weight * np.sqrt(dx * dx + dy * dy + dz * dz) + step_weight
-            better = 0
-            for b in range(16):
-                if keep >> b & 1 and cost2 < best[s2, held, b]:
-                    if entry & KNOWN:
-                        best[s2, held, b] = cost2
-                    better |= 1 << b
-            if better == 0:
-                continue
-            if used == size_pool:
-                f, none, node, bits = grown(f), grown(none), grown(node), grown(bits)
-                heap, after, spent = grown(heap), grown(after), grown(spent)
-                size_pool *= 2
-            f[used], none[used] = cost2 + toward[s2], 0.0
-            node[used], bits[used] = 4 * s2 + 2 * held, better
-            spent[used], after[used], heap[size] = cost2, s, used
-            used += 1
-            size += 1
-            sift_up(heap, size, f, none)
-    return np.inf, False
+        keep = kept_on_edge(new, table.mask[s2, held]) & ~known.holding[s2, held]
+        if keep == 0:
+            continue
+        sure = not check
+        if check:
+            edge = table.edges[first_edge + table.local[held, s2]]
+            if edge.known:
+                sure, keep = True, kept_on_edge(keep, np.int64(edge.kept))
+        dx = table.row_base[held, k, 0] - x
+        dy = table.row_base[held, k, 1] - y
+        dz = table.row_base[held, k, 2] - z
+        cost2 = cost + weights.base * np.sqrt(dx * dx + dy * dy + dz * dz) + weights.step
+        better = np.int64(0)
+        for b in range(FLIPS):
+            if has(keep, b) and cost2 < known.best[s2, held, b]:
+                if sure:
+                    known.best[s2, held, b] = cost2
+                better |= 1 << b
+        if better:
+            push(entries, cost2 + toward[s2], 0.0, cost2, 4 * s2 + 2 * held, s, better)
 
-
-NO_LIMIT = int(np.iinfo(np.int64).max)
-"""Entries that a search may take from its queue where nothing limits it."""
 
 
 class CostToGo:
@@ -180,13 +231,7 @@ class CostToGo:
         """Search backward from the goal; the steps it wants are checked, once for all goals."""
         self.graph, self.cost, self.goal, self.tolerance = graph, cost, goal, tolerance
         self.is_goal: BoolArray = np.linalg.norm(graph.base_in_world - goal, axis=1) <= tolerance
-        self._held = np.full((len(graph), 2, 16), np.inf)
-        backward(
-            self.is_goal, -1, np.zeros(len(graph)), cost.base_weight, cost.step_weight, NO_LIMIT,
-            graph.settings.transitions, graph.rows,
-            graph.row_start, graph.row_position, graph.edges, self._held,
-            np.zeros((len(graph), 2, 2), dtype=np.int64), np.full((len(graph), 2, 16), np.inf),
-        )  # fmt: skip
+        self._held, _, _ = backward(graph, self.is_goal, weights_of(cost))
         self._releasable = graph.releasable if graph.settings.transitions else graph.mask
         self.values: Array = np.where(self.is_goal, 0.0, self._held.min(axis=(1, 2)))
 

@@ -10,7 +10,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.planners.cost_to_go import backward
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.pair_search import distance_to_goal, steps_to_goal
+from mlivr_gym.planners.pair_search import distance_to_goal, steps_to_goal, weights_of
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances.pair_graph import PairGraph
 
@@ -108,7 +108,6 @@ class Estimates:
                 there is worked out.
         """
         graph, n, cost = self.graph, len(self.graph), goal.cost
-        value = np.full((n, 2, 16), np.inf)
         away = _distances(graph.base_in_world, origin)
         if start < 0:
             toward = cost.base_weight * away
@@ -117,11 +116,8 @@ class Estimates:
         else:
             toward = unchecked(graph, np.arange(n) == start, cost)
         reached = self.region(goal).goal
-        bound, arrived = backward(
-            reached, start, toward, cost.base_weight, cost.step_weight, limit, True, graph.rows,
-            graph.row_start, graph.row_position, graph.edges, value,
-            np.zeros((n, 2, 2), dtype=np.int64), np.full((n, 2, 16), np.inf),
-        )  # fmt: skip
+        weights = weights_of(cost, limit=limit)
+        value, bound, arrived = backward(graph, reached, weights, start, toward)
         exact = np.where(reached, 0.0, value.min(axis=(1, 2)))
         with np.errstate(invalid="ignore"):
             closer = np.fmax(h, np.fmin(exact, bound - toward))
@@ -144,15 +140,9 @@ def unchecked(
     n, table = len(graph), np.full(len(graph), np.inf)
     if cost.base_weight == 0.0:
         opened = np.zeros(graph.degree.shape, dtype=np.bool_)
-        steps_to_goal(goal, graph.rows, graph.row_start, graph.points, graph.mask, table, opened)
+        steps_to_goal(goal, graph.steps, table, opened, np.empty(n, dtype=np.int64))
         return table * cost.step_weight
-    distance_to_goal(
-        goal, start, np.zeros(n) if toward is None else toward, cost.base_weight, cost.step_weight,
-        graph.rows, graph.row_start, graph.points, graph.base_in_world, graph.row_position,
-        graph.mask,
-        np.full(n, np.inf), table, np.full(n, -1),
-    )  # fmt: skip
-    return table
+    return distance_to_goal(graph, goal, weights_of(cost), start, toward)
 
 
 def _distances(positions: Array, point: Array) -> Array:

@@ -10,196 +10,264 @@ the cost of going on is the least over the branches kept.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.compiled.kernels import allocating_kernel
-from mlivr_gym.planners.heap import grown
-from mlivr_gym.planners.heap import sift_down as _sift_down
-from mlivr_gym.planners.heap import sift_up as _sift_up
-from mlivr_gym.stances.pair_steps import KNOWN, edge_entry
-from mlivr_gym.transitions.rule import can_release, kept_on_edge, mask_of_grasp
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.records import Record
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.queue import Queue, first, grown, has_room, pop, push, queue
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.pair_steps import PairTable, edge_index, releasable
+from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 FOUND, EXHAUSTED, LIMIT = 0, 1, 2
 """How a search ends: at a goal, with nothing more to expand, or at its limit of expansions."""
 
+UNKNOWN_STEP, NO_ROOM = 3, 4
+"""Why a search stops for a while: it wants to know a step, or its arrays are full."""
 
-@allocating_kernel
+NOBODY = 2
+"""Limb that moved last where none did."""
+
+
+class Weights(Record):
+    """What a search minimises, and when it gives up."""
+
+    base: float
+    """Weight of the base displacement [1/m]."""
+    step: float
+    """Charge for each step."""
+    g: float
+    """1 for A*, 0 for greedy best-first."""
+    limit: int
+    """Most expansions."""
+
+
+NO_LIMIT = int(np.iinfo(np.int64).max)
+"""Entries that a search may take from its queue where nothing limits it."""
+
+
+def weights_of(cost: Cost, g: float = 1.0, limit: int = NO_LIMIT) -> Weights:
+    """What a search for the least of some cost minimises."""
+    out: Weights = Weights.row()
+    out.base, out.step, out.g, out.limit = cost.base_weight, cost.step_weight, g, limit
+    return out
+
+
+class Progress(Record):
+    """Where a search is."""
+
+    seeded: bool
+    """Whether the seeds are in the queue."""
+    expanded: int
+    """States expanded."""
+    held: int
+    """Limb that holds on the step that it wants to know."""
+    before: int
+    """Stance before that step."""
+    after: int
+    """Stance after it."""
+
+
+class Seeds(NamedTuple):
+    """K stances at which a search begins."""
+
+    stance: IntArray
+    """Stance, shape (k,)."""
+    moved: IntArray
+    """Limb that moved there, `NOBODY` if none did, shape (k,)."""
+    mask: IntArray
+    """Branches of the other limb, shape (k,)."""
+    cost: Array
+    """What it cost to get there, shape (k,)."""
+
+
+class Expanded(NamedTuple):
+    """States that were expanded."""
+
+    stance: IntArray
+    moved: IntArray
+    """Limb that moved there, `NOBODY` at the start."""
+    mask: IntArray
+    """Branches of the limb that held."""
+    parent: IntArray
+    """The state before, -1 for a seed."""
+    cost: Array
+    """Cost so far."""
+
+
+class Closed(NamedTuple):
+    """What is known of each stance by the limb that moved last, shape (n, 2)."""
+
+    mask: IntArray
+    """Branches of the other limb with which it was expanded."""
+    best: Array
+    """Least cost known to lead there with nothing taken away."""
+
+
 def search(
-    seeds: IntArray, seed_costs: Array, goal: BoolArray, h: Array, base_weight: float,
-    step_weight: float, g_weight: float, limit: int, check: bool, rows: IntArray,
-    row_start: IntArray, row_position: Array, edges: tuple[Any, ...], closed: IntArray, best: Array,
-) -> tuple[int, int, IntArray, IntArray, IntArray, Array]:  # fmt: skip
+    graph: PairGraph, seeds: Seeds, goal: BoolArray, h: Array, weights: Weights
+) -> tuple[int, int, Expanded]:
     """Best-first search from one or more stances to any goal stance.
 
     Args:
-        seeds: Where to begin: stance index, limb that moved there (2 if none did) and branches of
-            the other limb, shape (k, 3).
-        seed_costs: What it cost to get to each, shape (k,).
+        graph: The stance graph; steps that the search wants to know are checked.
+        seeds: Where to begin.
         goal: Which stances are goals, shape (n,).
         h: Heuristic of each stance, shape (n,).
-        base_weight: Weight of the base displacement [1/m].
-        step_weight: Charge for each step.
-        g_weight: 1 for A*, 0 for greedy best-first.
-        limit: Most expansions.
-        check: Whether steps are checked.
-        rows: `PairGraph.rows`.
-        row_start: `PairGraph.row_start`.
-        row_position: `PairGraph.row_position`.
-        edges: `PairGraph.edges`.
-        closed: Zeros, shape (n, 2); branches of the other limb with which a stance was expanded, by
-            limb moved last.
-        best: Infinities, shape (n, 2); least cost known to lead to a stance with nothing taken
-            away.
+        weights: What is minimised.
 
     Returns:
-        Status, number generated, and for each expanded state `3 * stance + limb moved` (2 at the
-        start), mask of the limb that held, parent (-1 for a seed), and cost so far. If found, the
-        last one is the goal.
+        Status, number generated, and the expanded states; if found, the last one is the goal.
     """
-    points, position, mask = edges[0], edges[5], edges[7]
-    ready, released = edges[17][1], edges[17][2]
-    local, degree, offset, table = edges[1], edges[2], edges[3], edges[4]
-    size_pool = 1 << 14
-    f, g = np.empty(size_pool), np.empty(size_pool)
-    node, parent = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
-    heap = np.empty(size_pool, np.int64)
-    size_out = 1 << 10
-    out_node, out_mask = np.empty(size_out, np.int64), np.empty(size_out, np.int64)
-    out_parent, out_g = np.empty(size_out, np.int64), np.empty(size_out)
-    used = size = expanded = 0
-    for k in range(len(seeds)):
-        if used == size_pool:
-            f, g, node, parent = grown(f), grown(g), grown(node), grown(parent)
-            heap = grown(heap)
-            size_pool *= 2
-        s = seeds[k, 0]
-        f[used], g[used] = g_weight * seed_costs[k] + h[s], seed_costs[k]
-        node[used], parent[used], heap[size] = 3 * s + seeds[k, 1], -1 - k, used
-        used += 1
-        size += 1
-        _sift_up(heap, size, f, g)
-    status = EXHAUSTED
-    while size > 0:
-        item = heap[0]
-        size -= 1
-        if size > 0:
-            heap[0] = heap[size]
-            _sift_down(heap, size, f, g)
-        s, moved = node[item] // 3, node[item] % 3
-        above = parent[item]
-        if moved == 2:
-            kept = 0
-            full = True
+    n, progress = len(graph), Progress.row()
+    entries, out = queue(1 << 14), _expanded(1 << 10)
+    closed = Closed(np.zeros((n, 2), dtype=np.int64), np.full((n, 2), np.inf))
+    while True:
+        status = int(_search(seeds, goal, h, weights, graph.steps, closed, (entries, out), progress))
+        if status == UNKNOWN_STEP:
+            graph.know_step(int(progress.held), int(progress.before), int(progress.after))
+        elif status == NO_ROOM:
+            entries, out = grown(entries), grown(out)
         else:
-            held = 1 - moved
-            kept = mask[s, held]
-            if check:
-                if closed[s, moved] & kept == kept:
+            count = int(progress.expanded)
+            return status, int(entries.count.used), Expanded(*(a[:count] for a in out))
+
+
+def _expanded(room: int) -> Expanded:
+    ints = (np.empty(room, dtype=np.int64) for _ in range(4))
+    return Expanded(*ints, np.empty(room))
+
+
+@entry
+def _search(
+    seeds: Seeds, goal: BoolArray, h: Array, weights: Weights, table: PairTable, closed: Closed,
+    arrays: tuple[Queue, Expanded], progress: Progress,
+) -> int:
+    """Go on with a search until it ends or stops for a while, see `search`."""
+    entries, out = arrays
+    if not progress.seeded:
+        if not has_room(entries, len(seeds.stance)):
+            return NO_ROOM
+        progress.seeded = True
+        for k in range(len(seeds.stance)):
+            s, cost = seeds.stance[k], seeds.cost[k]
+            push(entries, weights.g * cost + h[s], cost, cost, 3 * s + seeds.moved[k], -1 - k, 0)
+    while entries.count.size > 0:
+        item = first(entries)
+        s, moved = entries.node[item] // 3, entries.node[item] % 3
+        above, held, full = entries.link[item], 1 - moved, True
+        kept = np.int64(0)
+        if moved < NOBODY:
+            kept = table.mask[s, held]
+            if table.check:
+                if closed.mask[s, moved] & kept == kept:
+                    pop(entries)
                     continue
                 if above < 0:
-                    kept = seeds[-1 - above, 2]
+                    kept = seeds.mask[-1 - above]
                 else:
-                    before, last = out_node[above] // 3, out_node[above] % 3
-                    kept = kept_on_edge(mask[s, held], edge_entry(held, before, s, edges))
+                    before, last = out.stance[above], out.moved[above]
+                    edge = table.edges[edge_index(held, before, s, table)]
+                    if not edge.known:
+                        progress.held, progress.before, progress.after = held, before, s
+                        return UNKNOWN_STEP
+                    kept = kept_on_edge(kept, np.int64(edge.kept))
                     if last == moved:
-                        kept = kept_on_edge(out_mask[above], kept)
+                        kept = kept_on_edge(out.mask[above], kept)
                     elif last == held:
-                        kept = kept_on_edge(mask_of_grasp(released[before, held]), kept)
-                        if not can_release(out_mask[above], released[before, moved]):
-                            continue
-            if kept & ~closed[s, moved] == 0:
+                        kept = kept_on_edge(releasable(table, before, held), kept)
+                        if not can_release(out.mask[above], releasable(table, before, moved)):
+                            kept = np.int64(0)
+            if kept & ~closed.mask[s, moved] == 0:
+                pop(entries)
                 continue
-            full = kept == mask[s, held]
-            if check and ready[s, held]:
-                full = mask_of_grasp(released[s, held]) & ~kept == 0
-            closed[s, moved] |= kept
-        if full and moved < 2:
-            # A limb that grasped here instead would be on branches that the one that holds has.
-            closed[s, 1 - moved] |= mask_of_grasp(released[s, moved]) if check else mask[s, moved]
-        elif full:
-            closed[s, 0], closed[s, 1] = mask[s, 1], mask[s, 0]
-        if expanded == size_out:
-            out_node, out_mask = grown(out_node), grown(out_mask)
-            out_parent, out_g = grown(out_parent), grown(out_g)
-            size_out *= 2
-        here = expanded
-        cost = g[item]
-        out_node[here], out_mask[here] = 3 * s + moved, kept
-        out_parent[here], out_g[here] = max(above, -1), cost
-        expanded += 1
+            full = kept == table.mask[s, held]
+            if table.check and table.released[s, held].known:
+                full = releasable(table, s, held) & ~kept == 0
+        degree = table.degree[0, table.points[s, 0]] + table.degree[1, table.points[s, 1]]
+        if not has_room(entries, degree) or progress.expanded == len(out.stance):
+            return NO_ROOM
+        pop(entries)
+        if moved < NOBODY:
+            closed.mask[s, moved] |= kept
+            if full:
+                # A limb that grasped here instead would be on branches that the one that holds has.
+                grasped = releasable(table, s, moved) if table.check else table.mask[s, moved]
+                closed.mask[s, held] |= grasped
+        else:
+            closed.mask[s, 0], closed.mask[s, 1] = table.mask[s, 1], table.mask[s, 0]
+        here, cost = progress.expanded, entries.g[item]
+        out.stance[here], out.moved[here], out.mask[here] = s, moved, kept
+        out.parent[here], out.cost[here] = max(above, -1), cost
+        progress.expanded += 1
         if goal[s]:
-            status = FOUND
-            break
-        if expanded >= limit:
-            status = LIMIT
-            break
-        x, y, z = position[s, 0], position[s, 1], position[s, 2]
-        for limb in range(2):
-            if limb == moved and not check:
-                # Moving one limb twice in a row never pays where every step is possible.
+            return FOUND
+        if progress.expanded >= weights.limit:
+            return LIMIT
+        _expand(here, cost, h, weights, table, closed, arrays)
+    return EXHAUSTED
+
+
+@kernel
+def _expand(
+    here: int, cost: float, h: Array, weights: Weights, table: PairTable, closed: Closed,
+    arrays: tuple[Queue, Expanded],
+) -> None:
+    """Put the neighbours of expanded state `here` into the queue."""
+    entries, out = arrays
+    s, moved, kept = out.stance[here], out.moved[here], out.mask[here]
+    check, mask, local = table.check, table.mask, table.local
+    x, y, z = table.base[s, 0], table.base[s, 1], table.base[s, 2]
+    for limb in range(2):
+        if limb == moved and not check:
+            # Moving one limb twice in a row never pays where every step is possible.
+            continue
+        holds = 1 - limb
+        point = table.points[s, holds]
+        of_held, sure = mask[s, holds], True
+        if moved == limb:
+            of_held = kept
+        elif moved == holds and check:
+            of_held &= releasable(table, s, holds)
+            sure = table.released[s, limb].known
+            if sure and not can_release(kept, releasable(table, s, limb)):
                 continue
-            holds = 1 - limb
-            point = points[s, holds]
-            of_held, sure = mask[s, holds], True
-            if moved == limb:
-                of_held = kept
-            elif moved == holds and check:
-                of_held &= mask_of_grasp(released[s, holds])
-                sure = ready[s, limb]
-                if sure and not can_release(kept, released[s, limb]):
-                    continue
-            first = offset[holds, point] + local[holds, s] * degree[holds, point]
-            for k in range(row_start[holds, point], row_start[holds, point + 1]):
-                s2 = rows[holds, k]
-                if s2 == s:
-                    continue
-                theirs = mask[s2, holds]
-                if closed[s2, limb] & theirs == theirs:
-                    continue
-                dx = row_position[holds, k, 0] - x
-                dy = row_position[holds, k, 1] - y
-                dz = row_position[holds, k, 2] - z
-                cost2 = cost + base_weight * np.sqrt(dx * dx + dy * dy + dz * dz) + step_weight
-                if cost2 >= best[s2, limb]:
-                    continue
-                after = kept_on_edge(of_held, theirs)
-                if check:
-                    entry = table[first + local[holds, s2]]
-                    if entry & KNOWN:
-                        after = kept_on_edge(after, entry)
-                        if after & ~closed[s2, limb] == 0:
-                            continue
-                        if sure and after == theirs:
-                            best[s2, limb] = cost2
-                else:
-                    # Without checks it does not matter which limb moved.
-                    best[s2, 0] = best[s2, 1] = cost2
-                if used == size_pool:
-                    f, g, node, parent = grown(f), grown(g), grown(node), grown(parent)
-                    heap = grown(heap)
-                    size_pool *= 2
-                f[used] = g_weight * cost2 + h[s2]
-                g[used] = cost2
-                node[used] = 3 * s2 + limb
-                parent[used] = here
-                heap[size] = used
-                used += 1
-                size += 1
-                _sift_up(heap, size, f, g)
-    return (
-        status, used, out_node[:expanded], out_mask[:expanded], out_parent[:expanded],
-        out_g[:expanded],
-    )  # fmt: skip
+        first_edge = table.offset[holds, point] + local[holds, s] * table.degree[holds, point]
+        for k in range(table.row_start[holds, point], table.row_start[holds, point + 1]):
+            s2 = table.rows[holds, k]
+            if s2 == s:
+                continue
+            theirs = mask[s2, holds]
+            if closed.mask[s2, limb] & theirs == theirs:
+                continue
+            dx = table.row_base[holds, k, 0] - x
+            dy = table.row_base[holds, k, 1] - y
+            dz = table.row_base[holds, k, 2] - z
+            cost2 = cost + weights.base * np.sqrt(dx * dx + dy * dy + dz * dz) + weights.step
+            if cost2 >= closed.best[s2, limb]:
+                continue
+            if check:
+                edge = table.edges[first_edge + local[holds, s2]]
+                if edge.known:
+                    after = kept_on_edge(kept_on_edge(of_held, theirs), np.int64(edge.kept))
+                    if after & ~closed.mask[s2, limb] == 0:
+                        continue
+                    if sure and after == theirs:
+                        closed.best[s2, limb] = cost2
+            else:
+                # Without checks it does not matter which limb moved.
+                closed.best[s2, 0] = closed.best[s2, 1] = cost2
+            push(entries, weights.g * cost2 + h[s2], cost2, cost2, 3 * s2 + limb, here, 0)
 
 
-@allocating_kernel
+@entry
 def steps_to_goal(
-    goal: BoolArray, rows: IntArray, row_start: IntArray, points: IntArray, mask: IntArray,
-    value: Array, opened: BoolArray,
-) -> None:  # fmt: skip
+    goal: BoolArray, table: PairTable, value: Array, opened: BoolArray, waiting: IntArray
+) -> None:
     """Fewest steps from every stance to the goal region when steps are not checked.
 
     A breadth-first search in which each row is opened once: all its stances are one step from the
@@ -207,23 +275,21 @@ def steps_to_goal(
 
     Args:
         goal: Which stances are goals, shape (n,).
-        rows: `PairGraph.rows`.
-        row_start: `PairGraph.row_start`.
-        points: `PairGraph.points`.
-        mask: `PairGraph.mask`; stances without a branch are omitted.
+        table: The stances; those without a branch are omitted.
         value: Infinities, shape (n,), filled with the steps but where no goal can be reached.
         opened: False, shape (2, m).
+        waiting: Scratch, shape (n,).
     """
     n = len(goal)
-    queue = np.empty(n, np.int64)
+    rows, row_start, points, mask = table.rows, table.row_start, table.points, table.mask
     head = tail = 0
     for s in range(n):
         if goal[s] and mask[s, 0]:
             value[s] = 0.0
-            queue[tail] = s
+            waiting[tail] = s
             tail += 1
     while head < tail:
-        s = queue[head]
+        s = waiting[head]
         head += 1
         for held in range(2):
             point = points[s, held]
@@ -234,81 +300,87 @@ def steps_to_goal(
                 s2 = rows[held, k]
                 if value[s2] == np.inf and mask[s2, 0]:
                     value[s2] = value[s] + 1.0
-                    queue[tail] = s2
+                    waiting[tail] = s2
                     tail += 1
 
 
-@allocating_kernel
 def distance_to_goal(
-    goal: BoolArray, start: int, toward: Array, base_weight: float, step_weight: float,
-    rows: IntArray, row_start: IntArray, points: IntArray, position: Array, row_position: Array,
-    mask: IntArray, value: Array, closed: Array, along: IntArray,
-) -> None:  # fmt: skip
-    """Exact cost from stances to the goal region when steps are not checked.
+    graph: PairGraph, goal: BoolArray, weights: Weights, start: int = -1,
+    toward: Array | None = None,
+) -> Array:
+    """Exact cost from stances to the goal region when steps are not checked, shape (n,).
 
     It is found by a search backward from the goal. Moving one limb twice in a row never pays, so a
     stance reached along a row does not open that row again.
 
     Args:
+        graph: The stance graph; stances without a branch are omitted.
         goal: Which stances are goals, shape (n,).
-        start: Stance at which to stop, or -1 to go on to the end.
-        toward: Lower bound of the cost between each stance and the start, shape (n,); zeros without
-            one.
-        base_weight: Weight of the base displacement [1/m].
-        step_weight: Charge for each step.
-        rows: `PairGraph.rows`.
-        row_start: `PairGraph.row_start`.
-        points: `PairGraph.points`.
-        position: `PairGraph.base_in_world`.
-        row_position: `PairGraph.row_position`.
-        mask: `PairGraph.mask`; stances without a branch are omitted.
-        value: Infinities, shape (n,); least costs found.
-        closed: Infinities, shape (n,), filled with the cost of each stance that was expanded.
-        along: Minus ones, shape (n,); the limb that held when a stance was reached.
+        weights: What is minimised.
+        start: Stance at which to stop, or -1 to go on to the end; infinity is left where the
+            search did not get to.
+        toward: Lower bound of the cost between each stance and the start, shape (n,).
     """
     n = len(goal)
-    size_pool = n + 1
-    f, g = np.empty(size_pool), np.empty(size_pool)
-    node, heap = np.empty(size_pool, np.int64), np.empty(size_pool, np.int64)
-    used = size = 0
-    for s in range(n):
-        if goal[s] and mask[s, 0]:
-            value[s] = g[used] = 0.0
-            f[used], node[used], heap[size] = toward[s], s, used
-            used += 1
-            size += 1
-            _sift_up(heap, size, f, g)
-    while size > 0:
-        item = heap[0]
-        size -= 1
-        if size > 0:
-            heap[0] = heap[size]
-            _sift_down(heap, size, f, g)
-        s = node[item]
-        if closed[s] < np.inf:
+    cost = Costs(np.full(n, np.inf), np.full(n, np.inf), np.full(n, -1))
+    entries, progress = queue(n + 1), Progress.row()
+    progress.after = start
+    toward = np.zeros(n) if toward is None else toward
+    while _distance(goal, toward, weights, graph.steps, cost, entries, progress) == NO_ROOM:
+        entries = grown(entries)
+    return cost.closed
+
+
+class Costs(NamedTuple):
+    """Costs from n stances."""
+
+    value: Array
+    """The least found."""
+    closed: Array
+    """Those of stances that were expanded."""
+    along: IntArray
+    """Limb that held when a stance was reached, -1 for none."""
+
+
+@entry
+def _distance(
+    goal: BoolArray, toward: Array, weights: Weights, table: PairTable, cost: Costs,
+    entries: Queue, progress: Progress,
+) -> int:
+    """Go on with a search until it ends or its queue is full, see `distance_to_goal`."""
+    if not progress.seeded:
+        progress.seeded = True
+        for s in range(len(goal)):
+            if goal[s] and table.mask[s, 0]:
+                cost.value[s] = 0.0
+                push(entries, toward[s], 0.0, 0.0, s, -1, 0)
+    while entries.count.size > 0:
+        item = first(entries)
+        s = entries.node[item]
+        if cost.closed[s] < np.inf:
+            pop(entries)
             continue
-        cost = value[s]
-        closed[s] = cost
-        if s == start:
-            break
-        x, y, z = position[s, 0], position[s, 1], position[s, 2]
+        degree = table.degree[0, table.points[s, 0]] + table.degree[1, table.points[s, 1]]
+        if not has_room(entries, degree):
+            return NO_ROOM
+        pop(entries)
+        spent = cost.value[s]
+        cost.closed[s] = spent
+        if s == progress.after:
+            return FOUND
+        x, y, z = table.base[s, 0], table.base[s, 1], table.base[s, 2]
         for held in range(2):
-            if held == along[s]:
+            if held == cost.along[s]:
                 continue
-            point = points[s, held]
-            for k in range(row_start[held, point], row_start[held, point + 1]):
-                s2 = rows[held, k]
-                dx = row_position[held, k, 0] - x
-                dy = row_position[held, k, 1] - y
-                dz = row_position[held, k, 2] - z
-                cost2 = cost + base_weight * np.sqrt(dx * dx + dy * dy + dz * dz) + step_weight
-                if cost2 < value[s2] and mask[s2, 0]:
-                    value[s2] = cost2
-                    along[s2] = held
-                    if used == size_pool:
-                        f, g, node, heap = grown(f), grown(g), grown(node), grown(heap)
-                        size_pool *= 2
-                    f[used], g[used], node[used], heap[size] = cost2 + toward[s2], cost2, s2, used
-                    used += 1
-                    size += 1
-                    _sift_up(heap, size, f, g)
+            point = table.points[s, held]
+            for k in range(table.row_start[held, point], table.row_start[held, point + 1]):
+                s2 = table.rows[held, k]
+                dx = table.row_base[held, k, 0] - x
+                dy = table.row_base[held, k, 1] - y
+                dz = table.row_base[held, k, 2] - z
+                cost2 = spent + weights.base * np.sqrt(dx * dx + dy * dy + dz * dz) + weights.step
+                if cost2 < cost.value[s2] and table.mask[s2, 0]:
+                    cost.value[s2] = cost2
+                    cost.along[s2] = held
+                    push(entries, cost2 + toward[s2], cost2, cost2, s2, -1, 0)
+    return EXHAUSTED

@@ -12,12 +12,20 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.estimates import Estimates
 from mlivr_gym.planners.lazy_search import lazy_search
-from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT, search
+from mlivr_gym.planners.pair_search import (
+    EXHAUSTED,
+    FOUND,
+    LIMIT,
+    NOBODY,
+    Expanded,
+    Seeds,
+    search,
+    weights_of,
+)
 from mlivr_gym.planners.query import Search
 from mlivr_gym.postures.solver import Postures
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.rule import mask_of_grasp
 from mlivr_gym.transitions.state import State
 
 PATIENCE = 100
@@ -81,15 +89,14 @@ class PairSearcher:
         origin = graph.posture_of(first)
         seeds = _Seeds(graph, first, origin, search)
         arrived = bool(goal.distance(origin.base_position[0]) <= goal.tolerance)
-        if seeds.given and (arrived or not len(seeds.rows)):
+        if seeds.given and (arrived or not len(seeds.all.stance)):
             status = FOUND if arrived else EXHAUSTED
             return Path(status, (first,), 0.0, 1, 1, np.zeros((0, 2, 3)))
         region = self.estimates.region(goal)
-        if not set(graph.components[1][seeds.rows[:, 0]].tolist()) & region.parts:
+        if not set(graph.components[1][seeds.all.stance].tolist()) & region.parts:
             return None
-        found, explored, generated = self._search(search, seeds, origin, not again)
-        status, _, node, mask, parent, g = found
-        stance, moved = node // 3, node % 3
+        status, out, explored, generated = self._search(search, seeds, origin, not again)
+        stance, moved, mask, parent, g = out
         chain = _chain(parent)
         states = tuple(self._state(int(stance[k]), int(moved[k]), int(mask[k])) for k in chain)
         before = np.where(
@@ -103,7 +110,7 @@ class PairSearcher:
 
     def _search(
         self, search_: Search, seeds: _Seeds, origin: Postures, keep: bool
-    ) -> tuple[tuple[int, int, IntArray, IntArray, IntArray, Array], int, int]:
+    ) -> tuple[int, Expanded, int, int]:
         """Search, and learn from the goal where the estimate misleads; counts of all rounds."""
         graph, goal, estimates = self.graph, search_.goal, self.estimates
         cost, region, learnt = goal.cost, estimates.region(goal), estimates.has(goal)
@@ -117,16 +124,11 @@ class PairSearcher:
             patience = PATIENCE * (1 if graph.settings.collisions else CHEAP)
         bound, explored, generated = h, 0, 0
         while True:
-            found = search(
-                seeds.rows, seeds.costs, region.goal, h, cost.base_weight, cost.step_weight,
-                search_.g_weight, min(search_.limit - explored, patience),
-                graph.settings.transitions, graph.rows, graph.row_start, graph.row_position,
-                graph.edges, np.zeros((len(graph), 2), dtype=np.int64),
-                np.full((len(graph), 2), np.inf),
-            )  # fmt: skip
-            explored, generated = explored + len(found[2]), generated + int(found[1])
-            if found[0] != LIMIT or explored >= search_.limit:
-                return found, explored, generated
+            weights = weights_of(cost, search_.g_weight, min(search_.limit - explored, patience))
+            status, made, out = search(graph, seeds.all, region.goal, h, weights)
+            explored, generated = explored + len(out.stance), generated + made
+            if status != LIMIT or explored >= search_.limit:
+                return status, out, explored, generated
             # Many steps that the estimate counts on are no edges: learn from the goal.
             h, bound = estimates.learn(
                 goal,
@@ -147,7 +149,7 @@ class PairSearcher:
         if moved < 2:
             masks[1 - moved] = mask
             if graph.settings.transitions:
-                masks[moved] = int(mask_of_grasp(int(graph.releasable[s, moved])))
+                masks[moved] = int(graph.releasable[s, moved])
         a, b = graph.points[s].tolist()
         return State((a, b), (masks[0], masks[1]))
 
@@ -157,8 +159,7 @@ class _Seeds:
 
     Attributes:
         start: Index of the start stance, -1 if the robot stands in a given pose.
-        rows: Stance index, limb that moved there and branches of the other limb, shape (k, 3).
-        costs: What it cost to get to each, shape (k,).
+        all: The seeds.
         given: Whether the pose or the branches at the start are given: the seeds are then the
             stances that a first step leads to.
     """
@@ -167,16 +168,22 @@ class _Seeds:
         self.start = graph.find(first.stance) if first.pose is None else -1
         self.given = self.start < 0 or first.masks != tuple(graph.mask[self.start].tolist())
         if not self.given:
-            self.rows, self.costs = np.array([[self.start, 2, 0]]), np.zeros(1)
+            self.all = _seeds([(self.start, NOBODY, 0)], np.zeros(1))
             return
         cost, steps = search.goal.cost, graph.successors(first)
         rows = []
         for k, limb in enumerate(steps.limb.tolist()):
             after = steps.after(first, k)
             rows.append((graph.find(after.stance), limb, after.masks[1 - limb]))
-        self.rows = np.array(rows, dtype=np.int64).reshape(-1, 3)
         away = [float(np.linalg.norm(p - origin.base_position[0])) for p in steps.base_in_world]
-        self.costs = np.array([cost.base_weight * d + cost.step_weight for d in away])
+        costs = np.array([cost.base_weight * d + cost.step_weight for d in away])
+        self.all = _seeds(rows, costs)
+
+
+def _seeds(rows: Sequence[tuple[int, int, int]], costs: Array) -> Seeds:
+    """Seeds of stance, limb that moved there and branches of the other limb."""
+    stance, moved, mask = np.array(rows, dtype=np.int64).reshape(-1, 3).T.copy()
+    return Seeds(stance, moved, mask, costs)
 
 
 class LazySearcher:

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
-@kernel
+@entry
 def relax(
     goal: BoolArray, step_cost: Array, base_cost: Array, tables: StepTables, value: Array,
     grasped: Array, queue: IntArray, queued: NDArray[np.int8],
-) -> None:  # fmt: skip
+) -> None:
     """Fill the table, label-correcting backward from the goal stances.
 
     Args:
@@ -82,11 +82,11 @@ def relax(
                     size += 1
 
 
-@kernel
+@entry
 def step_values(
     stances: IntArray, masks: IntArray, which: IntArray, goals: BoolArray, step_cost: Array,
     base_cost: Array, tables: StepTables, values: Array, grasped: Array, out: Array,
-) -> None:  # fmt: skip
+) -> None:
     """Cost of taking each possible action and going on at the least cost.
 
     Args:

@@ -1,14 +1,15 @@
-"""Boxes in the form the compiled checks read: arrays and a grid of cells."""
+"""Boxes in the form the compiled checks read: rows and a grid of cells."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE
+from mlivr_gym.compiled.records import Matrix, Record, Vector
 from mlivr_gym.world.boxes import Box
 
 CELL = 0.25
@@ -24,97 +25,123 @@ CAUSES = {"handrail": HANDRAIL, "stanchion": HANDRAIL, "obstacle": OBSTACLE}
 """Cause of a collision with a box of some kind; `CABIN` with all others."""
 
 
-class BoxWorld:
-    """A set of boxes that shapes are checked against.
+class Bounds(Record):
+    """Two opposite corners of an upright box in the world."""
 
-    Attributes:
-        boxes: The boxes.
-        arrays: What `link_capsules.against_boxes` takes: for each box its bounds, centre, half
-            edges, rotation by rows, whether it is turned and the cause it gives, shape (n, 23); a
-            large empty box inside, the hull, the grid's origin, edge and number of cells, shape
-            (19,); where the boxes of each cell begin in a list, that list, and what the boxes fill
-            of each cell, shape (cells, 2, 3).
-    """
-
-    def __init__(self, boxes: Sequence[Box]) -> None:
-        """Sort the boxes into cells."""
-        self.boxes = tuple(boxes)
-        n = len(self.boxes)
-        centre = np.array([box.centre for box in self.boxes]).reshape(n, 3)
-        half = np.array([box.half for box in self.boxes]).reshape(n, 3)
-        rotation = np.array([box.rotation for box in self.boxes]).reshape(n, 3, 3)
-        tilted = np.abs(rotation - np.eye(3)).reshape(n, 9).max(axis=1, initial=0.0) > 1e-12
-        reach = np.einsum("nij,nj->ni", np.abs(rotation), half)
-        low, high = centre - reach, centre + reach
-        kind = np.array([CAUSES.get(box.kind, CABIN) for box in self.boxes], dtype=np.int64)
-        hull = (
-            np.stack([low.min(axis=0), high.max(axis=0)])
-            if n
-            else np.array([[np.inf] * 3, [-np.inf] * 3])
-        )
-        origin = hull[0] if n else np.zeros(3)
-        grid = _grid(origin, low - origin, high - origin)
-        edge, dims = grid.edge, grid.dims
-        cells, owners = [], []
-        for b in range(n):
-            first = np.clip(((low[b] - origin) / edge).astype(np.int64), 0, dims - 1)
-            last = np.clip(((high[b] - origin) / edge).astype(np.int64), 0, dims - 1)
-            i, j, k = np.ix_(*(np.arange(a, z + 1) for a, z in zip(first, last, strict=True)))
-            here = ((i * dims[1] + j) * dims[2] + k).ravel()
-            cells.append(here)
-            owners.append(np.full(len(here), b, dtype=np.int64))
-        cell = np.concatenate(cells) if cells else np.zeros(0, dtype=np.int64)
-        order = np.argsort(cell, kind="stable")
-        items = np.concatenate(owners)[order] if owners else np.zeros(0, dtype=np.int64)
-        start = np.searchsorted(cell[order], np.arange(int(dims.prod()) + 1))
-        filled = _filled(low, high, cell, np.concatenate(owners) if owners else items, grid)
-        flat = np.column_stack([low, high, centre, half, rotation.reshape(n, 9), tilted, kind])
-        head = np.concatenate(
-            [_core(low, high, hull).ravel(), hull.ravel(), origin, [edge], dims]
-        ).astype(np.float64)
-        self.arrays: tuple[Any, ...] = np.ascontiguousarray(flat), head, start, items, filled
-
-    def __len__(self) -> int:
-        """Number of boxes."""
-        return len(self.boxes)
+    low: Vector
+    """Least coordinates [m]."""
+    high: Vector
+    """Largest coordinates [m]."""
 
 
-class _Grid(NamedTuple):
-    """Cubic cells in rows."""
+class GridBox(Record):
+    """A box in the world."""
 
-    origin: Array
-    """Lower corner of the first in the world [m], shape (3,)."""
+    bounds: Bounds
+    """What it reaches."""
+    centre: Vector
+    """Its middle [m]."""
+    half: Vector
+    """Half edges along its axes [m]."""
+    rotation: Matrix
+    """Its axes, in columns."""
+    turned: bool
+    """Whether they are not those of the world."""
+    cause: int
+    """What touching it is called, see `distances`."""
+
+
+class GridFrame(Record):
+    """Where the cells of a grid are."""
+
+    core: Bounds
+    """A large room without boxes; an impossible one if there is none."""
+    hull: Bounds
+    """What all boxes reach."""
+    origin: Vector
+    """Lower corner of the first cell [m]."""
     edge: float
     """Edge of a cell [m]."""
-    dims: IntArray
-    """Number of cells along each axis, shape (3,)."""
+    cells: Annotated[IntArray, (3,), np.int64]
+    """Number of cells along each axis."""
 
 
-def _grid(origin: Array, low: Array, high: Array) -> _Grid:
-    """A grid for boxes whose corners, seen from the origin, lie from 0 on.
+class BoxGrid(NamedTuple):
+    """Boxes by cell."""
+
+    frame: GridFrame
+    """Where the cells are."""
+    boxes: Any
+    """Rows of `GridBox`, shape (n,)."""
+    start: IntArray
+    """Where the boxes of each cell begin in `items`, shape (cells + 1,)."""
+    items: IntArray
+    """Boxes of each cell, one after the other."""
+    filled: Any
+    """What the boxes fill of each cell, rows of `Bounds`, shape (cells,)."""
+
+
+def box_grid(boxes: Sequence[Box]) -> BoxGrid:
+    """Sort boxes into cells."""
+    rows = GridBox.rows(len(boxes))
+    for row, box in zip(rows, boxes, strict=True):
+        row.centre[:], row.half[:], row.rotation[:] = box.centre, box.half, box.rotation
+        row.turned = bool(np.abs(row.rotation - np.eye(3)).max() > 1e-12)
+        row.cause = CAUSES.get(box.kind, CABIN)
+    reach = np.einsum("nij,nj->ni", np.abs(rows["rotation"]), rows["half"])
+    low, high = rows["centre"] - reach, rows["centre"] + reach
+    rows["bounds"]["low"], rows["bounds"]["high"] = low, high
+    frame = _frame(low, high)
+    cells, owners = [], []
+    for b in range(len(boxes)):
+        ends = (low[b] - frame.origin, high[b] - frame.origin)
+        first, last = (
+            np.clip((end / frame.edge).astype(np.int64), 0, frame.cells - 1) for end in ends
+        )
+        i, j, k = np.ix_(*(np.arange(a, z + 1) for a, z in zip(first, last, strict=True)))
+        here = ((i * frame.cells[1] + j) * frame.cells[2] + k).ravel()
+        cells.append(here)
+        owners.append(np.full(len(here), b, dtype=np.int64))
+    nothing = np.zeros(0, dtype=np.int64)
+    cell, owner = np.concatenate([nothing, *cells]), np.concatenate([nothing, *owners])
+    order = np.argsort(cell, kind="stable")
+    start = np.searchsorted(cell[order], np.arange(int(frame.cells.prod()) + 1))
+    return BoxGrid(frame, rows, start, owner[order], _filled(low, high, cell, owner, frame))
+
+
+def _frame(low: Array, high: Array) -> GridFrame:
+    """Where the cells are for boxes of given corners, shape (n, 3) [m].
 
     The edge is doubled until there are few enough cells, and few enough boxes in them.
     """
-    edge = CELL
+    frame: GridFrame = GridFrame.row()
+    hull = np.array([[np.inf] * 3, [-np.inf] * 3])
+    if len(low):
+        hull = np.stack([low.min(axis=0), high.max(axis=0)])
+        frame.origin[:] = hull[0]
+    frame.hull.low[:], frame.hull.high[:] = hull
+    frame.core.low[:], frame.core.high[:] = _core(low, high, hull)
+    low, high, edge = low - frame.origin, high - frame.origin, CELL
     while True:
         dims = np.maximum(np.ceil(high.max(axis=0, initial=0.0) / edge), 1.0)
         reached = np.minimum(np.floor(high / edge), dims - 1.0) - np.floor(low / edge) + 1.0
         if dims.prod() <= MOST_CELLS and reached.prod(axis=1).sum() <= max(MOST_ENTRIES, len(low)):
-            return _Grid(origin, edge, dims.astype(np.int64))
+            frame.edge, frame.cells[:] = edge, dims.astype(np.int64)
+            return frame
         edge *= 2.0
 
 
-def _filled(low: Array, high: Array, cell: IntArray, owner: IntArray, grid: _Grid) -> Array:
-    """Lower and upper corner of what the boxes fill of each cell [m], shape (cells, 2, 3)."""
-    origin, edge, dims = grid
+def _filled(low: Array, high: Array, cell: IntArray, owner: IntArray, frame: GridFrame) -> Any:
+    """What the boxes fill of each cell, rows of `Bounds`, shape (cells,)."""
+    origin, edge, dims = frame.origin, frame.edge, frame.cells
     corner = origin + edge * np.stack(np.unravel_index(cell, tuple(dims)), axis=1)
-    out = np.empty((int(dims.prod()), 2, 3))
-    out[:, 0], out[:, 1] = np.inf, -np.inf
+    out = Bounds.rows(int(dims.prod()))
+    out["low"], out["high"] = np.inf, -np.inf
     # What reaches out of the outermost cells counts as in them.
     last = corner >= origin + edge * (dims - 1) - 1e-9
-    np.minimum.at(out[:, 0], cell, np.maximum(low[owner], corner))
+    np.minimum.at(out["low"], cell, np.maximum(low[owner], corner))
     np.maximum.at(
-        out[:, 1], cell, np.where(last, high[owner], np.minimum(high[owner], corner + edge))
+        out["high"], cell, np.where(last, high[owner], np.minimum(high[owner], corner + edge))
     )
     return out
 

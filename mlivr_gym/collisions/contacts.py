@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.distances import segment_box_apart, segments_apart
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.link_capsules import FLUSH, axis_of
-from mlivr_gym.collisions.link_frames import frames_of_angles, place
+from mlivr_gym.collisions.against_boxes import FLUSH
+from mlivr_gym.collisions.placing import Placed, place_by_angles
 from mlivr_gym.collisions.uncompared import BODY
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.boxes import BOX, Box, scene_name
@@ -46,12 +46,11 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
     """Ends of the limbs' moving capsules in the world [m], shape (N, c, 2, 3)."""
     position, quaternion, joints = configuration
     base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-    out = np.empty((robot.limbs, len(shapes), 2, 3))
-    frames = np.empty((7, 4, 3))
-    lengths = robot.limb.lengths
-    for i, mount in enumerate(zip(robot.mount_rotations, robot.mount_positions, strict=True)):
-        frames_of_angles(np.ascontiguousarray(joints[i]), lengths, frames)
-        place(frames, shapes.arrays, *mount, out[i])
+    out, placed = np.empty((robot.limbs, len(shapes), 2, 3)), Placed.row()
+    for i in range(robot.limbs):
+        placed.q[:] = joints[i]
+        place_by_angles(shapes.robot.limbs[i], placed)
+        out[i] = placed.in_body.ends[: len(shapes)]
     ends: Array = out @ base.T + position
     return ends
 
@@ -92,25 +91,25 @@ def contacts(
 
 def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:
     """Distances of the robot's shapes from each other; `ends` of capsules in the body frame."""
-    radius, names, fixed = shapes.arrays[2], _names(shapes), _mount_names(robot, shapes)
-    mounts, mount_radius, half, least = shapes.fixed
+    radius, names, fixed = shapes.radii, _names(shapes), _mount_names(robot, shapes)
+    half = tuple(shapes.robot.half.tolist())
     for i in range(robot.limbs):
         for c in range(len(shapes)):
             name = f"limb{i}/{names[c]}"
-            p, u = axis_of(ends[i], c)
-            if shapes.arrays[0][c] >= 2:
-                yield name, BODY, np.sqrt(segment_box_apart(p, u, tuple(half))) - radius[c]
-                for m, mount in enumerate(fixed):
-                    if shapes.arrays[0][c] >= least[i, m]:
-                        apart = np.sqrt(segments_apart(p, u, *axis_of(mounts, m)))
-                        yield name, mount, apart - radius[c] - mount_radius[m]
-            for d, j in shapes.arrays[3].tolist():
+            p, u = _axis(ends[i, c])
+            if shapes.links[c] >= 2:
+                yield name, BODY, np.sqrt(segment_box_apart(p, u, half)) - radius[c]
+                for m, (mount, row) in enumerate(zip(fixed, shapes.mounts, strict=True)):
+                    if shapes.links[c] >= shapes.robot.limbs[i].least_link[m]:
+                        apart = np.sqrt(segments_apart(p, u, *_axis(row.ends)))
+                        yield name, mount, apart - radius[c] - row.radius
+            for d, j in shapes.pairs.tolist():
                 if d == c:
-                    apart = np.sqrt(segments_apart(p, u, *axis_of(ends[i], j)))
+                    apart = np.sqrt(segments_apart(p, u, *_axis(ends[i, j])))
                     yield name, f"limb{i}/{names[j]}", apart - radius[c] - radius[j]
             for k in range(i + 1, robot.limbs):
                 for j in range(len(shapes)):
-                    apart = np.sqrt(segments_apart(p, u, *axis_of(ends[k], j)))
+                    apart = np.sqrt(segments_apart(p, u, *_axis(ends[k, j])))
                     yield name, f"limb{k}/{names[j]}", apart - radius[c] - radius[j]
 
 
@@ -118,11 +117,12 @@ def _limbs_with_boxes(
     shapes: LimbShapes, boxes: Sequence[Box], ends: Array, at_grasp: dict[int, tuple[Array, Array]]
 ) -> Iterator[Pair]:
     """Distances of the limbs' moving capsules from boxes."""
-    radius, names = shapes.arrays[2], _names(shapes)
+    radius, names = shapes.radii, _names(shapes)
+    gripper = int(shapes.limb.gripper)
     for i, limb in enumerate(ends):
         for c, axis in enumerate(limb):
             for box in boxes:
-                if c >= shapes.first_gripper and i in at_grasp and _behind(box, *at_grasp[i]):
+                if c >= gripper and i in at_grasp and _behind(box, *at_grasp[i]):
                     continue
                 yield f"limb{i}/{names[c]}", scene_name(BOX, box.id), _to_box(axis, box) - radius[c]
 
@@ -136,22 +136,27 @@ def _base_with_boxes(
 ) -> Iterator[Pair]:
     """Distances of body and mounts from boxes; of the body from those alone close to its sphere."""
     position, rotation = base
-    mounts, mount_radius, half, _ = shapes.fixed
-    names = _mount_names(robot, shapes)
+    half, names = shapes.robot.half, _mount_names(robot, shapes)
     body = Box(BODY, "obstacle", tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation))
     for box in boxes:
         if _to_box(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
             # Two boxes are nearest, or first overlap, at an edge of one of them.
             edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
             yield BODY, scene_name(BOX, box.id), min(_to_box(*pair) for pair in edges)
-        for name, axis, radius in zip(names, mounts, mount_radius, strict=True):
-            yield name, scene_name(BOX, box.id), _to_box(position + axis @ rotation.T, box) - radius
+        for name, mount in zip(names, shapes.mounts, strict=True):
+            apart = _to_box(position + mount.ends @ rotation.T, box) - mount.radius
+            yield name, scene_name(BOX, box.id), apart
 
 
 def _to_box(axis: Array, box: Box) -> float:
     """Distance of a segment, shape (2, 3), from a box [m]; 0 where it reaches into it."""
     start, end = (axis - np.array(box.centre)) @ np.array(box.rotation)
     return float(np.sqrt(segment_box_apart(tuple(start), tuple(end - start), box.half)))
+
+
+def _axis(ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """One end of a segment, shape (2, 3), and the vector from there to the other."""
+    return tuple(ends[0].tolist()), tuple((ends[1] - ends[0]).tolist())
 
 
 def _edges(box: Box) -> Array:
@@ -164,7 +169,7 @@ def _edges(box: Box) -> Array:
 
 def _mount_names(robot: RobotSpec, shapes: LimbShapes) -> list[str]:
     """Names of the capsules fixed to the body, limb by limb."""
-    count = len(shapes.fixed[1])
+    count = len(shapes.mounts)
     per_limb = max(count // robot.limbs, 1)
     return [f"limb{m // per_limb}/base/{m % per_limb}" for m in range(count)]
 

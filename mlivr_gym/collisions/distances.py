@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.kernels import entry, kernel
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
@@ -21,7 +21,7 @@ ROUNDS = 8
 """Places on a capsule's axis that are tried, besides its ends, before it counts as undecided."""
 
 
-@kernel
+@entry
 def segments_apart(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
     """Squared distance [m^2] of two segments, from `p` to `p + u` and from `q` to `q + v` [m].
 
@@ -68,7 +68,7 @@ def _slope(t: float, p: Triple, d: Triple, half: Triple) -> float:
     return total
 
 
-@kernel
+@entry
 def segment_box_apart(p: Triple, d: Triple, half: Triple) -> float:
     """Squared distance [m^2] of a segment from a box about the origin.
 
@@ -195,7 +195,8 @@ def stays_away(
 
 @kernel
 def segments_answer(
-    p: Triple, u: Triple, q: Triple, v: Triple, inner: float, more: float, at_p: float, at_u: float
+    p: Triple, u: Triple, q: Triple, v: Triple, inner: float, more: float,
+    moves: tuple[float, float],
 ) -> int:
     """Two capsules: `CLEAR`, `UNDECIDED` or `SELF`.
 
@@ -206,9 +207,9 @@ def segments_answer(
         v: From there to the other.
         inner: Radii and clearance [m].
         more: How far the second may move [m].
-        at_p: How far the first may move at `p`.
-        at_u: How far it may move at the other end; in between linearly.
+        moves: How far the first may move at `p` and at the other end; in between linearly.
     """
+    at_p, at_u = moves
     square = segments_apart(p, u, q, v)
     if square < inner * inner:
         return SELF
@@ -222,11 +223,14 @@ def segments_answer(
 
 
 @kernel
-def box_answer(p: Triple, d: Triple, half: Triple, inner: float, at_p: float, at_d: float) -> int:
+def box_answer(
+    p: Triple, d: Triple, half: Triple, inner: float, moves: tuple[float, float]
+) -> int:
     """A capsule and a box about the origin: `CLEAR`, `UNDECIDED` or `SELF`.
 
     Arguments as in `segments_answer`.
     """
+    at_p, at_d = moves
     if stays_away(True, half, half, p, d, inner + at_p, inner + at_d):
         return CLEAR
     square = segment_box_apart(p, d, half)

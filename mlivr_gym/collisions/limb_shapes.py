@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.uncompared import BODY, not_compared
+from mlivr_gym.compiled.records import Record, Vector
+from mlivr_gym.kinematics.arm import set_arm
+from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.robot.capsules import LINKS, Capsule
-from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.robot.specification import MOST_CAPSULES, MOST_LIMBS, RobotSpec
+
+MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
+"""Most pairs of a limb's capsules."""
+
+MOST_MOUNTS = MOST_CAPSULES * MOST_LIMBS
+"""Most capsules that are fixed to the body."""
 
 NEVER_NEARER = {(3, 5): 2, (4, 6): 1}
 """Links two joints apart, and the axis of the first along which the second stays on one side.
@@ -19,74 +28,184 @@ lies by d4; wrist 1 lies across joint 5, off which the flange axis lies by d5.
 """
 
 
+class LimbCapsule(Record):
+    """A capsule that moves with a limb."""
+
+    link: int
+    """The link it is on, 1 to 6; the gripper's is the last."""
+    ends: Annotated[Array, (2, 3)]
+    """Ends of its axis in the link's frame [m]."""
+    radius: float
+    """Radius [m]."""
+    anchor: Annotated[IntArray, (2,), np.int64]
+    """What the motion of each end is bounded from: limb base, elbow, forearm end or wrist point."""
+    arm: Annotated[Array, (2,)]
+    """Distance of each end from its anchor [m]."""
+
+
+class BodyCapsule(Record):
+    """A capsule that moves with the base."""
+
+    ends: Annotated[Array, (2, 3)]
+    """Ends of its axis in the body frame [m]."""
+    radius: float
+    """Radius [m]."""
+
+
+class Limb(MountedArm):
+    """A limb with its shapes."""
+
+    index: int
+    """Number of the limb."""
+    capsule_count: int
+    """Number of capsules that move."""
+    capsules: Annotated[tuple[LimbCapsule, ...], (MOST_CAPSULES,)]
+    """The capsules, from the mount on in the order of `LINKS`."""
+    pair_count: int
+    """Number of pairs of them that are compared."""
+    pairs: Annotated[IntArray, (MOST_PAIRS, 2), np.int64]
+    """The pairs."""
+    gripper: int
+    """First capsule of the gripper."""
+    hand: int
+    """First of the capsules that lie on the flange axis to the end: at a grasp they are where they
+    are, whatever the posture."""
+    least_link: Annotated[IntArray, (MOST_MOUNTS,), np.int64]
+    """The first link that can meet each of the robot's mounts."""
+
+
+class Robot(Record):
+    """A robot as compiled code reads it."""
+
+    limb_count: int
+    """Number of limbs N."""
+    limbs: Annotated[tuple[Limb, ...], (MOST_LIMBS,)]
+    """The limbs."""
+    tool_length: float
+    """Flange to grasp [m]."""
+    lift: float
+    """Departure along the surface normal [m]."""
+    characteristic_length: float
+    """l_c [m]."""
+    fold_count: int
+    """Number of folds."""
+    folds: Annotated[Array, (4, 5)]
+    """Joints 1 to 5 of a folded limb [rad]."""
+    half: Vector
+    """Half edges of the body [m]."""
+    mount_count: int
+    """Number of capsules that are fixed to the body."""
+    mounts: Annotated[tuple[BodyCapsule, ...], (MOST_MOUNTS,)]
+    """These capsules."""
+    around_count: int
+    """Number of capsules that together contain all that moves with the base."""
+    around: Annotated[tuple[BodyCapsule, ...], (MOST_MOUNTS + 4,)]
+    """These, for comparison with boxes: four round the body, see `round_cube`, and the mounts."""
+
+
 class LimbShapes:
     """Capsules of one limb, the pairs of them that can meet, and what is fixed to the body.
 
     Pairs that are left out stand in `uncompared.NOT_COMPARED`.
 
     Attributes:
-        arrays: Link of each capsule (c,), ends in the link frame (c, 2, 3) [m], radii (c,) [m],
-            pairs of capsules that can meet (k, 2), and for each end the anchor its motion is
-            bounded from (c, 2) and the distance to it (c, 2) [m]; see `swept_swing`.
-        first_gripper: First capsule of the gripper; those from the mount on follow the order of
-            `LINKS`.
-        hand: First of the capsules that lie on the flange axis to the end: at a grasp they are
-            where they are, whatever the posture.
-        fixed: Ends (k, 2, 3) and radii (k,) of the capsules fixed to the body, in its frame [m],
-            half edges of the body (3,) [m], and the first link of each limb that can meet each of
-            those capsules (N, k).
-        body: Ends (4 + k, 2, 3) and radii (4 + k,) of capsules in the body frame that contain all
-            that moves with the base, for comparison with boxes [m]: four round the body, see
-            `round_cube`, and the mounts of `fixed`.
+        names: Link of each capsule that moves, c of them, from the mount on.
+        robot: All this as compiled code reads it.
+        limb: The first limb there; in the frames of their links the limbs are equal.
     """
 
-    def __init__(self, robot: RobotSpec) -> None:
+    def __init__(self, spec: RobotSpec) -> None:
         """Sort the robot's capsules."""
-        capsules = sorted(robot.shapes, key=lambda capsule: LINKS.index(capsule.link))
+        capsules = sorted(spec.shapes, key=lambda capsule: LINKS.index(capsule.link))
         moving = [capsule for capsule in capsules if capsule.link != "base"]
-        link = np.array([min(LINKS.index(capsule.link), 6) for capsule in moving], dtype=np.int64)
-        ends = np.array([[capsule.start, capsule.end] for capsule in moving])
-        radius = np.array([capsule.radius for capsule in moving])
         self.names = tuple(capsule.link for capsule in moving)
-        self.first_gripper = sum(name != "gripper" for name in self.names)
+        self.robot: Robot = Robot.row()
+        robot = self.robot
+        robot.limb_count, robot.tool_length, robot.lift = spec.limbs, spec.tool_length, spec.lift
+        robot.characteristic_length = spec.characteristic_length
+        robot.fold_count = len(spec.folds)
+        robot.folds[: len(spec.folds)] = spec.folds
+        robot.half[:] = 0.5 * spec.body_size
+        self._add_limbs(spec, moving)
+        fixed = [capsule for capsule in capsules if capsule.link == "base"]
+        self._add_mounts(spec, fixed, capsules)
+        self.limb: Limb = robot.limbs[0]
+
+    def _add_limbs(self, spec: RobotSpec, moving: list[Capsule]) -> None:
         on_axis = [c.link in LINKS[6:] or _on_flange_axis(c) for c in moving]
-        self.hand = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
         pairs = [
             (i, j)
             for i in range(len(moving))
             for j in range(i + 1, len(moving))
-            if _can_meet(robot, moving[i], moving[j])
+            if _can_meet(spec, moving[i], moving[j])
         ]
-        anchors = np.empty((len(moving), 2), dtype=np.int64)
-        arms = np.empty((len(moving), 2))
-        for c in range(len(moving)):
-            for e in range(2):
-                anchors[c, e], arms[c, e] = _anchor(robot, int(link[c]), ends[c, e])
-        self.arrays: tuple[Any, ...] = (
-            link, ends, radius, np.array(pairs, dtype=np.int64).reshape(-1, 2), anchors, arms,
-        )  # fmt: skip
-        mounts, mount_radius, least = [], [], []
-        for limb, (rotation, position) in enumerate(
-            zip(robot.mount_rotations, robot.mount_positions, strict=True)
-        ):
-            for capsule in capsules:
-                if capsule.link == "base":
-                    mounts.append(
-                        [position + rotation @ capsule.start, position + rotation @ capsule.end]
-                    )
-                    mount_radius.append(capsule.radius)
-                    same = 2 if _upper_arm_can_meet(capsule, capsules) else 3
-                    least.append([same if other == limb else 2 for other in range(robot.limbs)])
-        half = np.full(3, 0.5 * robot.body_size)
-        self.fixed = (
-            np.array(mounts).reshape(-1, 2, 3), np.array(mount_radius), half,
-            np.array(least, dtype=np.int64).reshape(-1, robot.limbs).T.copy(),
-        )  # fmt: skip
-        round_ends, round_radius = round_cube(float(half[0]))
-        self.body = (
-            np.concatenate([round_ends, self.fixed[0]]),
-            np.concatenate([round_radius, self.fixed[1]]),
-        )
+        for i in range(spec.limbs):
+            limb = self.robot.limbs[i]
+            limb.index, limb.capsule_count, limb.pair_count = i, len(moving), len(pairs)
+            limb.mount.position[:] = spec.mount_positions[i]
+            limb.mount.rotation[:] = spec.mount_rotations[i]
+            set_arm(limb.arm, spec.limb.lengths, spec.limb.limits)
+            limb.gripper = sum(name != "gripper" for name in self.names)
+            limb.hand = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
+            limb.pairs[: len(pairs)] = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+            for c, capsule in enumerate(moving):
+                row = limb.capsules[c]
+                row.link, row.radius = min(LINKS.index(capsule.link), 6), capsule.radius
+                row.ends[:] = capsule.start, capsule.end
+                for e in range(2):
+                    row.anchor[e], row.arm[e] = _anchor(spec, int(row.link), row.ends[e])
+
+    def _add_mounts(self, spec: RobotSpec, fixed: list[Capsule], capsules: list[Capsule]) -> None:
+        robot = self.robot
+        round_ends, round_radius = round_cube(float(robot.half[0]))
+        for k in range(4):
+            robot.around[k].ends[:], robot.around[k].radius = round_ends[k], round_radius[k]
+        count = 0
+        for limb in range(spec.limbs):
+            rotation, position = spec.mount_rotations[limb], spec.mount_positions[limb]
+            for capsule in fixed:
+                row = robot.mounts[count]
+                row.ends[:] = [position + rotation @ end for end in (capsule.start, capsule.end)]
+                row.radius = capsule.radius
+                robot.around[4 + count] = row
+                same = 2 if _upper_arm_can_meet(capsule, capsules) else 3
+                for other in range(spec.limbs):
+                    robot.limbs[other].least_link[count] = same if other == limb else 2
+                count += 1
+        robot.mount_count, robot.around_count = count, 4 + count
+
+    @property
+    def links(self) -> IntArray:
+        """Link of each capsule that moves, shape (c,)."""
+        links: IntArray = self._capsules["link"]
+        return links
+
+    @property
+    def ends(self) -> Array:
+        """Ends of the capsules' axes in the frames of their links [m], shape (c, 2, 3)."""
+        ends: Array = self._capsules["ends"]
+        return ends
+
+    @property
+    def radii(self) -> Array:
+        """Radii of the capsules that move [m], shape (c,)."""
+        radii: Array = self._capsules["radius"]
+        return radii
+
+    @property
+    def pairs(self) -> IntArray:
+        """Pairs of a limb's capsules that are compared, shape (k, 2)."""
+        pairs: IntArray = self.limb.pairs[: self.limb.pair_count]
+        return pairs
+
+    @property
+    def mounts(self) -> Any:
+        """Rows of `BodyCapsule`: what is fixed to the body."""
+        return self.robot.mounts[: self.robot.mount_count]
+
+    @property
+    def _capsules(self) -> Any:
+        return self.limb.capsules[: self.limb.capsule_count]
 
     def never(self, limb: int) -> list[tuple[str, str]]:
         """Pairs of a limb's links, the body among them, that are not compared.
@@ -94,12 +213,9 @@ class LimbShapes:
         They are neighbours, or cannot meet.
         """
         names = (BODY, *LINKS)
-        compared = {(self.names[i], self.names[j]) for i, j in self.arrays[3].tolist()}
-        meets_base = {
-            name
-            for name in self.names
-            if LINKS.index(name) >= int(self.fixed[3][limb].max(initial=2))
-        }
+        compared = {(self.names[i], self.names[j]) for i, j in self.pairs.tolist()}
+        least = self.robot.limbs[limb].least_link[: self.robot.mount_count]
+        meets_base = {name for name in self.names if LINKS.index(name) >= least.max(initial=2)}
         compared |= {(BODY, name) for name in self.names if LINKS.index(name) >= 2}
         compared |= {("base", name) for name in meets_base}
         return [

@@ -2,141 +2,163 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from mlivr_gym.arrays import Array, IntArray
+
+from mlivr_gym.arrays import BoolArray, IntArray
+from mlivr_gym.collisions.against_boxes import Behind, against_boxes, axis_answer, base_against_boxes
+from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.link_capsules import EVERY, against_boxes, bit, body_against_boxes
-from mlivr_gym.collisions.link_frames import frames_of_branch, place, to_world
-from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.compiled.stack_arrays import floats, zeros
-from mlivr_gym.kinematics.base_path import flange_in_limb
+from mlivr_gym.collisions.limb_shapes import Robot
+from mlivr_gym.collisions.placing import Placed, capsule_axis, place, to_world
+from mlivr_gym.compiled.bit_sets import BRANCHES, below, has_branch, without_branch
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.records import Record
+from mlivr_gym.kinematics.arm import JointAxes, branch_frames
+from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.limb import flange_seen
+from mlivr_gym.kinematics.poses import along, vector
 
 
-@kernel
+class Surroundings(NamedTuple):
+    """Points and boxes in the world."""
+
+    grasps: Any
+    """Rows of `Grasp`, shape (m,)."""
+    grid: BoxGrid
+    """The boxes."""
+    clearance: float
+    """Least distance [m]."""
+
+
+class PosturesHeld(NamedTuple):
+    """Postures of k stances."""
+
+    points: IntArray
+    """Point of each limb, shape (k, N)."""
+    base: Any
+    """Bases in the world, rows of `Pose`, shape (k,)."""
+    branch: IntArray
+    """Branch of each limb in the posture, shape (k, N)."""
+    mask: IntArray
+    """Branches and flips of each limb, shape (k, N), changed."""
+    cause: IntArray
+    """Shape (k,), filled with the cause where a branch of the posture touches a box."""
+    others: BoolArray
+    """Whether branches other than that of the posture count, shape (1,)."""
+
+
+class QueryRoom(Record):
+    """Room for a query."""
+
+    placed: Placed
+    axes: JointAxes
+    behind: Behind
+
+
+@entry
 def hands_clear(
-    points: Array,
-    normals: Array,
-    tool_length: float,
-    lengths: Array,
-    collision_model: tuple[Any, ...],
-    answers: IntArray,
+    robot: Robot, around: Surroundings, room: QueryRoom, answers: IntArray
 ) -> None:
     """What the capsules on the flange axis touch at each point, whatever the posture.
 
     Args:
-        points: Points of the map in the world [m], shape (m, 3).
-        normals: Their surface normals in the world, shape (m, 3).
-        tool_length: Flange to grasp [m].
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        collision_model: `CollisionModel.arrays`.
+        robot: The robot.
+        around: The m points and the boxes.
+        room: Scratch.
         answers: Filled with what they touch, shape (m,).
     """
-    shapes, gripper, hand, _, world, clearance, _ = collision_model
-    link, local = shapes[0], shapes[1]
-    ends, still = floats(len(link), 2, 3), zeros(len(link), 2)
-    for m in range(len(points)):
-        for c in range(hand, len(link)):
-            for e in range(2):
-                along = local[c, e, 2] if link[c] == 6 else local[c, e, 1] - lengths[5]
-                for k in range(3):
-                    ends[c, e, k] = points[m, k] + (tool_length - along) * normals[m, k]
-        answers[m] = against_boxes(
-            ends,
-            still,
-            -bit(hand),
-            len(link),
-            shapes[2],
-            world,
-            gripper,
-            points[m],
-            normals[m],
-            clearance,
-        )[0]
+    limb = robot.limbs[0]
+    for m in range(len(answers)):
+        grasp = around.grasps[m]
+        _stand_behind(grasp, room.behind)
+        answers[m] = CLEAR
+        for c in range(limb.hand, limb.capsule_count):
+            capsule = limb.capsules[c]
+            a, b = capsule_axis(capsule.ends)
+            # Along the flange axis, seen from the flange: on wrist 2 that is its y axis.
+            at_a, at_b = a[2], b[2]
+            if capsule.link != 6:
+                at_a, at_b = a[1] - limb.arm.d6, b[1] - limb.arm.d6
+            point, normal = vector(grasp.point), vector(grasp.normal)
+            axis = (
+                along(point, robot.tool_length - at_a, normal),
+                along(point, robot.tool_length - at_b, normal),
+            )
+            found = axis_answer(
+                axis, capsule.radius + around.clearance, (0.0, 0.0), around.grid, room.behind,
+                c >= limb.gripper,
+            )  # fmt: skip
+            if found != CLEAR:
+                answers[m] = found
+                break
 
 
 @kernel
-def clear_of_world(
-    start: int, stop: int, chosen: IntArray, points: IntArray, positions: Array, normals: Array,
-    tool_length: float, position: Array, rotation: Array, branch: IntArray, mask: IntArray,
-    check: bool, mount_rotations: Array, mount_positions: Array, lengths: Array,
-    collision_model: tuple[Any, ...], cause: IntArray,
-) -> None:  # fmt: skip
+def _stand_behind(grasp: Grasp, behind: Behind) -> None:
+    """What a gripper may come close to that holds a grasp."""
+    behind.applies = True
+    for k in range(3):
+        behind.point[k], behind.normal[k] = grasp.point[k], grasp.normal[k]
+
+
+@entry
+def clear_of_boxes(
+    start: int, stop: int, chosen: IntArray, postures: PosturesHeld, robot: Robot,
+    around: Surroundings, rooms: Any,
+) -> None:
     """Take the branches that touch a box out of the masks of postures.
 
     Args:
         start: First of `chosen`.
         stop: One past the last.
         chosen: Stances to check.
-        points: Point indices of all stances, shape (k, N).
-        positions: Points of the map in the world [m], shape (m, 3).
-        normals: Their surface normals in the world, shape (m, 3).
-        tool_length: Flange to grasp [m].
-        position: Base positions in the world [m], shape (k, 3).
-        rotation: Base rotations in the world, shape (k, 3, 3).
-        branch: Branch of each limb in the posture, shape (k, N).
-        mask: Branches and flips of each limb, shape (k, N), changed.
-        check: Whether branches other than these count.
-        mount_rotations: Limb base axes in the body frame, shape (N, 3, 3).
-        mount_positions: Limb base origins in the body frame [m], shape (N, 3).
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        collision_model: `CollisionModel.arrays`.
-        cause: Filled with the cause where a branch of the posture touches a box, shape (k,).
+        postures: Their postures, changed.
+        robot: The robot.
+        around: Points and boxes.
+        rooms: A row of `QueryRoom`, shape (1,).
     """
-    shapes, gripper, hand, _, world, clearance, body = collision_model
-    capsules = len(shapes[0])
-    ends, world_ends, still = floats(capsules, 2, 3), floats(capsules, 2, 3), zeros(capsules, 2)
-    frames, p, z = floats(7, 4, 3), floats(3), floats(3)
-    grip, approach, normal = floats(3), floats(3), floats(3)
+    room, check = rooms[0], postures.others[0]
     for n in range(start, stop):
         k = chosen[n]
-        found = body_against_boxes(position[k], rotation[k], 0.0, 0.0, body, world, clearance)
+        still = (0.0, 0.0)
+        found = base_against_boxes(
+            robot, postures.base[k], still, around.grid, around.clearance, room.behind
+        )
         if found != CLEAR:
-            cause[k] = found
-            for i in range(points.shape[1]):
+            postures.cause[k] = found
+            for i in range(robot.limb_count):
                 if check:
-                    mask[k, i] = 0
+                    postures.mask[k, i] = 0
             continue
-        for i in range(points.shape[1]):
-            point = points[k, i]
-            for axis in range(3):
-                normal[axis] = normals[point, axis]
-                approach[axis] = -normal[axis]
-                grip[axis] = positions[point, axis] + tool_length * normal[axis]
-            flange_in_limb(
-                grip,
-                approach,
-                position[k],
-                rotation[k],
-                approach,
-                0.0,
-                mount_rotations[i],
-                mount_positions[i],
-                p,
-                z,
-            )
-            for b in range(8):
-                in_posture = b == branch[k, i]
-                if not in_posture and not (check and mask[k, i] & (0x0101 << b)):
+        for i in range(robot.limb_count):
+            for b in range(BRANCHES):
+                in_posture = b == postures.branch[k, i]
+                if not in_posture and not (check and has_branch(postures.mask[k, i], b)):
                     continue
-                found = CLEAR + 1
-                if frames_of_branch(p, z, lengths, b, frames):
-                    place(frames, shapes, mount_rotations[i], mount_positions[i], ends)
-                    to_world(ends, position[k], rotation[k], world_ends)
-                    found, _ = against_boxes(
-                        world_ends,
-                        still,
-                        EVERY,
-                        hand,
-                        shapes[2],
-                        world,
-                        gripper,
-                        positions[point],
-                        normal,
-                        clearance,
-                    )
+                found = _branch_touches(k, i, b, postures, robot, around, room)
                 if found != CLEAR:
                     if check:
-                        mask[k, i] &= ~(0x0101 << b)
+                        postures.mask[k, i] = without_branch(postures.mask[k, i], b)
                     if in_posture:
-                        cause[k] = found
+                        postures.cause[k] = found
+
+
+@kernel
+def _branch_touches(
+    k: int, i: int, b: int, postures: PosturesHeld, robot: Robot, around: Surroundings,
+    room: QueryRoom,
+) -> int:
+    """What limb `i` on branch `b` touches in posture `k`, hand apart."""
+    limb, placed, grasp = robot.limbs[i], room.placed, around.grasps[postures.points[k, i]]
+    base = postures.base[k]
+    p, _, z = flange_seen(limb, base, grasp.flange)
+    if not branch_frames(limb.arm, p, z, b, room.axes, placed.frames):
+        return CLEAR + 1
+    place(limb, placed.frames, placed.in_body)
+    to_world(limb, base, placed.in_body, placed.in_world)
+    _stand_behind(grasp, room.behind)
+    found, _ = against_boxes(
+        limb, placed.in_world, below(limb.hand), around.grid, around.clearance, room.behind
+    )
+    return found

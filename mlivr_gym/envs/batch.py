@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.envs.tasks import MOST_STEPS
 from mlivr_gym.stances.table_steps import any_step, find_step
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
@@ -21,7 +21,7 @@ TRIES = 1000
 """Draws after which drawing a start and goal gives up."""
 
 
-@kernel
+@entry
 def random_below(streams: NDArray[np.uint64], k: int, bound: int) -> int:
     """Draw a whole number from 0 to `bound` - 1 by splitmix64 (Steele, Lea and Flood, 2014).
 
@@ -38,7 +38,7 @@ def random_below(streams: NDArray[np.uint64], k: int, bound: int) -> int:
     return int(np.float64(z >> np.uint64(11)) * (1.0 / 9007199254740992.0) * bound)
 
 
-@kernel
+@entry
 def advance(
     actions: IntArray,
     skip: BoolArray,
@@ -96,7 +96,7 @@ def advance(
         stances[k] = s2
 
 
-@kernel
+@entry
 def draw_tasks(
     which: BoolArray,
     given: BoolArray,

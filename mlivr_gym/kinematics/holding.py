@@ -1,4 +1,4 @@
-"""Which branches a limb that holds can keep while the base follows a path, and poses on that path.
+"""On which branches a limb that holds can follow a base path (compiled).
 
 A step is an edge of the stance graph only if the limbs that hold can follow the base from the first
 to the second posture, on a straight line or on an arc about the held grasps, see `base_path`.
@@ -8,97 +8,149 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
-from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.compiled.stack_arrays import floats
-from mlivr_gym.kinematics.base_path import position_on_path, relative_rotation, turn, within_limits
-from mlivr_gym.kinematics.certificate import certify, expand_classes
+from mlivr_gym.compiled.bit_sets import BRANCHES, has_branch, without_branch, without_flip
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.records import Joints, Record
+from mlivr_gym.kinematics.arm import SINGULAR_TOO, Arm
+from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
+from mlivr_gym.kinematics.certificate import Proof, certify
+from mlivr_gym.kinematics.limb import MountedArm, angles_at
+from mlivr_gym.kinematics.poses import Pose
 
-IDENTITY = np.eye(3)
+LIMIT_TOLERANCE = 1e-6
+"""How far a joint may pass its limits [rad].
+
+Postures are rounded, and a joint often lies exactly on a half turn.
+"""
+
+SAMPLES = 16
+"""Intervals over which joint angles are followed along a path."""
+
+
+class Track(Record):
+    """Joint angles of a limb that are followed along a path."""
+
+    q: Joints
+    """Where they are [rad]; NaN for none yet."""
+    first: Joints
+    """Where they were at the start of the path [rad]."""
+    low: Joints
+    """The least so far [rad]."""
+    high: Joints
+    """The largest so far [rad]."""
+    base: Pose
+    """Base in the world."""
+
+
+class Holding(Record):
+    """Room for the question whether a limb can hold along a path."""
+
+    proof: Proof
+    track: Track
 
 
 @kernel
-def hold_mask(
-    kind: int, pivot: Array, grip: Array, tool: Array, t0: Array, r0: Array, t1: Array, r1: Array,
-    mount_rotation: Array, mount_position: Array, lengths: Array, determinant_floor: float,
-    limits: Array, full_turn: bool, mask: int,
-) -> int:  # fmt: skip
-    """Those of the branches in `mask` on which one limb can hold along a base path.
+def begin(track: Track) -> None:
+    """Forget what was followed."""
+    for joint in range(6):
+        track.q[joint], track.low[joint], track.high[joint] = np.nan, np.inf, -np.inf
+
+
+@entry
+def follow(
+    limb: MountedArm, flange: Pose, path: BasePath, branch: int, samples: int, track: Track
+) -> bool:
+    """Joint angles of a holding limb along a base path, continuous from those of `track`.
 
     Args:
-        kind: `STRAIGHT` or `ARC`.
-        pivot: Centre of the arc in the world [m], shape (3,).
-        grip: Flange position in the world [m], shape (3,).
-        tool: Flange rotation in the world, flip 0, shape (3, 3).
-        t0: Base position in the world at the start [m], shape (3,).
-        r0: Base rotation in the world at the start, shape (3, 3).
-        t1: Base position in the world at the end [m], shape (3,).
-        r1: Base rotation in the world at the end, shape (3, 3).
-        mount_rotation: Limb base axes in the body frame, shape (3, 3).
-        mount_position: Limb base origin in the body frame [m], shape (3,).
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        determinant_floor: Least `|det J|` [m^3].
-        limits: Joint limits [rad], shape (6, 2).
-        full_turn: Whether the limits rule out nothing.
-        mask: 16-bit mask of branches and flips.
+        limb: The limb.
+        flange: Flange in the world.
+        path: The base path.
+        branch: Branch label.
+        samples: Intervals, or 0 for the start alone.
+        track: Updated; where it has no angles, those at the start are in (-pi, pi].
+
+    Returns:
+        Whether the branch exists all along.
     """
-    classes = 0
-    for c in range(4):
-        if mask >> (2 * c) & 0x0303:
-            classes |= 1 << c
-    if classes:
-        approach = floats(3)
-        for k in range(3):
-            approach[k] = tool[k, 2]
-        classes = certify(
-            grip, approach, t0, r0, t1, r1, kind, pivot, mount_rotation, mount_position,
-            lengths, determinant_floor, classes,
-        )  # fmt: skip
-    mask &= expand_classes(classes)
-    if mask and not full_turn:
-        mask = within_limits(
-            grip,
-            tool,
-            t0,
-            r0,
-            t1,
-            r1,
-            kind,
-            pivot,
-            mount_rotation,
-            mount_position,
-            lengths,
-            limits,
-            mask,
-        )
+    for sample in range(samples + 1):
+        s = sample / samples if samples else 0.0
+        pose_on_path(path, s, track.base)
+        if not next_angles(limb, track.base, flange, branch, track.q):
+            return False
+        for joint in range(6):
+            if sample == 0:
+                track.first[joint] = track.q[joint]
+            track.low[joint] = min(track.low[joint], track.q[joint])
+            track.high[joint] = max(track.high[joint], track.q[joint])
+    return True
+
+
+@kernel
+def next_angles(limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Joints) -> bool:
+    """Joint angles of a limb on the windings nearest to `q`, into `q`; in (-pi, pi] if it is NaN.
+
+    Whether the branch exists.
+    """
+    q0, q1, q2, q3, q4, q5 = q[0], q[1], q[2], q[3], q[4], q[5]
+    if not angles_at(limb, base, flange, branch, SINGULAR_TOO, q):
+        return False
+    for joint, before in enumerate((q0, q1, q2, q3, q4, q5)):
+        near = before if before == before else 0.0
+        q[joint] += 2.0 * np.pi * np.round((near - q[joint]) / (2.0 * np.pi))
+    return True
+
+
+@kernel
+def within_limits(
+    limb: MountedArm, flange: Pose, path: BasePath, mask: int, track: Track
+) -> int:
+    """Branches and flips in `mask` on which the joint angles stay inside the limits along a path.
+
+    A joint may start on any winding; the flip is a half turn of joint 6.
+    """
+    for branch in range(BRANCHES):
+        if not has_branch(mask, branch):
+            continue
+        begin(track)
+        if not follow(limb, flange, path, branch, SAMPLES, track):
+            mask = without_branch(mask, branch)
+            continue
+        for flip in range(2):
+            if not _fits(limb.arm, track, np.pi * flip):
+                mask = without_flip(mask, branch, flip)
     return mask
 
 
-def quaternion(rotation: Array) -> Array:
-    """Quaternion w, x, y, z with w >= 0, shape (4,), of a rotation matrix, shape (3, 3)."""
-    axis = np.empty(3)
-    half = 0.5 * relative_rotation(IDENTITY, np.ascontiguousarray(rotation), axis)
-    return np.concatenate([[np.cos(half)], np.sin(half) * axis])
+@kernel
+def _fits(arm: Arm, track: Track, half_turn: float) -> bool:
+    """Whether some winding of each joint keeps what was followed inside the limits."""
+    for joint in range(6):
+        shift = half_turn if joint == 5 else 0.0
+        lowest = arm.limits[joint, 0] - LIMIT_TOLERANCE
+        turns = np.ceil((lowest - track.low[joint] - shift) / (2.0 * np.pi))
+        last = track.high[joint] + shift + 2.0 * np.pi * turns
+        if last > arm.limits[joint, 1] + LIMIT_TOLERANCE:
+            return False
+    return True
 
 
-def base_path(path: tuple[Array, Array, Array, Array, int, Array], s: Array) -> tuple[Array, Array]:
-    """Base poses in the world along a path.
+@entry
+def hold_mask(
+    limb: MountedArm, flange: Pose, path: BasePath, floor: float, mask: int, room: Holding
+) -> int:
+    """Those of the branches in `mask` on which one limb can hold along a base path.
 
     Args:
-        path: Base position (3,) [m] and rotation (3, 3) at the start and the same at the end, in
-            the world, then `STRAIGHT` or `ARC`, and the centre of the arc in the world (3,) [m].
-        s: Path parameters from 0 to 1, shape (k,).
-
-    Returns:
-        Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3).
+        limb: The limb.
+        flange: Flange in the world, flip 0.
+        path: The base path.
+        floor: Least `|det J|` [m^3].
+        mask: Branches and flips to look at.
+        room: Scratch.
     """
-    t0, r0, t1, r1, kind, pivot = path
-    axis = np.empty(3)
-    angle = relative_rotation(r0, r1, axis)
-    positions, rotations = np.empty((len(s), 3)), np.empty((len(s), 3, 3))
-    for i, value in enumerate(s):
-        position_on_path(t0, t1, kind, pivot, float(value), positions[i])
-        c, sine = float(np.cos(value * angle)), float(np.sin(value * angle))
-        turned = np.column_stack([turn(axis, c, sine, *unit) for unit in np.eye(3)])
-        rotations[i] = r0 @ turned
-    return positions, rotations
+    if mask:
+        mask = certify(limb, flange, path, floor, mask, room.proof)
+    if mask and not limb.arm.full_turn:
+        mask = within_limits(limb, flange, path, mask, room.track)
+    return mask

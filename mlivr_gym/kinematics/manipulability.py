@@ -14,12 +14,18 @@ where `A_i` is the base twist that limb i alone gives and `S = diag(1/l_c, 1/l_c
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Annotated
+
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.compiled.stack_arrays import floats
-from mlivr_gym.kinematics.ur import limb_axes
+from mlivr_gym.compiled.records import Record
+from mlivr_gym.kinematics.arm import JointAxes, joint_axes
+from mlivr_gym.kinematics.limb import MountedArm
+
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
 
 
 def scaling(characteristic_length: float) -> Array:
@@ -65,42 +71,47 @@ def base_manipulability(
     return limb_manipulability(j_equivalent, characteristic_length)
 
 
+class Inversion(Record):
+    """Room for the inversion of a limb's Jacobian."""
+
+    axes: JointAxes
+    matrix: Annotated[Array, (6, 12)]
+    """Base twists of the joints, and beside them what becomes the inverse."""
+
+
 @kernel
 def limb_information(
-    p: Array, z: Array, lengths: Array, branch: int, mount_rotation: Array, mount_position: Array,
-    l_c: float, out: Array,
-) -> bool:  # fmt: skip
-    """`K^-1` of one limb in base axes, written into `out`, shape (6, 6).
+    limb: MountedArm, p: Triple, z: Triple, branch: int, l_c: float, room: Inversion, out: Array
+) -> bool:
+    """`K^-1` of one limb in base axes.
 
     Args:
-        p: Flange position in the limb base frame [m], shape (3,).
-        z: Flange axis in the limb base frame, shape (3,).
-        lengths: d1, a2, a3, d4, d5, d6 [m].
+        limb: The limb.
+        p: Flange position in the limb base frame [m].
+        z: Flange axis in the limb base frame.
         branch: Branch label.
-        mount_rotation: Limb base axes in the body frame, shape (3, 3).
-        mount_position: Limb base origin in the body frame [m], shape (3,).
         l_c: Characteristic length [m].
-        out: Filled with `K^-1`.
+        room: Scratch.
+        out: Filled, shape (6, 6).
 
     Returns:
         Whether the limb is away from its singularities.
     """
-    axes = floats(6, 3)
-    origins = floats(6, 3)
-    if not limb_axes(p, z, lengths, branch, axes, origins):
+    if not joint_axes(limb.arm, p, z, branch, room.axes):
         return False
-    a = floats(6, 12)
+    a, axes, points = room.matrix, room.axes.axis, room.axes.point
+    mount, place = limb.mount.rotation, limb.mount.position
     for k in range(6):
+        ox, oy, oz = place[0], place[1], place[2]
+        for c in range(3):
+            ox += mount[0, c] * points[k, c]
+            oy += mount[1, c] * points[k, c]
+            oz += mount[2, c] * points[k, c]
         for row in range(3):
             axis = 0.0
             for c in range(3):
-                axis += mount_rotation[row, c] * axes[k, c]
+                axis += mount[row, c] * axes[k, c]
             a[3 + row, k] = axis
-        ox, oy, oz = mount_position
-        for c in range(3):
-            ox += mount_rotation[0, c] * origins[k, c]
-            oy += mount_rotation[1, c] * origins[k, c]
-            oz += mount_rotation[2, c] * origins[k, c]
         ax, ay, az = a[3, k], a[4, k], a[5, k]
         a[0, k] = (oy * az - oz * ay) / l_c
         a[1, k] = (oz * ax - ox * az) / l_c
@@ -136,19 +147,22 @@ def limb_information(
 
 
 @kernel
-def inverse_root_determinant(m: Array, scratch: Array) -> float:
-    """`det(m)^(-1/2)` of a symmetric positive definite matrix, shape (6, 6), by Cholesky."""
+def inverse_root_determinant(work: Array) -> float:
+    """`det(m)^(-1/2)` of a symmetric positive definite matrix by Cholesky.
+
+    The matrix is `work[0]`, shape (6, 6); its root is written into `work[1]`.
+    """
     product = 1.0
     for i in range(6):
         for j in range(i + 1):
-            total = m[i, j]
+            total = work[0, i, j]
             for k in range(j):
-                total -= scratch[i, k] * scratch[j, k]
+                total -= work[1, i, k] * work[1, j, k]
             if i == j:
                 if total <= 0.0:
                     return 0.0
-                scratch[i, i] = np.sqrt(total)
-                product *= scratch[i, i]
+                work[1, i, i] = np.sqrt(total)
+                product *= work[1, i, i]
             else:
-                scratch[i, j] = total / scratch[j, j]
+                work[1, i, j] = total / work[1, j, j]
     return 1.0 / product

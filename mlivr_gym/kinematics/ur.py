@@ -1,36 +1,36 @@
-"""Closed-form kinematics of UR arms (compiled).
+"""Closed-form kinematics of the UR family of arms (compiled).
 
-Frames: the limb base is the DH base frame (z along the first joint axis). The
-flange is frame 6. Lengths come as `lengths = (d1, a2, a3, d4, d5, d6)`.
+Frames: the limb base is the DH base frame (z along the first joint axis). The flange is frame 6.
 
-With the wrist point `w = p - d6 z6` and the axis of joints 2 to 4,
-`y1 = (s1, -c1, 0)`, every quantity follows without forming a joint angle:
-`w . y1 = d4` gives joint 1, `z6 . y1 = c5` gives joint 5, the distance from
-shoulder to forearm end gives joint 3. The eight solutions are labelled by
+With the wrist point `w = p - d6 z6` and the axis of joints 2 to 4, `y1 = (s1, -c1, 0)`, every
+quantity follows without forming a joint angle: `w . y1 = d4` gives joint 1, `z6 . y1 = c5` gives
+joint 5, the distance from shoulder to forearm end gives joint 3. The eight solutions are labelled by
 
     branch = 4 * shoulder + 2 * wrist + elbow
 
-where `shoulder` is 1 if the wrist lies behind the shoulder (`u < 0`), `wrist`
-is 1 if `s5 < 0`, `elbow` is 1 if `s3 < 0`. Labels change only where
-`det J = -+ a2 a3 s3 s5 u` is zero. A half turn of the tool about its axis is a
-half turn of joint 6 and changes nothing else.
+where `shoulder` is 1 if the wrist lies behind the shoulder (`u < 0`), `wrist` is 1 if `s5 < 0`,
+`elbow` is 1 if `s3 < 0`. Labels change only where `det J = -+ a2 a3 s3 s5 u` is zero. A half turn of
+the tool about its axis is a half turn of joint 6 and changes nothing else.
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any, NamedTuple
+
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.kernels import entry, kernel
 
-BRANCHES = 8
-"""Number of closed-form solutions."""
+if TYPE_CHECKING:
+    from mlivr_gym.kinematics.arm import Arm
+    from mlivr_gym.values import Triple
 
 SINGULAR = 1e-9
 """Squared sines and lengths [m^2] within this of zero count as zero."""
 
-STRETCHED = 1e-7
-"""Share of `c3^2` by which a stretched arm may fall short, about 1e-8 m.
+SINGULAR_TOO = 1e-7
+"""Share of `c3^2` by which a stretched arm may fall short where that counts, about 1e-8 m.
 
 Noise of the wrist position is magnified there.
 """
@@ -39,234 +39,290 @@ WRIST_SINGULAR = 1e-9
 """Least |s5| at which joints 4 and 6 are not taken as in line; the error is no larger [rad]."""
 
 
+class Wrist(NamedTuple):
+    """Where the wrist is for one sign of `u`, and how the flange axis lies to joint 1."""
+
+    u: float
+    """Distance of the wrist point from joint 1's axis along the arm's plane, signed [m]."""
+    height: float
+    """Height of the wrist point over the shoulder [m]."""
+    c1: float
+    """Cosine of joint 1."""
+    s1: float
+    """Sine of joint 1."""
+    radial: float
+    """Part of the flange axis along the arm's plane, across joint 1."""
+    s5: float
+    """Size of the sine of joint 5."""
+
+
 @kernel
-def branch_terms(p: Array, z: Array, lengths: Array, out: Array) -> None:
+def squared_u(arm: Arm, p: Triple, z: Triple) -> float:
+    """`u^2` of a flange position and axis [m^2]; below zero out of reach of joint 1."""
+    x, y = p[0] - arm.d6 * z[0], p[1] - arm.d6 * z[1]
+    return x * x + y * y - arm.d4 * arm.d4
+
+
+@kernel
+def wrist_at(arm: Arm, p: Triple, z: Triple, u: float) -> Wrist:
+    """The wrist at a flange position [m] and axis in the limb base frame, for one sign of `u`."""
+    x, y, height = p[0] - arm.d6 * z[0], p[1] - arm.d6 * z[1], p[2] - arm.d6 * z[2] - arm.d1
+    square = x * x + y * y
+    c1, s1 = (u * x - arm.d4 * y) / square, (u * y + arm.d4 * x) / square
+    radial = c1 * z[0] + s1 * z[1]
+    return Wrist(u, height, c1, s1, radial, np.sqrt(radial * radial + z[2] * z[2]))
+
+
+@kernel
+def forearm_end(
+    arm: Arm, wrist: Wrist, sin_theta: float, cos_theta: float
+) -> tuple[float, float, float]:
+    """The forearm end in the arm's plane, seen from the shoulder, and the cosine of joint 3.
+
+    `theta` is the angle of joints 2 to 4 together: axis 5 points along (sin, -cos) of it.
+    """
+    x = wrist.u - arm.d5 * sin_theta
+    y = wrist.height + arm.d5 * cos_theta
+    square = x * x + y * y
+    return x, y, (square - arm.a2 * arm.a2 - arm.a3 * arm.a3) / (2.0 * arm.a2 * arm.a3)
+
+
+@kernel
+def branch_terms(arm: Arm, p: Triple, z: Triple, out: Array) -> None:
     """Squares that decide reach and singularity of the four shoulder and wrist choices.
 
     Args:
-        p: Flange position in the limb base frame [m], shape (3,).
-        z: Flange axis in the limb base frame, shape (3,).
-        lengths: Shape (6,).
+        arm: The arm.
+        p: Flange position in the limb base frame [m].
+        z: Flange axis in the limb base frame.
         out: Shape (4, 4), filled with `u^2` [m^2], `s5^2`, `c3` and `(s3 s5 u)^2` [m^2] for choice
             `2 * shoulder + wrist`. The last is `(det J / (a2 a3))^2`, and not above zero out of
             reach.
     """
-    d1, a2, a3, d4, d5, d6 = lengths
-    wx, wy, wz = p[0] - d6 * z[0], p[1] - d6 * z[1], p[2] - d6 * z[2]
-    rho2 = wx * wx + wy * wy
-    u2 = rho2 - d4 * d4
+    u2 = squared_u(arm, p, z)
     if u2 <= 0.0:
         for row in range(4):
             out[row, 0], out[row, 1], out[row, 2], out[row, 3] = u2, 0.0, 2.0, -1.0
         return
-    u_abs = np.sqrt(u2)
+    size = np.sqrt(u2)
     for shoulder in range(2):
-        u = u_abs if shoulder == 0 else -u_abs
-        c1 = (u * wx - d4 * wy) / rho2
-        s1 = (u * wy + d4 * wx) / rho2
-        zr = c1 * z[0] + s1 * z[1]
-        s5_2 = zr * zr + z[2] * z[2]
-        s5_abs = np.sqrt(s5_2)
-        for wrist in range(2):
-            row = 2 * shoulder + wrist
-            out[row, 0] = u2
-            out[row, 1] = s5_2
-            if s5_2 < SINGULAR:
-                out[row, 2], out[row, 3] = 2.0, -1.0
-                continue
-            s5 = s5_abs if wrist == 0 else -s5_abs
-            px = u + d5 * z[2] / s5
-            pz = wz - d1 - d5 * zr / s5
-            c3 = (px * px + pz * pz - a2 * a2 - a3 * a3) / (2.0 * a2 * a3)
-            out[row, 2] = c3
-            out[row, 3] = (1.0 - c3 * c3) * s5_2 * u2
+        wrist = wrist_at(arm, p, z, -size if shoulder else size)
+        s5_2 = wrist.s5 * wrist.s5
+        for side in range(2):
+            row = 2 * shoulder + side
+            out[row, 0], out[row, 1], out[row, 2], out[row, 3] = u2, s5_2, 2.0, -1.0
+            if s5_2 >= SINGULAR:
+                s5 = -wrist.s5 if side else wrist.s5
+                _, _, c3 = forearm_end(arm, wrist, -z[2] / s5, -wrist.radial / s5)
+                out[row, 2], out[row, 3] = c3, (1.0 - c3 * c3) * s5_2 * u2
 
 
 @kernel
-def limb_axes(p: Array, z: Array, lengths: Array, branch: int, axes: Array, origins: Array) -> bool:
+def joint_axes(arm: Arm, p: Triple, z: Triple, branch: int, out: Any) -> bool:
     """Joint axes of one branch, without forming joint angles.
 
     Args:
-        p: Flange position in the limb base frame [m], shape (3,).
-        z: Flange axis in the limb base frame, shape (3,).
-        lengths: Shape (6,).
+        arm: The arm.
+        p: Flange position in the limb base frame [m].
+        z: Flange axis in the limb base frame.
         branch: Branch label.
-        axes: Shape (6, 3), filled with the unit axes of the joints in the limb base frame.
-        origins: Shape (6, 3), filled with a point on each axis there [m].
+        out: `JointAxes`, filled.
 
     Returns:
         Whether the pose is within reach and away from the wrist singularity.
     """
-    d1, a2, a3, d4, d5, d6 = lengths
-    wx, wy, wz = p[0] - d6 * z[0], p[1] - d6 * z[1], p[2] - d6 * z[2]
-    rho2 = wx * wx + wy * wy
-    u2 = rho2 - d4 * d4
+    u2 = squared_u(arm, p, z)
     if u2 < 0.0:
         return False
-    u = -np.sqrt(u2) if branch & 4 else np.sqrt(u2)
-    c1 = (u * wx - d4 * wy) / rho2
-    s1 = (u * wy + d4 * wx) / rho2
-    zr = c1 * z[0] + s1 * z[1]
-    s5 = np.sqrt(zr * zr + z[2] * z[2])
-    if s5 * s5 < SINGULAR:
+    size = np.sqrt(u2)
+    wrist = wrist_at(arm, p, z, -size if branch & 4 else size)
+    if wrist.s5 * wrist.s5 < SINGULAR:
         return False
-    if branch & 2:
-        s5 = -s5
-    cos_theta, sin_theta = -zr / s5, -z[2] / s5
-    px = u - d5 * sin_theta
-    pz = wz - d1 + d5 * cos_theta
-    dist2 = px * px + pz * pz
-    c3 = (dist2 - a2 * a2 - a3 * a3) / (2.0 * a2 * a3)
-    if c3 * c3 > 1.0 or dist2 < SINGULAR:
+    s5 = -wrist.s5 if branch & 2 else wrist.s5
+    sin_theta, cos_theta = -z[2] / s5, -wrist.radial / s5
+    x, y, c3 = forearm_end(arm, wrist, sin_theta, cos_theta)
+    square = x * x + y * y
+    if c3 * c3 > 1.0 or square < SINGULAR:
         return False
-    s3 = np.sqrt(1.0 - c3 * c3)
-    if branch & 1:
-        s3 = -s3
-    along, across = a2 + a3 * c3, a3 * s3
-    c2 = (along * px + across * pz) / dist2
-    s2 = (along * pz - across * px) / dist2
-    axes[0, 0], axes[0, 1], axes[0, 2] = 0.0, 0.0, 1.0
-    origins[0, 0], origins[0, 1], origins[0, 2] = 0.0, 0.0, 0.0
+    s3 = -np.sqrt(1.0 - c3 * c3) if branch & 1 else np.sqrt(1.0 - c3 * c3)
+    forth, across = arm.a2 + arm.a3 * c3, arm.a3 * s3
+    c2, s2 = (forth * x + across * y) / square, (forth * y - across * x) / square
+    c1, s1 = wrist.c1, wrist.s1
+    axis, point = out.axis, out.point
+    axis[0, 0], axis[0, 1], axis[0, 2] = 0.0, 0.0, 1.0
+    point[0, 0], point[0, 1], point[0, 2] = 0.0, 0.0, 0.0
     for k in range(1, 4):
-        axes[k, 0], axes[k, 1], axes[k, 2] = s1, -c1, 0.0
-    origins[1, 0], origins[1, 1], origins[1, 2] = 0.0, 0.0, d1
-    origins[2, 0], origins[2, 1], origins[2, 2] = a2 * c2 * c1, a2 * c2 * s1, d1 + a2 * s2
-    origins[3, 0], origins[3, 1], origins[3, 2] = px * c1, px * s1, d1 + pz
-    axes[4, 0], axes[4, 1], axes[4, 2] = sin_theta * c1, sin_theta * s1, -cos_theta
-    axes[5, 0], axes[5, 1], axes[5, 2] = z[0], z[1], z[2]
-    for row in range(4, 6):
-        origins[row, 0], origins[row, 1], origins[row, 2] = wx, wy, wz
+        axis[k, 0], axis[k, 1], axis[k, 2] = s1, -c1, 0.0
+    point[1, 0], point[1, 1], point[1, 2] = 0.0, 0.0, arm.d1
+    point[2, 0], point[2, 1] = arm.a2 * c2 * c1, arm.a2 * c2 * s1
+    point[2, 2] = arm.d1 + arm.a2 * s2
+    point[3, 0], point[3, 1], point[3, 2] = x * c1, x * s1, arm.d1 + y
+    axis[4, 0], axis[4, 1], axis[4, 2] = sin_theta * c1, sin_theta * s1, -cos_theta
+    for k in range(3):
+        axis[5, k] = z[k]
+        point[4, k] = point[5, k] = p[k] - arm.d6 * z[k]
     return True
 
 
 @kernel
-def wrap(angle: float) -> float:
-    """The angle plus whole turns that lies nearest to zero [rad]."""
-    wrapped: float = angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
-    return wrapped
+def branch_angles(
+    arm: Arm, p: Triple, x: Triple, z: Triple, branch: int, slack: float, q: Array
+) -> bool:
+    """Joint angles of one branch.
 
-
-@kernel
-def inverse_kinematics(p: Array, r: Array, lengths: Array, out: Array) -> int:
-    """All closed-form joint solutions of a flange pose.
-
-    At the wrist singularity (joints 4 and 6 in line) only their sum or difference is
-    given; the solution with the forearm end nearest to the shoulder is returned.
+    At the wrist singularity (joints 4 and 6 in line) only their sum or difference is given; the
+    solution with the forearm end nearest to the shoulder is taken.
 
     Args:
-        p: Flange position in the limb base frame [m], shape (3,).
-        r: Flange rotation in the limb base frame, shape (3, 3).
-        lengths: Shape (6,).
-        out: Shape (8, 6), row `branch` filled with joint angles in (-pi, pi], NaN if there are
-            none.
-
-    Returns:
-        Bit mask of the branches that exist.
-    """
-    d1, a2, a3, d4, d5, d6 = lengths
-    for branch in range(BRANCHES):
-        for joint in range(6):
-            out[branch, joint] = np.nan
-    z = r[0, 2], r[1, 2], r[2, 2]
-    wx, wy, wz = p[0] - d6 * z[0], p[1] - d6 * z[1], p[2] - d6 * z[2]
-    rho2 = wx * wx + wy * wy
-    u2 = rho2 - d4 * d4
-    if u2 < -SINGULAR:
-        return 0
-    u_abs = np.sqrt(max(u2, 0.0))
-    mask = 0
-    for branch in range(BRANCHES):
-        u = -u_abs if branch & 4 else u_abs
-        c1 = (u * wx - d4 * wy) / rho2
-        s1 = (u * wy + d4 * wx) / rho2
-        zr = c1 * z[0] + s1 * z[1]
-        c5 = s1 * z[0] - c1 * z[1]
-        s5 = np.sqrt(zr * zr + z[2] * z[2])
-        if s5 < WRIST_SINGULAR:
-            theta = np.arctan2(u, d1 - wz)
-            closest = np.hypot(u, wz - d1) - abs(d5)
-            if abs(closest) < abs(abs(a2) - abs(a3)):
-                theta += np.pi
-            s5 = 0.0
-        else:
-            if branch & 2:
-                s5 = -s5
-            theta = np.arctan2(-z[2] / s5, -zr / s5)
-        sin_theta, cos_theta = np.sin(theta), np.cos(theta)
-        px = u - d5 * sin_theta
-        pz = wz - d1 + d5 * cos_theta
-        c3 = (px * px + pz * pz - a2 * a2 - a3 * a3) / (2.0 * a2 * a3)
-        if c3 * c3 > 1.0 + STRETCHED:
-            continue
-        s3 = np.sqrt(max(0.0, 1.0 - c3 * c3))
-        if branch & 1:
-            s3 = -s3
-        q2 = np.arctan2(pz, px) - np.arctan2(a3 * s3, a2 + a3 * c3)
-        q3 = np.arctan2(s3, c3)
-        x5 = c5 * cos_theta * c1 + s5 * s1, c5 * cos_theta * s1 - s5 * c1, c5 * sin_theta
-        z4 = sin_theta * c1, sin_theta * s1, -cos_theta
-        c6 = r[0, 0] * x5[0] + r[1, 0] * x5[1] + r[2, 0] * x5[2]
-        s6 = -(r[0, 0] * z4[0] + r[1, 0] * z4[1] + r[2, 0] * z4[2])
-        out[branch, 0] = np.arctan2(s1, c1)
-        out[branch, 1] = wrap(q2)
-        out[branch, 2] = q3
-        out[branch, 3] = wrap(theta - q2 - q3)
-        out[branch, 4] = np.arctan2(s5, c5)
-        out[branch, 5] = np.arctan2(s6, c6)
-        mask |= 1 << branch
-    return mask
-
-
-@kernel
-def branch_angles(p: Array, x: Array, z: Array, lengths: Array, branch: int, q: Array) -> bool:
-    """Joint angles of one branch away from singularities.
-
-    Args:
-        p: Flange position in the limb base frame [m], shape (3,).
-        x: First axis of the flange in the limb base frame, shape (3,).
-        z: Flange axis in the limb base frame, shape (3,).
-        lengths: d1, a2, a3, d4, d5, d6 [m].
+        arm: The arm.
+        p: Flange position in the limb base frame [m].
+        x: First axis of the flange in the limb base frame.
+        z: Flange axis in the limb base frame.
         branch: Branch label.
+        slack: 0, or `SINGULAR_TOO` if poses at a singularity count, the stretched arm among them.
         q: Filled with joint angles [rad], shape (6,), on no particular winding.
 
     Returns:
-        Whether the pose is within reach and away from the wrist singularity.
+        Whether the pose is within reach.
     """
-    d1, a2, a3, d4, d5, d6 = lengths
-    wx, wy, wz = p[0] - d6 * z[0], p[1] - d6 * z[1], p[2] - d6 * z[2]
-    rho2 = wx * wx + wy * wy
-    u2 = rho2 - d4 * d4
-    if u2 <= 0.0:
+    u2 = squared_u(arm, p, z)
+    if u2 < -SINGULAR or (slack == 0.0 and u2 <= 0.0):
         return False
-    u = -np.sqrt(u2) if branch & 4 else np.sqrt(u2)
-    c1 = (u * wx - d4 * wy) / rho2
-    s1 = (u * wy + d4 * wx) / rho2
-    zr = c1 * z[0] + s1 * z[1]
-    c5 = s1 * z[0] - c1 * z[1]
-    s5 = np.sqrt(zr * zr + z[2] * z[2])
-    if s5 * s5 < SINGULAR:
+    size = np.sqrt(max(u2, 0.0))
+    wrist = wrist_at(arm, p, z, -size if branch & 4 else size)
+    c1, s1 = wrist.c1, wrist.s1
+    s5 = -wrist.s5 if branch & 2 else wrist.s5
+    if slack == 0.0 and s5 * s5 < SINGULAR:
         return False
-    if branch & 2:
-        s5 = -s5
-    sin_theta, cos_theta = -z[2] / s5, -zr / s5
-    px = u - d5 * sin_theta
-    pz = wz - d1 + d5 * cos_theta
-    c3 = (px * px + pz * pz - a2 * a2 - a3 * a3) / (2.0 * a2 * a3)
-    if c3 * c3 > 1.0:
+    if wrist.s5 < WRIST_SINGULAR:
+        theta = np.arctan2(wrist.u, -wrist.height)
+        closest = np.hypot(wrist.u, wrist.height) - abs(arm.d5)
+        if abs(closest) < abs(abs(arm.a2) - abs(arm.a3)):
+            theta += np.pi
+        s5, sin_theta, cos_theta = 0.0, np.sin(theta), np.cos(theta)
+    else:
+        sin_theta, cos_theta = -z[2] / s5, -wrist.radial / s5
+        theta = np.arctan2(sin_theta, cos_theta)
+    end_x, end_y, c3 = forearm_end(arm, wrist, sin_theta, cos_theta)
+    if c3 * c3 > 1.0 + slack:
         return False
-    s3 = np.sqrt(1.0 - c3 * c3)
+    s3 = np.sqrt(max(0.0, 1.0 - c3 * c3))
     if branch & 1:
         s3 = -s3
+    c5 = s1 * z[0] - c1 * z[1]
     q[0] = np.arctan2(s1, c1)
-    q[1] = np.arctan2(pz, px) - np.arctan2(a3 * s3, a2 + a3 * c3)
+    q[1] = np.arctan2(end_y, end_x) - np.arctan2(arm.a3 * s3, arm.a2 + arm.a3 * c3)
     q[2] = np.arctan2(s3, c3)
-    q[3] = np.arctan2(sin_theta, cos_theta) - q[1] - q[2]
+    q[3] = theta - q[1] - q[2]
     q[4] = np.arctan2(s5, c5)
+    # Axes x and y of the fifth frame, and the flange's x axis in them.
     x5 = c5 * cos_theta * c1 + s5 * s1, c5 * cos_theta * s1 - s5 * c1, c5 * sin_theta
     c6 = x[0] * x5[0] + x[1] * x5[1] + x[2] * x5[2]
     s6 = -(x[0] * sin_theta * c1 + x[1] * sin_theta * s1 - x[2] * cos_theta)
     q[5] = np.arctan2(s6, c6)
     return True
+
+
+@entry
+def link_frames(arm: Arm, q: Array, frames: Array) -> None:
+    """Frames of the links in the limb base frame.
+
+    Args:
+        arm: The arm.
+        q: Joint angles [rad], shape (6,).
+        frames: Shape (7, 4, 3), filled for links 0 (fixed) to 6 with origin [m] and axes x, y, z,
+            those of the manufacturer's link frames.
+    """
+    c1, s1 = np.cos(q[0]), np.sin(q[0])
+    _fixed_frames(arm, c1, s1, frames)
+    angle = 0.0
+    for link in range(2, 5):
+        angle += q[link - 1]
+        c, s = np.cos(angle), np.sin(angle)
+        frames[link, 1, 0], frames[link, 1, 1], frames[link, 1, 2] = c * c1, c * s1, s
+        frames[link, 2, 0], frames[link, 2, 1], frames[link, 2, 2] = -s * c1, -s * s1, c
+        frames[link, 3, 0], frames[link, 3, 1], frames[link, 3, 2] = s1, -c1, 0.0
+    c5, s5 = np.cos(q[4]), np.sin(q[4])
+    a2, a3, d4, d5, d6 = arm.a2, arm.a3, arm.d4, arm.d5, arm.d6
+    for k in range(3):
+        frames[2, 0, k] = frames[1, 0, k]
+        frames[3, 0, k] = frames[2, 0, k] + a2 * frames[2, 1, k]
+        frames[4, 0, k] = frames[3, 0, k] + a3 * frames[3, 1, k] + d4 * frames[4, 3, k]
+        frames[5, 0, k] = frames[4, 0, k] - d5 * frames[4, 2, k]
+        frames[5, 1, k] = c5 * frames[4, 1, k] + s5 * frames[4, 3, k]
+        frames[5, 2, k] = c5 * frames[4, 3, k] - s5 * frames[4, 1, k]
+        frames[5, 3, k] = -frames[4, 2, k]
+        frames[6, 0, k] = frames[5, 0, k] + d6 * frames[5, 2, k]
+        frames[6, 1, k] = frames[5, 1, k]
+        frames[6, 2, k] = -frames[5, 3, k]
+        frames[6, 3, k] = frames[5, 2, k]
+
+
+@kernel
+def branch_frames(
+    arm: Arm, p: Triple, z: Triple, branch: int, axes: Any, frames: Array
+) -> bool:
+    """Frames of the links of one branch, without forming joint angles.
+
+    Args:
+        arm: The arm.
+        p: Flange position in the limb base frame [m].
+        z: Flange axis in the limb base frame.
+        branch: Branch label.
+        axes: `JointAxes`, filled.
+        frames: Filled like by `link_frames`; x and y of link 6 are any pair across the flange axis.
+
+    Returns:
+        Whether the pose is within reach.
+    """
+    if not joint_axes(arm, p, z, branch, axes):
+        return False
+    axis, point = axes.axis, axes.point
+    _fixed_frames(arm, -axis[1, 1], axis[1, 0], frames)
+    for k in range(3):
+        frames[2, 0, k] = point[1, k]
+        frames[2, 1, k] = (point[2, k] - point[1, k]) / arm.a2
+        frames[3, 0, k] = point[2, k]
+        frames[3, 1, k] = (point[3, k] - point[2, k]) / arm.a3
+        frames[4, 0, k] = point[3, k] + arm.d4 * axis[1, k]
+        frames[4, 2, k] = -axis[4, k]
+        frames[5, 0, k] = point[4, k]
+        frames[5, 2, k] = axis[5, k]
+        frames[5, 3, k] = axis[4, k]
+        frames[6, 0, k] = p[k]
+        frames[6, 3, k] = z[k]
+        for link in range(2, 5):
+            frames[link, 3, k] = axis[1, k]
+    for link in range(2, 7):
+        if link == 6:
+            for k in range(3):
+                frames[6, 1, k] = frames[5, 1, k]
+        # Which axis is left depends on the two that were set.
+        _complete(frames, link, np.int64(link < 4 or link == 6))
+    return True
+
+
+@kernel
+def _fixed_frames(arm: Arm, c1: float, s1: float, frames: Array) -> None:
+    """Frames of the limb's base and of the shoulder, whose joint has cosine `c1` and sine `s1`."""
+    for link in range(2):
+        for row in range(4):
+            for k in range(3):
+                frames[link, row, k] = 1.0 if row == k + 1 else 0.0
+    frames[1, 0, 2] = arm.d1
+    frames[1, 1, 0], frames[1, 1, 1] = c1, s1
+    frames[1, 2, 0], frames[1, 2, 1] = -s1, c1
+
+
+@kernel
+def _complete(frames: Array, link: int, axis: int) -> None:
+    """Set axis 0, 1 or 2 of a link's frame by the cross product of the next two."""
+    a, b = (axis + 1) % 3 + 1, (axis + 2) % 3 + 1
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        frames[link, axis + 1, k] = (
+            frames[link, a, i] * frames[link, b, j] - frames[link, a, j] * frames[link, b, i]
+        )
 
 
 def forward_kinematics(q: Array, lengths: Array) -> Array:

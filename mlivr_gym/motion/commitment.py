@@ -15,20 +15,16 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.kinematics.base_path import (
-    LIMIT_TOLERANCE,
-    PATH_KINDS,
-    SAMPLES,
-    STRAIGHT,
-    follow,
-)
-from mlivr_gym.kinematics.holding import quaternion
+from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, base_path
+from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE, SAMPLES, Track, follow
+from mlivr_gym.kinematics.poses import pose, quaternion
 from mlivr_gym.motion.plan_parts import Motion, Step
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
 from mlivr_gym.motion.swings import SwingFinder, line_of_edge
-from mlivr_gym.postures.selection import base_along, choices_along
+from mlivr_gym.postures.records import HeldStance, PostureRoom, Tried
+from mlivr_gym.postures.selection import base_along, reach_all
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.candidate import Edge
+from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb
 
 FULL_TURN = 2.0 * np.pi
@@ -166,17 +162,11 @@ class _Draft:
         self.points: IntArray = np.array([state.stance for state in states])
         self.postures = graph.postures_of(states)
         count, limbs, solver = len(states), graph.limbs, graph.solver
-        self._mounts = (
-            solver.mount_rotations, solver.mount_positions, solver.lengths,
-            graph.robot.characteristic_length,
-        )  # fmt: skip
-        self._p, self._z = np.empty((count, limbs, 3)), np.empty((count, limbs, 3))
-        self._w = np.empty((count, limbs, 4))
-        choices_along(
-            self.points, graph.grasp_map.positions, graph.grasp_map.normals,
-            graph.robot.tool_length, self.postures.base_position, self.postures.base_rotation,
-            *self._mounts, self._p, self._z, self._w,
-        )  # fmt: skip
+        held, self._tried, self._room = HeldStance.rows(count), Tried.rows(count), PostureRoom.row()
+        held["grasps"][:, :limbs] = solver.grasps[self.points]
+        self._tried["base"] = self.postures.base_rows
+        reach_all(graph.checks.robot, held, self._tried, self._room)
+        self._w: Array = self._tried["limbs"]["w"][:, :limbs]
         self.branches: IntArray = self.postures.branch.copy()
         self.flips: IntArray = np.zeros((count, limbs), dtype=np.int64)
         self.edges: list[Edge] = []
@@ -274,32 +264,28 @@ class _Draft:
 
         Returns the least and the largest angle of each joint over the hold, each (6,) [rad].
         """
-        solver, point = self.graph.solver, self.points[first, limb]
-        grasp = (solver.flanges_in_world[point], solver.flange_axes_in_world[point])
-        mount = (solver.mount_rotations[limb], solver.mount_positions[limb], solver.lengths)
-        positions, rotations = self.postures.base_position, self.postures.base_rotation
-        low, high, q = np.full(6, np.inf), np.full(6, -np.inf), np.full(6, np.nan)
+        grasp = self.graph.solver.grasps[self.points[first, limb]]
+        arm, bases = self.graph.checks.robot.limbs[limb], self.postures.base_rows
+        track = Track.row()
+        track.q[:], track.low[:], track.high[:] = np.nan, np.inf, -np.inf
         for k in range(first, last + 1):
             if not self.edges:
-                q[:] = np.nan
-            here, start = (positions[k], rotations[k]), self.joints[k, limb]
-            branch = self.branches[k, limb]
+                track.q[:] = np.nan
+            here, branch = bases[k], int(self.branches[k, limb])
+            path, samples = base_path(here, here, STRAIGHT, here.position), 0
             if self.edges and k < last:
-                follow(
-                    *grasp, *here, positions[k + 1], rotations[k + 1], self.edges[k].kind,
-                    self.pivots[k], *mount, branch, SAMPLES, start, q, low, high,
-                )  # fmt: skip
-            else:
-                follow(
-                    *grasp, *here, *here, STRAIGHT, here[0], *mount, branch, 0, start, q, low, high
-                )  # fmt: skip
+                path = base_path(here, bases[k + 1], self.edges[k].kind, self.pivots[k])
+                samples = SAMPLES
+            follow(arm, grasp.flange, path, branch, samples, track)
+            self.joints[k, limb] = track.first
             # Where the limb grasps and where it leaves, it also moves along the normal.
             if self.edges and (k == first > 0 or k == last < len(self.points) - 1):
-                lifted = here[0] - self.graph.robot.lift * solver.normals[point]
-                follow(
-                    *grasp, *here, lifted, here[1], STRAIGHT, lifted, *mount, branch, SAMPLES,
-                    np.empty(6), start.copy(), low, high,
-                )  # fmt: skip
+                lifted = pose(here.position - self.graph.robot.lift * grasp.normal, here.rotation)
+                away, there = base_path(here, lifted, STRAIGHT, here.position), track.q.copy()
+                track.q[:] = track.first
+                follow(arm, grasp.flange, away, branch, SAMPLES, track)
+                track.q[:] = there
+        low, high = track.low.copy(), track.high.copy()
         half_turn = np.pi * self.flips[first, limb]
         self.joints[first : last + 1, limb, 5] += half_turn
         low[5] += half_turn
@@ -349,9 +335,6 @@ class _Draft:
     def manipulability(self) -> tuple[Array, Array]:
         """Limb manipulability (K, N) and base manipulability (K,) on the branches chosen."""
         w_m: Array = np.take_along_axis(self._w, self.branches[..., None] >> 1, axis=2)[..., 0]
-        w_b, limbs = np.empty(len(self.points)), self.graph.limbs
-        base_along(
-            self._p, self._z, self.branches, *self._mounts, np.empty((limbs, 8, 6, 6)),
-            np.empty((2, 6, 6)), w_b,
-        )  # fmt: skip
+        w_b = np.empty(len(self.points))
+        base_along(self.graph.checks.robot, self._tried, self.branches, self._room, w_b)
         return w_m, w_b

@@ -11,7 +11,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.holding import quaternion
+from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import Durations, Trajectory, trajectory

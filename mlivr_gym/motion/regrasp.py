@@ -14,8 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE, PATH_KINDS, STRAIGHT
-from mlivr_gym.kinematics.path_following import joints_along, poses_along
+from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, BasePath, base_path, base_poses
+from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.limb import Angles
+from mlivr_gym.kinematics.path_following import joints_along, poses
+from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.stances.stance_graph import StanceGraph
 
@@ -70,10 +73,10 @@ class Regrasp:
         return (*self.before[: self.limb], self.to_point, *self.before[self.limb + 1 :])
 
     @property
-    def base_path(self) -> tuple[Array, Array, Array, Array, int, Array]:
-        """The base path as the kernels take it: poses at both ends, kind and pivot."""
-        p, r = self.positions, self.rotations
-        return (p[0], r[0], p[1], r[1], self.kind, self.pivot)
+    def base_path(self) -> BasePath:
+        """The base path as compiled code takes it."""
+        first, last = map(pose, self.positions, self.rotations)
+        return base_path(first, last, self.kind, self.pivot)
 
 
 class RegraspPath:
@@ -169,14 +172,7 @@ class RegraspPath:
 
     def base(self, u: Array) -> tuple[Array, Array]:
         """Base positions (k, 3) [m] and rotations (k, 3, 3) at base parameters."""
-        step = self.regrasp
-        positions, rotations = np.empty((len(u), 3)), np.empty((len(u), 3, 3))
-        poses_along(
-            step.positions[0], step.rotations[0], step.positions[1], step.rotations[1], step.kind,
-            step.pivot, u,
-            positions, rotations,
-        )  # fmt: skip
-        return positions, rotations
+        return base_poses(self.regrasp.base_path, u)
 
     def supports(self, u: Array) -> Array:
         """Joint angles of all limbs at base parameters that start at 0, shape (k, N, 6) [rad].
@@ -202,12 +198,11 @@ class RegraspPath:
         start: Array,
     ) -> Array:  # fmt: skip
         """Joint angles of a limb on a branch at flange and base poses, continuous from `start`."""
-        solver = self.graph.solver
-        out = np.empty((max(len(flange[0]), len(base[0])), 6))
-        found = joints_along(
-            *flange, *base, solver.mount_rotations[limb], solver.mount_positions[limb],
-            solver.lengths, branch, start, out,
-        )  # fmt: skip
+        bases, flanges = poses(*base), poses(*flange)
+        out, reference = Angles.rows(max(len(bases), len(flanges))), Angles.row()
+        reference.q[:] = start
+        arm = self.graph.checks.robot.limbs[limb]
+        found = joints_along(arm, bases, flanges, branch, reference, out)
         if found < len(out):
             target = self.graph.grasp_map.ids[self.regrasp.to_point]
             raise PlanError(
@@ -215,7 +210,8 @@ class RegraspPath:
                 f"{target!r}: the plan does not fit this map and robot, or its steps were not "
                 f"checked"
             )
-        return out
+        joints: Array = out["q"]
+        return joints
 
 
 def planned_regrasp(graph: StanceGraph, plan: Plan, index: int) -> Regrasp:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE
 
 TIME_LIMIT = 0.5
 """Longest search for one line [s]."""

@@ -20,19 +20,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.swept_hold import BOTH, hold_free
-from mlivr_gym.collisions.swept_swing import swing_free
+from mlivr_gym.collisions.sweep import Sweep
+from mlivr_gym.kinematics.base_path import BasePath
+from mlivr_gym.kinematics.limb import Angles
+from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.regrasp import Regrasp
 from mlivr_gym.motion.sampling import sampled_line
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.grasp_poses import fold_nearest_to, line_end
-from mlivr_gym.transitions.line_swings import lifted_at
+from mlivr_gym.transitions import motions
+from mlivr_gym.transitions.grasp_poses import fold_nearest_to, lifted_angles, line_end
 
 Ends = tuple[Array, Array, tuple[Array, Array]]
 """Joint angles above both points, and the fewest and most whole turns that may be added."""
@@ -59,15 +60,23 @@ class SwingFinder:
     Attributes:
         graph: The stance graph.
         limb: The limb that moves.
-        path: Base path (t0, r0, t1, r1, kind, pivot).
+        path: Base path.
         holds: The limbs that hold.
     """
 
     def __init__(
-        self, graph: StanceGraph, limb: int, path: tuple[Any, ...], holds: Sequence[Hold]
+        self, graph: StanceGraph, limb: int, path: BasePath, holds: Sequence[Hold]
     ) -> None:
         """Look at the step in which `limb` moves while the base follows `path`."""
         self.graph, self.limb, self.path, self.holds = graph, limb, path, holds
+        self._robot = graph.checks.robot
+        self._limits: Array = self._robot.limbs[limb].arm.limits
+        self._world = graph.checks.world(graph.obstacle_grid)
+        self._rows = motions.Hold.rows(len(holds))
+        for row, hold in zip(self._rows, holds, strict=True):
+            row.limb, row.point, row.branch = hold
+        self._piece, self._room = motions.Piece.row(), Sweep.row()
+        self._piece.path, self._piece.limb = path, limb
 
     @classmethod
     def of(cls, graph: StanceGraph, regrasp: Regrasp) -> SwingFinder:
@@ -129,14 +138,9 @@ class SwingFinder:
         if line is None:
             folded = self.fold(fold, start)
             return None if folded is None else (folded, folded)
-        first, last = np.empty(6), np.empty(6)
-        limits = self.graph.solver.limits
-        if (
-            max(line_end(start, line[0], limits, first), line_end(first, line[1], limits, last))
-            == np.inf
-        ):
-            return None
-        return first, last
+        before, first, last = _angles(start), _angles(line[0]), _angles(line[1])
+        there = line_end(before, first, self._limits, first)
+        return None if max(there, line_end(first, last, self._limits, last)) == np.inf else (first, last)
 
     def _candidates(
         self, ends: Ends, fold: int, line: tuple[Array, Array] | None
@@ -199,56 +203,29 @@ class SwingFinder:
 
     def fold(self, index: int, joints: Array) -> Array | None:
         """A fold on the windings nearest to some joint angles [rad], or None outside the limits."""
-        solver, out = self.graph.solver, np.empty(6)
-        return out if fold_nearest_to(solver.folds[index], joints, solver.limits, out) else None
+        out = _angles(joints)
+        return out if fold_nearest_to(self._robot, index, self._limits, out, out) else None
 
     def clear(self, knots: Array) -> bool:
         """Whether the robot touches nothing along a chain of knots."""
-        return all(
-            self._clear_line(a, b, collision_model, inside)
-            for collision_model, inside in self.graph.checks
-            for a, b in pairwise(knots)
-        )
+        return all(self._clear_line(a, b) for a, b in pairwise(knots))
 
-    def _clear_line(self, a: Array, b: Array, collision_model: Any, inside: bool) -> bool:
+    def _clear_line(self, a: Array, b: Array) -> bool:
         """Whether the robot touches nothing from one knot to the next."""
-        solver, limb = self.graph.solver, self.limb
-        shapes, _, hand, fixed, world, clearance, body = collision_model
-        line, none = (self.path, a[0], b[0]), np.empty((0, len(shapes[0]), 2, 3))
-        mount = solver.mount_rotations[limb], solver.mount_positions[limb]
-        found = swing_free(
-            limb, *line, a[1:], b[1:], solver.lengths, *mount, none, shapes, fixed, world,
-            clearance, inside, body,
-        )  # fmt: skip
-        if found != CLEAR:
-            return False
-        for hold in self.holds:
-            i, point = hold.limb, hold.point
-            found = hold_free(
-                i, solver.flanges_in_world[point], solver.flange_axes_in_world[point], *line,
-                hold.branch, solver.lengths,
-                solver.mount_rotations[i], solver.mount_positions[i], a[1:], b[1:], *mount, shapes,
-                hand, fixed, world, clearance, inside, BOTH,
-            )  # fmt: skip
-            if found != CLEAR:
-                return False
-        return True
+        piece = self._piece
+        piece.begin, piece.finish, piece.start[:], piece.end[:] = a[0], b[0], a[1:], b[1:]
+        clear = motions.piece_clear(piece, self._rows, self._robot, self._world, self._room)
+        return bool(clear)
 
 
 def line_of_edge(graph: StanceGraph, regrasp: Regrasp, pair: int) -> tuple[Array, Array]:
     """Joint angles of the moving limb above both points, on the branches of `Edge.pair` [rad]."""
-    solver, robot = graph.solver, graph.robot
-    out = np.empty((2, 8, 6))
-    branches = pair >> 3, pair & 7
+    out, limb = Angles.rows(2), graph.checks.robot.limbs[regrasp.limb]
     points = regrasp.before[regrasp.limb], regrasp.to_point
-    for side, (point, branch) in enumerate(zip(points, branches, strict=True)):
-        lifted_at(
-            regrasp.limb, 1 << branch, solver.points[point], solver.normals[point],
-            solver.rails[point], robot.tool_length, robot.lift, regrasp.positions[side],
-            regrasp.rotations[side], solver.mount_rotations, solver.mount_positions,
-            solver.lengths, solver.limits, out[side],
-        )  # fmt: skip
-    return out[0, branches[0]], out[1, branches[1]]
+    for side, (point, branch) in enumerate(zip(points, divmod(pair, 8), strict=True)):
+        base, grasp = pose(regrasp.positions[side], regrasp.rotations[side]), graph.solver.grasps[point]
+        lifted_angles(limb, base, grasp, branch, graph.robot.lift, out[side].q)
+    return out[0].q, out[1].q
 
 
 def nearest_end(end: Array, turns: tuple[Array, Array], joints: Array) -> Array:
@@ -266,3 +243,11 @@ def _without_stops(knots: Array) -> Array:
 
 def _knot(u: float, joints: Array) -> Array:
     return np.concatenate([[u], joints])
+
+
+def _angles(joints: Array) -> Array:
+    """A copy of joint angles in the form that compiled code writes to, shape (6,) [rad]."""
+    out = Angles.row()
+    out.q[:] = joints
+    angles: Array = out.q
+    return angles

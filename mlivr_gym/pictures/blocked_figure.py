@@ -96,7 +96,7 @@ def _draw_full(
                 *limb[c].T,
                 color="#d00000" if hit else LIMB_COLOURS[i],
                 solid_capstyle="round",
-                linewidth=150.0 * shapes.arrays[2][c],
+                linewidth=150.0 * shapes.radii[c],
                 alpha=0.9,
                 zorder=6 if hit else 5,
             )

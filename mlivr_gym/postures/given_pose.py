@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Contact, contacts
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE
-from mlivr_gym.kinematics.ur import inverse_kinematics
-from mlivr_gym.postures.selection import choices_along
+from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.postures.solver import Postures, PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import LONGEST, numbers
@@ -88,10 +87,10 @@ def masks_of_joints(
     masks = []
     for limb, point in enumerate(points):
         name = solver.grasp_map.ids[point]
-        solutions, there = branch_angles_at(solver, limb, point, posture)
+        solutions = branch_angles_at(solver, limb, point, posture)
         best, bit, worst = np.inf, 0, 0
         for b in range(16):
-            if there >> (b & 7) & 1:
+            if not np.isnan(solutions[b & 7]).any():
                 away = joints[limb] - solutions[b & 7]
                 away[5] -= np.pi * (b >> 3)
                 away = np.abs(np.angle(np.exp(1j * away)))
@@ -112,23 +111,18 @@ def masks_of_joints(
     return tuple(masks)
 
 
-def branch_angles_at(
-    solver: PostureSolver, limb: int, point: int, posture: Postures
-) -> tuple[Array, int]:
-    """Joint angles with which a limb holds a point at a posture, and which branches exist.
+def branch_angles_at(solver: PostureSolver, limb: int, point: int, posture: Postures) -> Array:
+    """Joint angles with which a limb holds a point at a posture.
 
     Returns:
-        One row a branch, shape (8, 6) [rad], and a bit mask of the branches.
+        One row a branch, shape (8, 6) [rad], NaN for branches that do not exist.
     """
-    robot, rotation = solver.robot, posture.base_rotation[0]
-    mount = rotation @ robot.mount_rotations[limb]
-    origin = posture.base_position[0] + rotation @ robot.mount_positions[limb]
-    out = np.full((8, 6), np.nan)
-    place, turn = (
-        mount.T @ (solver.flanges_in_world[point] - origin),
-        mount.T @ solver.flange_axes_in_world[point],
+    out = Angles.rows(8)
+    all_angles_at(
+        solver.shapes.robot.limbs[limb], posture.base_rows[0], solver.grasps[point].flange, out
     )
-    return out, inverse_kinematics(place, np.ascontiguousarray(turn), robot.limb.lengths, out)
+    angles: Array = out["q"]
+    return angles
 
 
 def given_pose_fault(
@@ -138,16 +132,9 @@ def given_pose_fault(
 
     `obstacles` are boxes that stand beside the map's.
     """
-    robot, ids = solver.robot, solver.grasp_map.ids
-    w = np.empty((1, robot.limbs, 4))
-    choices_along(
-        np.array([points]), solver.points, solver.normals, robot.tool_length, posture.base_position,
-        posture.base_rotation,
-        solver.mount_rotations, solver.mount_positions, solver.lengths, robot.characteristic_length,
-        np.empty((1, robot.limbs, 3)), np.empty((1, robot.limbs, 3)), w,
-    )  # fmt: skip
+    ids = solver.grasp_map.ids
     for limb, point in enumerate(points):
-        if not w[0, limb].any():
+        if np.isnan(branch_angles_at(solver, limb, point, posture)).all():
             return f"limb {limb} does not reach point {ids[point]!r} from this base pose"
     free = solver.at(points, posture.base_position[0], posture.base_rotation[0], collisions=False)
     if not free.w_b[0] > 0.0:
@@ -177,9 +164,10 @@ def _closest(
     robot = solver.robot
     joints = np.full((robot.limbs, 6), np.nan)
     for limb, point in enumerate(points):
-        joints[limb] = branch_angles_at(solver, limb, point, posture)[0][posture.branch[0, limb]]
+        joints[limb] = branch_angles_at(solver, limb, point, posture)[posture.branch[0, limb]]
     quaternion = Rotation.from_matrix(posture.base_rotation[0]).as_quat(scalar_first=True)
     boxes = (*solver.grasp_map.boxes, *obstacles)
-    grasps = [(i, solver.points[p], solver.normals[p]) for i, p in enumerate(points)]
+    rows = solver.grasps
+    grasps = [(i, rows[p].point, rows[p].normal) for i, p in enumerate(points)]
     here = (posture.base_position[0], quaternion, joints)
     return contacts(robot, boxes, here, solver.settings.clearance, grasps)

@@ -33,14 +33,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.queries import clear_of_world, hands_clear
+from mlivr_gym.collisions.queries import (
+    PosturesHeld,
+    QueryRoom,
+    Surroundings,
+    clear_of_boxes,
+    hands_clear,
+)
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.postures.base_frames import base_frames
+from mlivr_gym.kinematics.grasps import grasp_rows
+from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.postures.geometries import Grasps, grasps_of_geometries, relative_geometries
+from mlivr_gym.postures.records import HeldStance, Posture, PostureRoom, PostureRule, Thresholds
 from mlivr_gym.postures.rule import TIE
-from mlivr_gym.postures.selection import solve_geometries
+from mlivr_gym.postures.selection import solve_postures
 from mlivr_gym.robot.specification import RobotSpec, geometric_order
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
@@ -81,6 +90,13 @@ class Postures:
         reachable: BoolArray = (self.w_b > 0.0) | (self.cause > 0)
         return reachable
 
+    @property
+    def base_rows(self) -> Any:
+        """The bases as compiled code reads them: rows of `Pose`, shape (k,)."""
+        rows = Pose.rows(len(self.w_b))
+        rows["position"], rows["rotation"] = self.base_position, self.base_rotation
+        return rows
+
     def take(self, index: NDArray[np.intp] | BoolArray | slice) -> Postures:
         """Postures of the chosen stances."""
         return Postures(*(getattr(self, name)[index] for name in FIELDS))
@@ -112,47 +128,67 @@ class PostureSolver:
         grasp_map: The map.
         robot: The robot.
         settings: Thresholds and switches.
-        mount_rotations: Limb base axes in the body frame, shape (N, 3, 3).
-        mount_positions: Limb base origins in the body frame [m], shape (N, 3).
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        limits: Joint limits [rad], shape (6, 2).
-        full_turn: Whether the limits rule out nothing.
-        tools: Flange rotation in the world at each grasp, flip 0, shape (m, 3, 3).
-        flanges: Flange position in the world at each grasp [m], shape (m, 3).
-        points: Points of the map in the world [m], shape (m, 3).
-        normals: Surface normals in the world, shape (m, 3).
-        rails: Rail directions in the world, shape (m, 3).
-        folds: Joints 1 to 5 of folded limbs [rad], shape (f, 5).
-        shapes: The robot's shapes.
-        collision_model: These shapes among the map's boxes.
+        shapes: The robot's shapes; `shapes.robot` is the robot as compiled code reads it.
+        grasps: Points of the map in the world, rows of `Grasp`, shape (m,).
+        boxes: The map's boxes.
+        thresholds: What stances and steps must meet.
         point_cause: What a hand touches that holds each point, one of the causes in `distances`, 0
             if nothing; shape (m,).
     """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
-        """Keep the figures of map, robot and thresholds in the kernels' form."""
+        """Keep map, robot and thresholds in the form that compiled code reads."""
         self.grasp_map, self.robot, self.settings = grasp_map, robot, settings
-        self.mount_rotations = robot.mount_rotations
-        self.mount_positions = robot.mount_positions
-        self.lengths = robot.limb.lengths
-        self.limits, self.full_turn = robot.limb.limits, robot.full_turn
-        self.flange_axes_in_world = tool_rotations(grasp_map)
-        self.flanges_in_world: Array = grasp_map.positions + robot.tool_length * grasp_map.normals
-        self.points = grasp_map.positions.copy()
-        self.normals = np.ascontiguousarray(grasp_map.normals)
-        self.rails = np.ascontiguousarray(grasp_map.rotations[:, :, 0])
-        self.folds = np.array(robot.folds)
         self.shapes = LimbShapes(robot)
-        self.collision_model = CollisionModel(self.shapes, grasp_map.boxes, settings.clearance)
+        rails = grasp_map.rotations[:, :, 0]
+        self.grasps = grasp_rows(grasp_map.positions, grasp_map.normals, rails, robot.tool_length)
+        self.boxes, self._no_boxes = box_grid(grasp_map.boxes), box_grid(())
+        self.thresholds = self._thresholds(settings.thresholds(robot.limbs))
         self.point_cause = np.zeros(len(grasp_map), dtype=np.int64)
         if settings.collisions:
-            model = self.collision_model.arrays
-            hands_clear(
-                self.points, self.normals, robot.tool_length, self.lengths, model, self.point_cause
-            )
-        self._alone = CollisionModel(self.shapes, (), settings.clearance)
+            self.point_cause = self.hands_touch(self.boxes)
         self._rows: dict[bytes, int] = {}
         self._solved = _Table(robot.limbs)
+
+    def _thresholds(self, least: tuple[float, float]) -> Thresholds:
+        """What stances and steps must meet, given the least `w_m` and `w_b` of stances."""
+        out: Thresholds = Thresholds.row()
+        out.w_m, out.w_b = least
+        out.floor, out.clearance = self.settings.path_floor, self.settings.clearance
+        return out
+
+    def surroundings(self, grid: BoxGrid) -> Surroundings:
+        """The map's points among some boxes."""
+        return Surroundings(self.grasps, grid, self.settings.clearance)
+
+    def hands_touch(self, grid: BoxGrid) -> IntArray:
+        """What a hand touches that holds each point, 0 if nothing; shape (m,)."""
+        out = np.zeros(len(self.grasp_map), dtype=np.int64)
+        hands_clear(self.shapes.robot, self.surroundings(grid), QueryRoom.row(), out)
+        return out
+
+    def clear_of_boxes(
+        self, chosen: IntArray, stances: IntArray, postures: Postures, grid: BoxGrid, others: bool
+    ) -> None:
+        """Take the branches that touch a box out of the masks of some stances.
+
+        Args:
+            chosen: Indices of the stances to check.
+            stances: Point indices of all stances, shape (k, N).
+            postures: Their postures; masks and causes are changed in place.
+            grid: The boxes.
+            others: Whether branches other than those of the postures count.
+        """
+        held = PosturesHeld(
+            np.ascontiguousarray(stances),
+            postures.base_rows,
+            postures.branch,
+            postures.mask,
+            postures.cause,
+            np.array([others]),
+        )
+        robot, around = self.shapes.robot, self.surroundings(grid)
+        in_parallel(len(chosen), clear_of_boxes, chosen, held, robot, around, rooms=QueryRoom.rows)
 
     @property
     def geometries(self) -> int:
@@ -199,35 +235,28 @@ class PostureSolver:
         postures.cause[nodes] = touching
         postures.mask[nodes[touching > 0]] = 0
         nodes = nodes[touching == 0]
-        in_parallel(
-            len(nodes), clear_of_world, nodes, stances, self.points, self.normals,
-            self.robot.tool_length,
-            postures.base_position, postures.base_rotation, postures.branch, postures.mask,
-            self.settings.transitions,
-            self.mount_rotations, self.mount_positions, self.lengths, self.collision_model.arrays,
-            postures.cause,
-        )  # fmt: skip
+        self.clear_of_boxes(nodes, stances, postures, self.boxes, self.settings.transitions)
         again = nodes[postures.cause[nodes] > 0]
         if not len(again):
             return
-        held = stances[again]
-        centres = self.points[held].mean(axis=1)
-        rotations = self.grasp_map.rotations[held]
-        new = self._solve_in_place(
-            Grasps(
-                self.points[held] - centres[:, None], np.ascontiguousarray(rotations[..., 2]),
-                np.ascontiguousarray(rotations[..., 0]), centres,
-            ), self.collision_model, avoid=True,
-        )  # fmt: skip
+        held = self._held_in_world(stances[again])
+        centres = held.centres
+        new = self._solve_in_place(held, self.boxes, avoid=True)
         better = np.all(new.mask > 0, axis=1)
         postures.mask[again] = 0
         for name in FIELDS:
             getattr(postures, name)[again[better]] = getattr(new, name)[better]
         postures.base_position[again[better]] += centres[better]
 
+    def _held_in_world(self, stances: IntArray) -> Grasps:
+        """Grasps of stances about their centroids, in the axes of the world."""
+        points, rotations = self.grasp_map.positions[stances], self.grasp_map.rotations[stances]
+        centres = points.mean(axis=1)
+        return Grasps(points - centres[:, None], rotations[..., 2], rotations[..., 0], centres)
+
     def _solve_new(self, rows: IntArray) -> None:
         grasps, centroid = grasps_of_geometries(rows, self.robot.limbs)
-        out = self._solve_in_place(grasps, self._alone, avoid=False)
+        out = self._solve_in_place(grasps, self._no_boxes, avoid=False)
         out.base_position[:] += centroid
         self._solved.append(out)
 
@@ -255,13 +284,10 @@ class PostureSolver:
             collisions: Whether branches that touch something are left out; by default as in the
                 settings.
         """
-        held, settings = np.array([stance], dtype=np.int64), self.settings
+        points, settings = np.array([stance], dtype=np.int64), self.settings
         collisions = settings.collisions if collisions is None else collisions
-        rotations = self.grasp_map.rotations[held]
-        normals = np.ascontiguousarray(rotations[..., 2])
-        rails = np.ascontiguousarray(rotations[..., 0])
-        centre = self.points[held].mean(axis=1)
-        away = position - centre[0]
+        held = self._held_in_world(points)
+        away = position - held.centres[0]
         height = float(np.linalg.norm(away))
         up = rotation[:, 2] if height < 1e-9 else away / height
         frames = (
@@ -272,19 +298,19 @@ class PostureSolver:
         )
         heights, rolls = np.array([height]), np.zeros(1)
         out = self._run(
-            Grasps(self.points[held] - centre[:, None], normals, rails, centre),
+            held,
             _Candidates(frames, heights, rolls, heights, rolls),
-            self.collision_model if collisions else self._alone,
+            self.boxes if collisions else self._no_boxes,
             thresholds=(0.0, 0.0),
             avoid=collisions,
             collisions=collisions,
         )
         out.base_position[:], out.base_rotation[:] = position, rotation
-        if collisions and self.point_cause[held].any():
+        if collisions and self.point_cause[points].any():
             out.mask[:] = 0
         return out
 
-    def _solve_in_place(self, held: Grasps, model: CollisionModel, *, avoid: bool) -> Postures:
+    def _solve_in_place(self, held: Grasps, grid: BoxGrid, *, avoid: bool) -> Postures:
         """Postures among the robot's candidates, base positions from the grasps' centroids.
 
         With `avoid` the best posture of all is known to touch something.
@@ -303,7 +329,7 @@ class PostureSolver:
         return self._run(
             held,
             candidates,
-            model,
+            grid,
             thresholds=settings.thresholds(robot.limbs),
             avoid=avoid,
             collisions=settings.collisions,
@@ -313,34 +339,46 @@ class PostureSolver:
         self,
         held: Grasps,
         candidates: _Candidates,
-        model: CollisionModel,
+        grid: BoxGrid,
         *,
         thresholds: tuple[float, float],
         avoid: bool,
         collisions: bool,
     ) -> Postures:
         """The posture that the rule takes of some candidates, for each stance."""
-        robot, settings = self.robot, self.settings
+        settings, robot = self.settings, self.shapes.robot
         k, count = held.grasps.shape[:2]
-        tools = np.empty((k, count, 3, 3))
-        tools[..., 0], tools[..., 2] = held.rails, -held.normals
-        tools[..., 1] = np.cross(tools[..., 2], tools[..., 0])
-        out = Postures(
-            np.zeros((k, 3)), np.zeros((k, 3, 3)), np.zeros((k, count)), np.zeros(k),
-            np.zeros((k, count), dtype=np.int64), np.zeros((k, count), dtype=np.int64),
-            np.zeros(k, dtype=np.int64),
-        )  # fmt: skip
+        stances = HeldStance.rows(k)
+        stances["centre"] = held.centres
+        tool_length = self.robot.tool_length
+        stances["grasps"][:, :count] = grasp_rows(
+            held.grasps, held.normals, held.rails, tool_length
+        )
+        for name, array in zip(("frame", "out", "line", "opposed"), candidates.frames, strict=True):
+            stances[name] = array
+        rule: PostureRule = PostureRule.row()
+        rule.thresholds = self._thresholds(thresholds)
+        rule.scale_m, rule.scale_b = self._scales()
         least = min(a / b for a, b in zip(thresholds, self._scales(), strict=True))
+        rule.nodes_margin, rule.first_avoid = least * (1.0 - 3.0 * TIE), avoid
+        rule.check, rule.collide = settings.transitions, collisions
+        names = ("height", "roll", "wide_height", "wide_roll")
+        for name, values in zip(names, candidates[1:], strict=True):
+            setattr(rule, f"{name}_count", len(values))
+            getattr(rule, f"{name}s")[: len(values)] = values
+        out = Posture.rows(k)
         in_parallel(
-            k, solve_geometries, held.grasps, held.normals, tools, *candidates.frames,
-            self.mount_rotations, self.mount_positions, self.lengths, self.limits, self.full_turn,
-            robot.tool_length, robot.lift, robot.characteristic_length,
-            *candidates[1:], *self._scales(), *thresholds, settings.path_floor,
-            least * (1.0 - 3.0 * TIE), avoid,
-            settings.transitions, collisions, held.centres, model.arrays,
-            out.base_position, out.base_rotation, out.w_m, out.w_b, out.branch, out.mask, out.cause,
-        )  # fmt: skip
-        return out
+            k, solve_postures, stances, robot, rule, grid, out, rooms=PostureRoom.rows
+        )
+        return Postures(
+            out["base"]["position"].copy(),
+            out["base"]["rotation"].copy(),
+            out["w_m"][:, :count].copy(),
+            out["w_b"].copy(),
+            out["branch"][:, :count].copy(),
+            out["mask"][:, :count].copy(),
+            out["cause"].copy(),
+        )
 
 
 class _Table:
@@ -372,12 +410,3 @@ class _Table:
 
     def take(self, index: IntArray) -> Postures:
         return Postures(*(array[index] for array in self._arrays))
-
-
-def tool_rotations(grasp_map: GraspMap) -> Array:
-    """Flange rotations in the world that grasp each point, flip 0, shape (m, 3, 3).
-
-    The x axis lies along the rail, the z axis points into the surface.
-    """
-    rotations = grasp_map.rotations
-    return np.stack([rotations[:, :, 0], -rotations[:, :, 1], -rotations[:, :, 2]], axis=2)

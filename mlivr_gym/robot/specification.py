@@ -55,6 +55,9 @@ SMALLEST_BODY = 1e-3
 MOST_CAPSULES = 64
 """Most collision shapes of a limb: the compiled checks keep them on the stack."""
 
+MOST_LIMBS = 8
+"""Most limbs of a robot."""
+
 MOST_POSES = 64
 """Most heights or rolls that are tried for a stance; the robots that ship have four and five."""
 
@@ -182,7 +185,7 @@ class RobotSpec:
     def __post_init__(self) -> None:
         """Check every figure."""
         text(self.name, "the name of the robot", RobotError)
-        object.__setattr__(self, "limbs", whole(self.limbs, "limbs", RobotError, 2, 8))
+        object.__setattr__(self, "limbs", whole(self.limbs, "limbs", RobotError, 2, MOST_LIMBS))
         if not isinstance(self.limb, Limb):
             raise RobotError(f"limb is {shown(self.limb)}; it must be a Limb")
         for name, most in (("heights", LONGEST_ROBOT), ("rolls", np.inf)):

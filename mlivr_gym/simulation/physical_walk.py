@@ -15,7 +15,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.base_path import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE
 from mlivr_gym.motion.commitment import commit
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath, planned_regrasp
@@ -25,8 +25,8 @@ from mlivr_gym.simulation.dynamics import Physics, check_masses
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
 from mlivr_gym.stances.stance_graph import StanceGraph, join
-from mlivr_gym.transitions.candidate import Edge
-from mlivr_gym.transitions.state import State, Successors
+from mlivr_gym.transitions.edge import Edge
+from mlivr_gym.transitions.state import State, Successors, moving_limb
 
 MEASURES = (
     "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force",
@@ -201,15 +201,12 @@ class PhysicalWalk:
         """The step to a stance as far as the limbs that hold are concerned, and how it is made."""
         graph, state = self.graph, self.state
         postures = join(graph.posture_of(state), graph.posture(after))
-        candidate, edge = (
-            graph.candidate(state.stance, after, postures),
-            graph.edge(state, after, postures),
-        )
-        limb, branches = candidate.limb, [_branch(mask) for mask in state.masks]
+        edge = graph.edge(state, after, postures)
+        limb, branches = moving_limb(state.stance, after), [_branch(mask) for mask in state.masks]
         regrasp = Regrasp(
             limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
             edge.kind,
-            candidate.pivot, (*branches, branches[limb]), self.joints, self.joints[limb],
+            graph.pivot(state.stance, after), (*branches, branches[limb]), self.joints, self.joints[limb],
             UNCHECKED_KNOTS,
         )  # fmt: skip
         return regrasp, edge

@@ -19,11 +19,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.collisions.link_capsules import FLUSH
+from mlivr_gym.collisions.against_boxes import FLUSH
+from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.errors import SimulationError
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
-from mlivr_gym.postures.solver import tool_rotations
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec, gripper_bit
 from mlivr_gym.simulation.failures import FailureWatch
@@ -83,7 +83,11 @@ class Simulation:
         self.data = mujoco.MjData(self.model)
         self.time = 0.0
         self._steps = 0
-        self._tools = tool_rotations(grasp_map)
+        rails = grasp_map.rotations[:, :, 0]
+        grasps = grasp_rows(
+            grasp_map.positions, grasp_map.normals, rails, robot.tool_length
+        )
+        self._tools: Array = grasps["flange"]["rotation"]
         model = self.model
         self._instruments = Instruments(model, robot.limbs)
         self.mass = self._instruments.mass

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from mlivr_gym.compiled.kernels import is_cached, second_process
 from mlivr_gym.errors import RobotError
-from mlivr_gym.postures.selection import solve_geometries
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -35,8 +33,7 @@ def stance_graph(
     grasp_map, robot, settings = grasp_map or jem_map(), robot_spec(robot), settings or Settings()
     if robot.limbs > 2:
         return LazyGraph(grasp_map, robot, settings)
-    with second_process("mlivr_gym.planners.warmup", not is_cached(solve_geometries)):
-        graph = PairGraph(grasp_map, robot, settings)
+    graph = PairGraph(grasp_map, robot, settings)
     if not len(graph):
         raise RobotError(
             f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mlivr_gym.arrays import IntArray
@@ -9,6 +11,7 @@ from mlivr_gym.postures.solver import OPPOSED_HEIGHTS, Postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.records import StanceSet
 from mlivr_gym.world.grasp_map import GraspMap
 
 
@@ -18,7 +21,7 @@ class LazyGraph(StanceGraph):
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Start with nothing known."""
         super().__init__(grasp_map, robot, settings)
-        self._released: dict[tuple[tuple[int, ...], bytes, int], int] = {}
+        self._released: dict[tuple[bytes, int], Any] = {}
 
     def postures(self, stances: IntArray) -> Postures:
         """Postures of stances, shape (k, N), feasible or not.
@@ -33,16 +36,19 @@ class LazyGraph(StanceGraph):
             found.mask[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
         return found
 
-    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can be released at a stance, worked out once."""
-        key = (
-            stance,
-            posture.base_position[0].tobytes() + posture.base_rotation[0].tobytes(),
-            limb,
-        )
-        if key not in self._released:
-            self._released[key] = super().released(stance, posture, limb)
-        return self._released[key]
+    def _know_released(self, stances: StanceSet, todo: IntArray) -> None:
+        """See `StanceGraph`; answers are remembered."""
+        new = []
+        for row, limb in todo.tolist():
+            key = (stances.points[row].tobytes() + stances.base[row].tobytes(), limb)
+            found = self._released.get(key)
+            if found is None:
+                new.append((row, limb, key))
+            else:
+                stances.released[row, limb] = found
+        super()._know_released(stances, np.array([k[:2] for k in new], dtype=np.int64).reshape(-1, 2))
+        for row, limb, key in new:
+            self._released[key] = stances.released[row, limb].copy()
 
     def _obstacles_changed(self) -> None:
         self._released = {}

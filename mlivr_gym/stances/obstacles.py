@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
-import numpy as np
-
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.collisions.collision_model import CollisionModel
-from mlivr_gym.collisions.queries import clear_of_world, hands_clear
-from mlivr_gym.compiled.kernels import in_parallel
+from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
 from mlivr_gym.errors import SettingError, ShapeError
 from mlivr_gym.postures.solver import Postures, PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
@@ -20,8 +16,8 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-class ObstacleChecks(StepChecks):
-    """Step checks in a world whose obstacles and occupied points change."""
+class ChangingWorld(ABC):
+    """A robot on a map whose obstacles and occupied points change."""
 
     def __init__(
         self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings, solver: PostureSolver
@@ -35,8 +31,10 @@ class ObstacleChecks(StepChecks):
         """Points that may not be grasped at present, by index."""
         self.version = 0
         """Number of changes of obstacles and occupied points."""
-        self.obstacle_model = CollisionModel(solver.shapes, (), settings.clearance)
-        """The obstacles in the form that the compiled checks read."""
+        self.checks = StepChecks(solver)
+        """How releases and steps are checked."""
+        self.obstacle_grid: BoxGrid | None = None
+        """The obstacles as compiled code reads them, None if there are none."""
 
     def add_obstacles(self, boxes: Sequence[Box]) -> None:
         """Put boxes into the world: they take away the stances and steps that touch them.
@@ -91,7 +89,7 @@ class ObstacleChecks(StepChecks):
 
     def _set_obstacles(self, boxes: tuple[Box, ...], occupied: frozenset[int]) -> None:
         if boxes != self.obstacles:
-            self.obstacle_model = CollisionModel(self.solver.shapes, boxes, self.settings.clearance)
+            self.obstacle_grid = box_grid(boxes) if boxes else None
         self.obstacles, self.occupied = boxes, frozenset(occupied)
         self.version += 1
         self._obstacles_changed()
@@ -108,16 +106,9 @@ class ObstacleChecks(StepChecks):
             points: Point indices of all stances, shape (k, N).
             postures: Their postures; the masks are changed in place.
         """
-        solver, collision_model = self.solver, self.obstacle_model.arrays
-        in_parallel(
-            len(chosen), clear_of_world, chosen, points, solver.points, solver.normals,
-            self.robot.tool_length, postures.base_position, postures.base_rotation, postures.branch,
-            postures.mask, True, solver.mount_rotations, solver.mount_positions, solver.lengths,
-            collision_model, np.zeros(len(points), dtype=np.int64),
-        )  # fmt: skip
-        hands = np.zeros(len(self.grasp_map), dtype=np.int64)
-        hands_clear(
-            solver.points, solver.normals, self.robot.tool_length, solver.lengths, collision_model,
-            hands,
-        )  # fmt: skip
+        grid = self.obstacle_grid
+        if grid is None:
+            return
+        self.solver.clear_of_boxes(chosen, points, postures, grid, others=True)
+        hands = self.solver.hands_touch(grid)
         postures.mask[(hands[points] > 0).any(axis=1)] = 0

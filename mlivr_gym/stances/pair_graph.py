@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,28 +17,23 @@ from scipy.spatial import cKDTree
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
-from mlivr_gym.compiled.kernels import in_parallel
+from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.postures.solver import Postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.pair_rows import connected_parts, rows_of
 from mlivr_gym.stances.pair_steps import (
-    ARC_BITS,
-    FOLD_BITS,
-    KNOWN,
-    LINE,
-    PAIR_BITS,
-    edge_entry,
-    ensure_released,
-    fill_points,
-    fill_row,
+    PairEdge,
+    PairTable,
     longest_step,
     pair_successors,
+    unknown_steps,
 )
+from mlivr_gym.stances.pair_table import KnownSteps
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
-from mlivr_gym.transitions.candidate import Edge
-from mlivr_gym.transitions.rule import BRANCH_BITS, can_release, kept_on_edge
+from mlivr_gym.transitions.edge import Edge
+from mlivr_gym.transitions.rule import can_release, kept_on_edge
 from mlivr_gym.transitions.state import State, Successors, moving_limb
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -56,10 +50,9 @@ def fill_rows(graph: PairGraph, progress: Callable[[int, int], None] | None = No
     chunk = max(1, m // 16)
     for held in range(2):
         for begin in range(0, m, chunk):
-            in_parallel(
-                min(chunk, m - begin), fill_points, held, graph.rows, graph.row_start, graph.edges,
-                first=begin, least=2,
-            )  # fmt: skip
+            pairs = [graph.pairs_of_row(held, p) for p in range(begin, min(begin + chunk, m))]
+            before, after = np.concatenate(pairs, axis=1)
+            graph.know_steps(np.full(len(before), held, dtype=np.int64), before, after)
             if progress is not None:
                 progress(held * m + min(begin + chunk, m), 2 * m)
     graph.complete = True
@@ -110,60 +103,53 @@ class PairGraph(StanceGraph):
         self.base_in_world, self.base_axes_in_world = chosen.base_position, chosen.base_rotation
         self.w_m, self.w_b = chosen.w_m, chosen.w_b
         self.branch, self.mask = chosen.branch, chosen.mask
-        n, m = len(self.points), len(grasp_map)
+        m = len(grasp_map)
         self.rows, self.row_start, self.degree, self.offset, self.local = rows_of(self.points, m)
         self.row_position: Array = self.base_in_world[self.rows]
         """Base positions in the order of `rows` [m], shape (2, n, 3)."""
-        self.table = np.zeros(
-            int((self.degree**2).sum()) if settings.transitions else 1, dtype=np.int64
-        )
-        """Edge entries, zero where not known yet."""
         self.complete = False
-        """Whether every edge entry is known."""
+        """Whether every step is known."""
         self._keys = self.points[:, 0] * m + self.points[:, 1]
-        known = np.full((n, 2), not settings.collisions)
-        self._free = self.mask, known, self.mask * known, self.table
-        self.edges = self._edges()
-        """Arguments of `edge_entry`: the graph in the kernels' form."""
+        edges = PairEdge.rows(int((self.degree**2).sum()) if settings.transitions else 1)
+        self._free = KnownSteps(self, self.checks, self.mask, edges)
+        self._known = self._free
 
-    def _edges(self) -> tuple[Any, ...]:
-        """The graph in the kernels' form, with the present obstacles and without."""
-        robot, solver, settings = self.robot, self.solver, self.settings
-        mask0, ready0, released0, table0 = self._free
-        self.mask, ready, released, self.table = mask0, ready0, released0, table0
-        close = np.zeros(0, dtype=np.bool_)
-        overlay, boxes = bool(self.obstacles or self.occupied), False
-        if overlay:
-            close = self._close_to_obstacles()
-            boxes = bool(close.any())
-            self.mask, released, ready = mask0.copy(), released0.copy(), np.zeros_like(ready0)
-            taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
-            taken[list(self.occupied)] = True
-            gone = taken[self.points[:, 0]] | taken[self.points[:, 1]]
-            self.mask[gone] = released[gone] = 0
-            ready[gone] = True
-            ready[~gone & ~close] = ready0[~gone & ~close]
-            if boxes:
-                self.table = np.zeros_like(table0)
-                touching = close & self._within(self.robot.extent + self.settings.clearance)
-                self.clear_of_obstacles(
-                    np.flatnonzero(touching), self.points, self.node_postures(slice(None))
-                )
-        return (
-            self.points, self.local, self.degree, self.offset, self.table, self.base_in_world,
-            self.base_axes_in_world, self.mask,
-            solver.mount_rotations, solver.mount_positions, solver.lengths,
-            self.solver.flanges_in_world,
-            solver.flange_axes_in_world, solver.points,
-            settings.path_floor * robot.characteristic_length**3,
-            solver.limits, solver.full_turn,
-            (
-                settings.collisions, ready, released, solver.normals, solver.rails,
-                robot.tool_length, robot.lift,
-                solver.folds, solver.collision_model.arrays,
-            ),
-            (overlay, boxes, close, mask0, ready0, released0, table0, self.obstacle_model.arrays),
-        )  # fmt: skip
+    @property
+    def steps(self) -> PairTable:
+        """What is known of the steps, among the present obstacles, as compiled code reads it."""
+        return self._known.table
+
+    def know_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
+        """Check steps between stances of a row, once: limb that holds and both stances (k,)."""
+        self._known.know_steps(held, before, after)
+
+    def know_step(self, held: int, before: int, after: int) -> None:
+        """Check one step, once."""
+        self._known.step(held, before, after)
+
+    def pairs_of_row(self, held: int, point: int) -> IntArray:
+        """Every pair of stances of a row, the lower index last, shape (2, k)."""
+        row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
+        i, j = np.tril_indices(len(row), -1)
+        return np.stack([row[i], row[j]])
+
+    def _obstacles_changed(self) -> None:
+        """Start with what is known without obstacles."""
+        self.complete = False
+        self._known, self.mask = self._free, self._free.table.mask
+        if not (self.obstacles or self.occupied):
+            return
+        close = self._close_to_obstacles()
+        taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
+        taken[list(self.occupied)] = True
+        gone = taken[self.points[:, 0]] | taken[self.points[:, 1]]
+        self.mask = self.mask.copy()
+        self.mask[gone] = 0
+        if close.any():
+            touching = close & self._within(self.robot.extent + self.settings.clearance)
+            chosen = np.flatnonzero(touching)
+            self.clear_of_obstacles(chosen, self.points, self.node_postures(slice(None)))
+        self._known = self._free.among_obstacles(self.mask, gone, close, self.obstacle_grid)
 
     def _close_to_obstacles(self) -> BoolArray:
         """Stances whose robot may touch an obstacle on a step from or to them, shape (n,)."""
@@ -178,14 +164,10 @@ class PairGraph(StanceGraph):
             within |= np.einsum("ij,ij->i", away, away) <= reach**2
         return within
 
-    def _obstacles_changed(self) -> None:
-        self.edges = self._edges()
-        self.complete = False
-
     @property
     def releasable(self) -> IntArray:
-        """Answers of `release` for each stance and limb as far as they are known, shape (n, 2)."""
-        known: IntArray = self.edges[17][2]
+        """Branches on which limbs can be released as far as they are known, shape (n, 2)."""
+        known: IntArray = self.steps.released["branches"]
         return known
 
     def __len__(self) -> int:
@@ -266,25 +248,27 @@ class PairGraph(StanceGraph):
         return s if same else -1
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can be released at a stance; see `StepChecks.released`."""
+        """On which branches a limb can be released at a stance; see `StanceGraph.released`."""
         s = self._node(stance, posture)
         if s < 0:
             return super().released(stance, posture, limb)
-        ensure_released(s, limb, self.edges)
-        return int(self.edges[17][2][s, limb])
+        self._known.know_released(np.array([[s, limb]]))
+        return int(self.releasable[s, limb])
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
-        """The edge that a step is; see `StepChecks.edge`."""
+        """The edge that a step is; see `StanceGraph.edge`."""
         s0, s1 = self._node(state.stance, posture), self._node(after, posture, 1)
         if not self.settings.collisions or s0 < 0 or s1 < 0:
             return super().edge(state, after, posture)
         held = 1 - moving_limb(state.stance, tuple(after))
-        entry = int(edge_entry(held, s0, s1, self.edges))
-        kind = ARC if entry >> ARC_BITS & state.masks[held] else STRAIGHT
-        kept = {held: int(kept_on_edge(state.masks[held], entry))}
-        if entry & LINE:
-            return Edge(kind, -1, entry >> PAIR_BITS & 63, kept)
-        return Edge(kind, entry >> (FOLD_BITS + 2 * kind) & 3, -1, kept)
+        entry = self._known.step(held, s0, s1)
+        on_arc = bool(kept_on_edge(state.masks[held], int(entry.on_arc)))
+        kept = {held: int(kept_on_edge(state.masks[held], int(entry.kept)))}
+        if entry.pair >= 0:
+            return Edge(ARC if on_arc else STRAIGHT, -1, int(entry.pair), kept)
+        if on_arc:
+            return Edge(ARC, int(entry.fold_on_arc), -1, kept)
+        return Edge(STRAIGHT, int(entry.fold_on_line), -1, kept)
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
         """The state after the step to a neighbouring stance, None if there is no such step."""
@@ -322,34 +306,31 @@ class PairGraph(StanceGraph):
 
     def edge_masks(self, held: int, s: int, row: IntArray) -> IntArray:
         """Branches that limb `held` can keep on the steps from `s` to each stance of `row`."""
-        out = np.full(len(row), BRANCH_BITS, dtype=np.int64)
         if not self.settings.transitions:
-            return out
-        fill_row(held, s, row, out, self.edges)
-        return out
+            return np.full(len(row), ALL, dtype=np.int64)
+        known = self._known
+        which, before = np.full(len(row), held, dtype=np.int64), np.full(len(row), s)
+        known.know_steps(which, before, row)
+        return known.table.edges["kept"][known.index(which, before, row)].astype(np.int64)
 
     @contextmanager
     def without(self, steps: Collection[tuple[State, tuple[int, ...]]]) -> Iterator[None]:
         """Take steps out of the graph for a while; see `StanceGraph.without`."""
-        kept = []
+        edges, kept = self.steps.edges, []
         for before, after in steps:
             if before.pose is not None:
                 continue
             held = 1 - moving_limb(before.stance, after)
-            s0, s1, point = self.find(before.stance), self.find(after), after[held]
-            entry = (
-                self.offset[held, point]
-                + self.local[held, s0] * self.degree[held, point]
-                + self.local[held, s1]
-            )
-            kept.append((entry, int(self.table[entry])))
-            self.table[entry] = KNOWN
+            s0, s1 = self.find(before.stance), self.find(after)
+            entry = int(self._known.index(held, s0, s1))
+            kept.append((entry, edges[entry].copy()))
+            edges["kept"][entry], edges["on_arc"][entry], edges["known"][entry] = 0, 0, 1
         try:
             with super().without(steps):
                 yield
         finally:
             for entry, value in reversed(kept):
-                self.table[entry] = value
+                edges[entry] = value
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
@@ -363,10 +344,12 @@ class PairGraph(StanceGraph):
         size = int(self.degree[0, state.stance[0]] + self.degree[1, state.stance[1]])
         limb, stance = (np.empty(size, dtype=np.int64) for _ in range(2))
         masks = np.empty((size, 2), dtype=np.int64)
-        count = pair_successors(
-            s, state.masks[0], state.masks[1], self.settings.transitions, self.rows, self.row_start,
-            limb, stance, masks, self.edges,
-        )  # fmt: skip
+        if self.settings.transitions and not self.complete:
+            self._known.know_released(np.array([[s, 0], [s, 1]]))
+            count = unknown_steps(s, *state.masks, self.steps, masks)
+            held, after = masks[:count].T.copy()
+            self.know_steps(held, np.full(count, s), after)
+        count = pair_successors(s, *state.masks, self.steps, limb, stance, masks)
         limb, stance = limb[:count], stance[:count]
         return Successors(
             limb, self.points[stance, limb], self.base_in_world[stance], masks[:count]
@@ -377,7 +360,7 @@ class PairGraph(StanceGraph):
         """Largest base displacement of one step [m], over all pairs of stances of a row."""
         out = np.zeros(len(self.grasp_map))
         for held in range(2):
-            longest_step(0, len(out), held, self.rows, self.row_start, self.base_in_world, out)
+            longest_step(held, self.rows, self.row_start, self.base_in_world, out)
         return max(float(np.sqrt(out.max())), 1e-9)
 
     @cached_property

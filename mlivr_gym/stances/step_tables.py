@@ -22,18 +22,18 @@ from numpy.typing import NDArray
 from mlivr_gym._version import __version__
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.cache import cache_folder, source_digest
-from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.errors import SettingError
 from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.stances import pair_graph
 from mlivr_gym.stances.pair_graph import PairGraph, fill_rows
+from mlivr_gym.stances.pair_steps import gather_steps
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_steps import steps_of_state
-from mlivr_gym.transitions.rule import BRANCH_BITS, kept_on_edge
+from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.state import State, Successors
 
-FORMAT = 2
+FORMAT = 3
 """Version of the file format; the files of version 0.1.0 have none."""
 
 
@@ -86,51 +86,6 @@ class StepTables(NamedTuple):
         )
 
 
-@kernel
-def gather_steps(
-    check: bool, points: IntArray, mask: IntArray, rows: IntArray, row_start: IntArray,
-    local: IntArray, degree: IntArray, offset: IntArray, table: IntArray, fill: bool,
-    start: IntArray, after: NDArray[np.int32], kept: NDArray[np.int32],
-) -> None:  # fmt: skip
-    """Count the steps that leave each stance, or with `fill` write them where `start` says.
-
-    Args:
-        check: Whether steps are checked.
-        points: `PairGraph.points`.
-        mask: `PairGraph.mask`.
-        rows: `PairGraph.rows`.
-        row_start: `PairGraph.row_start`.
-        local: `PairGraph.local`.
-        degree: `PairGraph.degree`.
-        offset: `PairGraph.offset`.
-        table: `PairGraph.table`, every entry known if steps are checked.
-        fill: Whether to write the steps.
-        start: Shape (2 n + 1,); counts are written one place further on.
-        after: Shape (e,), written with `fill`.
-        kept: Shape (e,), written with `fill`.
-    """
-    for s in range(len(points)):
-        for moving in range(2):
-            held = 1 - moving
-            point = points[s, held]
-            first = offset[held, point] + local[held, s] * degree[held, point]
-            count = 0
-            for k in range(row_start[held, point], row_start[held, point + 1]):
-                s2 = rows[held, k]
-                if s2 == s or mask[s2, moving] == 0:
-                    continue
-                branches = kept_on_edge(mask[s, held], mask[s2, held])
-                if check:
-                    branches = kept_on_edge(branches, table[first + local[held, s2]])
-                if branches:
-                    if fill:
-                        after[start[2 * s + moving] + count] = s2
-                        kept[start[2 * s + moving] + count] = branches
-                    count += 1
-            if not fill:
-                start[2 * s + moving + 1] = count
-
-
 def step_tables(
     graph: StanceGraph, progress: Callable[[int, int], None] | None = None
 ) -> StepTables:
@@ -156,18 +111,14 @@ def step_tables(
             fill_rows(graph, progress)
             if path is not None:
                 _write(graph, path)
-    shape = (
-        check, graph.points, graph.mask, graph.rows, graph.row_start, graph.local, graph.degree,
-        graph.offset, graph.table,
-    )  # fmt: skip
     start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
     nothing = np.zeros(0, dtype=np.int32)
-    gather_steps(*shape, False, start, nothing, nothing)
+    gather_steps(graph.steps, False, start, nothing, nothing)
     np.cumsum(start, out=start)
     after, kept = np.empty(start[-1], dtype=np.int32), np.empty(start[-1], dtype=np.int32)
-    gather_steps(*shape, True, start, after, kept)
+    gather_steps(graph.steps, True, start, after, kept)
     released = graph.releasable if check else graph.mask
-    masks, releasable = ((mask & BRANCH_BITS).astype(np.int32) for mask in (graph.mask, released))
+    masks, releasable = (mask.astype(np.int32) for mask in (graph.mask, released))
     return StepTables(
         graph.points.astype(np.int32), graph.base_in_world, masks, releasable, start, after, kept
     )
@@ -217,11 +168,10 @@ def cache_file(graph: PairGraph) -> Path | None:
 
 def _write(graph: PairGraph, path: Path) -> None:
     """Keep a filled graph; a cache that cannot be written is no error."""
-    ready, released = graph.edges[17][1:3]
-    buffer = io.BytesIO()
+    steps, buffer = graph.steps, io.BytesIO()
     np.savez_compressed(
-        buffer, format=FORMAT, rules=GRAPH_RULES, points=graph.points, table=graph.table,
-        mask=graph.mask, ready=ready, released=released,
+        buffer, format=FORMAT, rules=GRAPH_RULES, points=steps.points, edges=steps.edges,
+        mask=steps.mask, released=steps.released,
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -232,8 +182,8 @@ def _write(graph: PairGraph, path: Path) -> None:
 
 def _read(graph: PairGraph, path: Path) -> bool:
     """Fill a graph from the cache, with a warning if the file is old; False if none can be used."""
-    ready, released = graph.edges[17][1:3]
-    into = {"table": graph.table, "mask": graph.mask, "ready": ready, "released": released}
+    steps = graph.steps
+    into = {"edges": steps.edges, "mask": steps.mask, "released": steps.released}
     try:
         # np.load does not close a file that is no archive.
         with path.open("rb") as stream, np.load(stream) as data:
@@ -249,7 +199,8 @@ def _read(graph: PairGraph, path: Path) -> bool:
     except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         return False
     if not np.array_equal(found["points"], graph.points) or any(
-        found[k].shape != a.shape for k, a in into.items()
+        found[k].shape != a.shape or found[k].dtype.itemsize != a.dtype.itemsize
+        for k, a in into.items()
     ):
         return False
     for name, array in into.items():

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
-@kernel
+@entry
 def steps_of_state(
     s: int, mask0: int, mask1: int, tables: Any, steps: IntArray, kept: IntArray
 ) -> tuple[int, int]:
@@ -43,7 +43,7 @@ def steps_of_state(
     return first, count
 
 
-@kernel
+@entry
 def legal_actions(stances: IntArray, masks: IntArray, tables: Any, out: NDArray[np.int8]) -> None:
     """Mark the actions that states allow.
 
@@ -66,11 +66,11 @@ def legal_actions(stances: IntArray, masks: IntArray, tables: Any, out: NDArray[
                     out[k, moving * m + points[after[e], moving]] = 1
 
 
-@kernel
+@entry
 def legal_positions(
     stances: IntArray, masks: IntArray, tables: Any, out: NDArray[np.int8], position: Array,
     releasable_after: NDArray[np.int8],
-) -> None:  # fmt: skip
+) -> None:
     """Mark the actions that states allow and write where the base is after each.
 
     Args:
@@ -100,7 +100,7 @@ def legal_positions(
                         position[k, moving, point, axis] = tables.base_in_world[s2, axis]
 
 
-@kernel
+@entry
 def find_step(s: int, moving: int, s2: int, tables: Any) -> int:
     """Index of the step from stance `s` to `s2` that moves limb `moving`, or -1."""
     low, high = tables.start[2 * s + moving], tables.start[2 * s + moving + 1]
@@ -117,7 +117,7 @@ def find_step(s: int, moving: int, s2: int, tables: Any) -> int:
     return -1
 
 
-@kernel
+@entry
 def any_step(s: int, mask0: int, mask1: int, tables: Any) -> bool:
     """Whether a step leaves stance `s` with its limbs on these branches."""
     for moving in range(2):

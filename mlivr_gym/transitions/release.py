@@ -4,7 +4,7 @@ A step is shown to be possible by one of two motions. In the first the limb depa
 surface normal, folds at the body, the base moves while the limb stays folded, the limb unfolds and
 approaches. A robot may have several folds (`RobotSpec.folds`); those among which a limb can change
 where the base stands count as one. In the second, for steps that the first cannot show, it swings
-along a line in joint space while the base moves, see `line_swings`.
+along a line in joint space while the base moves, see `steps`.
 
 The branches in an answer of `release` are those among which the limb can change at rest, through a
 fold or, where it cannot fold, along lines from branch to branch. A limb that can depart from or
@@ -18,327 +18,249 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.swept_hold import hold_free, holds_apart
-from mlivr_gym.collisions.swept_swing import departure_free, swing_free
-from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.compiled.stack_arrays import floats, integers
-from mlivr_gym.kinematics.base_path import STRAIGHT
-from mlivr_gym.transitions.grasp_poses import (
-    elbow_up,
-    flange_at,
-    fold_nearest_to,
-    lifted_branches,
-    line_end,
+from mlivr_gym.arrays import IntArray
+from mlivr_gym.collisions.placing import axis_of, place
+from mlivr_gym.compiled.bit_sets import (
+    BRANCHES,
+    both_flips,
+    has,
+    has_branch,
+    only,
+    without_branch,
 )
+from mlivr_gym.compiled.kernels import entry, part
+from mlivr_gym.kinematics.arm import branch_frames
+from mlivr_gym.kinematics.base_path import resting
+from mlivr_gym.kinematics.limb import flange_seen
+from mlivr_gym.transitions.grasp_poses import fold_nearest_to, lifted_branches, line_end
+from mlivr_gym.transitions.motions import compare_with, follow_path, is_clear, let_depart, swing_clear
+from mlivr_gym.transitions.records import Release, Scene, StepRoom
 
-FOLDS_AT, ROOT, VIA = 16, 20, 24
-"""First bits of the parts of an answer of `release`, which has room for four folds."""
 
-
-@kernel
-def release(
-    limb: int, mask: int, point: Array, normal: Array, rail: Array, tool_length: float,
-    lift: float, position: Array, rotation: Array, others: Array, folds: Array, limits: Array,
-    mount_rotations: Array, mount_positions: Array, lengths: Array,
-    collision_model: tuple[Any, ...], inside: bool, before: int,
-) -> int:  # fmt: skip
-    """On which branches a limb can be released at a stance and change from one to the other.
-
-    All else is at rest.
-
-    The answer packs the branches and flips (bits 0 to 15, some of `mask`), the folds among which
-    the limb can change (4 bits from `FOLDS_AT`), the one through which it does (2 bits from `ROOT`)
-    and, for each branch, the one that is reached first (2 bits each from `VIA`). A limb that cannot
-    fold has no bits from `FOLDS_AT` on. Branches with the elbow up are preferred: of twins that
-    differ in the elbow alone the other one is checked if none with the elbow up can fold.
+@entry
+def release_all(
+    start: int, stop: int, todo: IntArray, scene: Scene, rooms: Any
+) -> None:
+    """Work out `StanceSet.released` of some limbs at some stances.
 
     Args:
-        limb: Index of the limb.
-        mask: Branches and flips to check.
-        point: The grasp in the world [m], shape (3,).
-        normal: Surface normal there, shape (3,).
-        rail: Rail direction there, shape (3,).
-        tool_length: Flange to grasp [m].
-        lift: Departure along the normal [m].
-        position: Base position in the world [m], shape (3,).
-        rotation: Base rotation in the world, shape (3, 3).
-        others: Capsule ends of the other limbs in the body frame, one set for each branch, shape
-            (k, c, 2, 3).
-        folds: Joint angles of the folds [rad], shape (f, 5).
-        limits: Joint limits [rad], shape (6, 2).
-        mount_rotations: Limb base axes in the body frame, shape (N, 3, 3).
-        mount_positions: Limb base origins in the body frame [m], shape (N, 3).
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        collision_model: `CollisionModel.arrays`.
-        inside: Whether the robot's shapes are compared with each other too, not with boxes alone.
-        before: An answer in another world, whose motions alone are checked, or -1.
-
-    Returns:
-        The answer, 0 if the limb can be released on no branch.
+        start: First row of `todo`.
+        stop: One past the last.
+        todo: Stance and limb, shape (k, 2).
+        scene: The stances, the robot and what is checked; where that begins with the obstacles,
+            only the motions of the answers that are there.
+        rooms: A row of scratch, shape (1,).
     """
-    shapes, gripper, _, fixed, world, clearance, _ = collision_model
-    p, x, z, away = floats(3), floats(3), floats(3), floats(3)
-    q = floats(8, 6)
-    mount_rotation, mount_position = mount_rotations[limb], mount_positions[limb]
-    flange_at(
-        point, normal, rail, tool_length, position, rotation, mount_rotation, mount_position, p, x,
-        z, away
-    )  # fmt: skip
+    stances, world = scene.stances, scene.world
+    for k in range(start, stop):
+        s, limb = todo[k, 0], todo[k, 1]
+        answer, wanted = stances.released[s, limb], stances.mask[s, limb]
+        if world.first > 0:
+            wanted &= answer.branches
+        else:
+            answer.branches = 0
+        for layer in range(world.first, world.stop):
+            if wanted:
+                release(s, limb, wanted, scene, layer, rooms[0])
+            else:
+                answer.branches = 0
+            wanted = answer.branches
+        if world.stop == 0:
+            answer.branches = wanted
+        answer.known = True
+
+
+@part
+def release(
+    s: int, limb: int, mask: int, scene: Scene, layer: int, room: StepRoom
+) -> None:
+    """On which branches a limb can be released at a stance and change from one to the other.
+
+    All else is at rest. Branches with the elbow up are preferred: of twins that differ in the elbow
+    alone the other one is checked if none with the elbow up can fold. The answer is written into
+    `stances.released`; among obstacles only the motions of the answer that is there are checked.
+
+    Args:
+        s: Which stance.
+        limb: Which limb.
+        mask: Branches and flips to check.
+        scene: The stances, the robot and the world.
+        layer: 0 for the map and the robot itself, 1 for obstacles.
+        room: Scratch.
+    """
+    stances, robot, world = scene.stances, scene.robot, scene.world
+    answer, base = stances.released[s, limb], stances.base[s]
+    arm, grasp = robot.limbs[limb], world.grasps[stances.points[s, limb]]
+    resting(room.path, base)
+    follow_path(room.sweep, room.path, 0.0, 0.0)
+    room.sweep.resting.count = 0
     first = mask
-    if before < 0:
-        first = elbow_up(
-            limb, mask, point, normal, tool_length, position, rotation, mount_rotations,
-            mount_positions, lengths, shapes
-        )  # fmt: skip
-    free = 0
+    if layer == 0:
+        for other in range(robot.limb_count):
+            if other != limb:
+                _add_resting(s, other, scene, room)
+        first = _elbow_up(s, limb, mask, scene, room)
+    known_folds, free = answer.folds, 0
+    answer.branches = 0
     for turn in range(2):
         rest = first if turn == 0 else mask & ~first
         if not rest:
             continue
-        rest = lifted_branches(limb, rest, p, x, z, away, lift, lengths, limits, q)
-        for b in range(8):
-            if rest & (0x0101 << b):
-                found = departure_free(
-                    limb, p, x, z, away, lift, lengths, b, mount_rotation, mount_position, position,
-                    rotation, others, shapes,
-                    gripper, fixed, world, point, normal, clearance, inside,
-                )  # fmt: skip
-                if found != CLEAR:
-                    rest &= ~(0x0101 << b)
+        rest = lifted_branches(robot, arm, base, grasp, rest, turn & 0, room)
+        for b in range(BRANCHES):
+            if has_branch(rest, b):
+                _depart(limb, b, stances.points[s, limb], scene, layer, room)
+                if not is_clear(robot, world, layer, room.sweep):
+                    rest = without_branch(rest, b)
         free |= rest
-        if rest and before >> FOLDS_AT & 15:
-            answer = folding(
-                limb, rest, q, position, rotation, others, folds, limits, mount_rotation,
-                mount_position, lengths, collision_model, inside, before,
-            )  # fmt: skip
-            if answer:
-                return answer
-    if not free:
-        return free
-    return joined_by_lines(
-        limb, free, q, position, rotation, others, limits, mount_rotation, mount_position, lengths,
-        collision_model, inside, before >= 0
-    )  # fmt: skip
+        if rest and (layer == 0 or known_folds):
+            _fold(limb, rest, scene, layer, room, answer)
+            if answer.branches:
+                return
+    answer.folds = 0
+    if free:
+        answer.branches = _joined_by_lines(limb, free, scene, layer, room)
 
 
-@kernel
-def folding(
-    limb: int, free: int, q: Array, position: Array, rotation: Array, others: Array, folds: Array,
-    limits: Array, mount_rotation: Array, mount_position: Array, lengths: Array,
-    collision_model: tuple[Any, ...], inside: bool, before: int,
-) -> int:  # fmt: skip
-    """The answer of `release` from those of the branches in `free` that can fold; 0 if none can.
+@part
+def _depart(
+    limb: int, branch: int, point: int, scene: Scene, layer: int, room: StepRoom
+) -> None:
+    """Set up the departure of a limb from a point."""
+    grasp, inside, sweep = scene.world.grasps[point], layer == 0, room.sweep
+    let_depart(sweep.motion.first, limb, branch, grasp)
+    let_depart(sweep.motion.second, limb, branch, grasp)
+    compare_with(sweep, layer >= 0, inside, inside, layer < 0)
+    sweep.behind.applies = True
+    for k in range(3):
+        sweep.behind.point[k], sweep.behind.normal[k] = grasp.point[k], grasp.normal[k]
 
-    The joint angles on each branch are `q`, shape (8, 6) [rad]; other arguments as in `release`,
-    the mount that of the limb.
+
+@part
+def _add_resting(s: int, limb: int, scene: Scene, room: StepRoom) -> None:
+    """Put a limb at rest on each branch on which it may hold at a stance."""
+    stances, robot, world = scene.stances, scene.robot, scene.world
+    arm, others = robot.limbs[limb], room.sweep.resting
+    p, _, z = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
+    placed, axes = room.sweep.first, room.axes
+    for b in range(BRANCHES):
+        if has_branch(stances.mask[s, limb], b) and branch_frames(
+            arm.arm, p, z, b, axes, placed.frames
+        ):
+            others.limb[others.count] = limb
+            place(arm, placed.frames, others.shapes[others.count])
+            others.count += 1
+
+
+@part
+def _elbow_up(s: int, limb: int, mask: int, scene: Scene, room: StepRoom) -> int:
+    """The branches of a mask with the elbow up.
+
+    A branch is dropped if the mask has its twin, with the elbow on the other side, and that keeps
+    the limb farther from the surface. Twins have equal `w_m` and the same hand; to keep one of each
+    halves the work and costs few steps.
     """
-    shapes, _, _, fixed, world, clearance, body = collision_model
-    start, target = floats(6), floats(6)
-    path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
-    for root in range(len(folds)):
-        if before >= 0 and before >> ROOT & 3 != root:
+    stances, robot, world = scene.stances, scene.robot, scene.world
+    arm, placed = robot.limbs[limb], room.sweep.first
+    p, _, z = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
+    for b in range(0, BRANCHES, 2):
+        if not (has_branch(mask, b) and has_branch(mask, b + 1)):
             continue
-        changeable = 1 << root
-        for k in range(6):
-            start[k] = folds[root, k] if k < 5 else 0.0
-        if not fold_nearest_to(folds[root], start, limits, start):
-            continue
-        for other in range(len(folds)):
-            if other == root or (before >= 0 and not before >> (FOLDS_AT + other) & 1):
-                continue
-            if fold_nearest_to(folds[other], start, limits, target):
-                found = swing_free(
-                    limb, path, 0.0, 0.0, start, target, lengths, mount_rotation, mount_position,
-                    others, shapes, fixed, world, clearance, inside, body,
-                )  # fmt: skip
-                if found == CLEAR:
-                    changeable |= 1 << other
-        folded = via = 0
-        for b in range(8):
-            if not free & (0x0101 << b):
-                continue
-            for fold in range(len(folds)):
-                if not changeable >> fold & 1 or (
-                    before >= 0 and before >> (VIA + 2 * b) & 3 != fold
-                ):
-                    continue
-                if fold_nearest_to(folds[fold], q[b], limits, target):
-                    found = swing_free(
-                        limb, path, 0.0, 0.0, q[b], target, lengths, mount_rotation, mount_position,
-                        others, shapes, fixed, world, clearance, inside, body,
-                    )  # fmt: skip
-                    if found == CLEAR:
-                        folded |= 0x0101 << b
-                        via |= fold << (2 * b)
-                        break
-        if folded & free:
-            return folded & free | changeable << FOLDS_AT | root << ROOT | via << VIA
-    return 0
-
-
-@kernel
-def joined_by_lines(
-    limb: int, free: int, q: Array, position: Array, rotation: Array, others: Array, limits: Array,
-    mount_rotation: Array, mount_position: Array, lengths: Array,
-    collision_model: tuple[Any, ...], inside: bool, single: bool,
-) -> int:  # fmt: skip
-    """The most branches of `free` among which a limb can change along lines at rest.
-
-    If `single`, the first branch alone. Arguments as in `folding`.
-    """
-    shapes, _, _, fixed, world, clearance, body = collision_model
-    target, group = floats(6), integers(8)
-    for a in range(8):
-        group[a] = a
-    path = (position, rotation, position, rotation, np.int64(STRAIGHT), position)
-    for a in range(8):
-        if not free & (0x0101 << a):
-            continue
-        if single:
-            return free & (0x0101 << a)
-        for b in range(a + 1, 8):
-            if (
-                free & (0x0101 << b)
-                and group[a] != group[b]
-                and line_end(q[a], q[b], limits, target) < np.inf
-            ):
-                found = swing_free(
-                    limb, path, 0.0, 0.0, q[a], target, lengths, mount_rotation, mount_position,
-                    others, shapes, fixed, world, clearance, inside, body,
-                )  # fmt: skip
-                if found == CLEAR:
-                    gone = group[b]
-                    for c in range(8):
-                        if group[c] == gone:
-                            group[c] = group[a]
-    best, most = 0, 0
-    for a in range(8):
-        here, count = 0, 0
-        for b in range(8):
-            if group[b] == group[a] and free & (0x0101 << b):
-                here |= 0x0101 << b
-                count += 1
-        if count > most and free & (0x0101 << a):
-            best, most = here & free, count
-    return best
-
-
-@kernel
-def folded_swing(
-    limb: int, folds_at_both: int, path: tuple[Any, ...], folds: Array, mount_rotations: Array,
-    mount_positions: Array, lengths: Array, collision_model: tuple[Any, ...], inside: bool,
-    q: Array,
-) -> int:  # fmt: skip
-    """The first fold of a set in which a limb can stay along a base path, -1 if there is none.
-
-    Args:
-        limb: Index of the limb.
-        folds_at_both: The set, as bits: the folds that the limb can take at both ends.
-        path: Base path (t0, r0, t1, r1, kind, pivot).
-        folds: Joint angles of the folds [rad], shape (f, 5).
-        mount_rotations: Limb base axes in the body frame, shape (N, 3, 3).
-        mount_positions: Limb base origins in the body frame [m], shape (N, 3).
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        collision_model: `CollisionModel.arrays`.
-        inside: Whether the robot's shapes are compared with each other too, not with boxes alone.
-        q: Filled with the joint angles of the fold [rad], shape (6,).
-    """
-    shapes, _, _, fixed, world, clearance, body = collision_model
-    none = floats(0, len(shapes[0]), 2, 3)
-    q[5] = 0.0
-    for fold in range(len(folds)):
-        if folds_at_both >> fold & 1:
-            for joint in range(5):
-                q[joint] = folds[fold, joint]
-            found = swing_free(
-                limb, path, 0.0, 1.0, q, q, lengths, mount_rotations[limb], mount_positions[limb],
-                none, shapes, fixed, world, clearance, inside, body,
-            )  # fmt: skip
-            if found == CLEAR:
-                return fold
-    return -1
-
-
-@kernel
-def holding(
-    limb: int, mask: int, grip: Array, tool: Array, path: tuple[Any, ...], mover: int,
-    start: Array, end: Array, mount_rotations: Array, mount_positions: Array, lengths: Array,
-    collision_model: tuple[Any, ...], inside: bool, parts: int,
-) -> int:  # fmt: skip
-    """Those of the branches in `mask` on which a limb can hold along a base path.
-
-    Meanwhile limb `mover` goes along a line from `start` to `end`, shape (6,) [rad]. Other
-    arguments as in `folded_swing` and `swept_hold.hold_free`.
-    """
-    shapes, _, hand, fixed, world, clearance, _ = collision_model
-    for b in range(8):
-        if mask & (0x0101 << b):
-            found = hold_free(
-                limb, grip, tool, path, 0.0, 1.0, b, lengths, mount_rotations[limb],
-                mount_positions[limb], start, end, mount_rotations[mover], mount_positions[mover],
-                shapes, hand, fixed, world, clearance, inside, parts,
-            )  # fmt: skip
-            if found != CLEAR:
-                mask &= ~(0x0101 << b)
+        lower = 0.0
+        for side in range(2):
+            height = 0.0
+            if branch_frames(arm.arm, p, z, b + side, room.axes, placed.frames):
+                place(arm, placed.frames, placed.in_body)
+                for c in range(arm.capsule_count):
+                    a, e = axis_of(placed.in_body.ends, c)
+                    height += a[2] + e[2]
+            if side == 0:
+                lower = height
+        mask = without_branch(mask, b) if height > lower else without_branch(mask, b + 1)
     return mask
 
 
-@kernel
-def both_apart(
-    i: int, j: int, first: int, second: int, grip_i: Array, tool_i: Array, grip_j: Array,
-    tool_j: Array, path: tuple[Any, ...], mount_rotations: Array, mount_positions: Array,
-    lengths: Array, collision_model: tuple[Any, ...],
-) -> tuple[int, int]:  # fmt: skip
-    """Branches of two limbs that hold, all of which keep clear of each other along a base path.
+@part
+def _fold(
+    limb: int, free: int, scene: Scene, layer: int, room: StepRoom, answer: Release
+) -> None:
+    """The most of the branches `free` that a limb can fold from, through one fold and those that it
+    can change to from there, into `answer`; none if it cannot fold.
 
-    A branch of the second that comes too close to any of the first is dropped, unless none would
-    be kept; then those of the first that come too close to the second's first branch are.
-
-    Args:
-        i: Index of the first limb.
-        j: Index of the second limb.
-        first: Branches of the first limb.
-        second: Branches of the second limb.
-        grip_i: Flange position of the first limb in the world [m], shape (3,).
-        tool_i: Flange rotation of the first limb in the world, shape (3, 3).
-        grip_j: Flange position of the second limb in the world [m], shape (3,).
-        tool_j: Flange rotation of the second limb in the world, shape (3, 3).
-        path: Base path (t0, r0, t1, r1, kind, pivot).
-        mount_rotations: Limb base axes in the body frame, shape (N, 3, 3).
-        mount_positions: Limb base origins in the body frame [m], shape (N, 3).
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        collision_model: `CollisionModel.arrays`.
-
-    Returns:
-        The branches that are kept, of the first limb and of the second.
+    The limb is above its point, with the joint angles `room.q[0]`.
     """
-    shapes, clearance = collision_model[0], collision_model[5]
-    for turn in range(2):
-        kept = second
-        for c in range(8):
-            for b in range(8):
-                if kept & (0x0101 << c) and first & (0x0101 << b):
-                    found = holds_apart(
-                        grip_i, tool_i, b, mount_rotations[i], mount_positions[i], grip_j, tool_j,
-                        c, mount_rotations[j], mount_positions[j], path, lengths, shapes, clearance,
-                    )  # fmt: skip
-                    if found != CLEAR:
-                        kept &= ~(0x0101 << c)
-        if kept or turn == 1:
-            return first, kept
-        chosen = 0
-        while not second & (0x0101 << chosen):
-            chosen += 1
-        second &= 0x0101 << chosen
-        for b in range(8):
-            if first & (0x0101 << b):
-                found = holds_apart(
-                    grip_i, tool_i, b, mount_rotations[i], mount_positions[i], grip_j, tool_j,
-                    chosen, mount_rotations[j],
-                    mount_positions[j], path, lengths, shapes, clearance,
-                )  # fmt: skip
-                if found != CLEAR:
-                    first &= ~(0x0101 << b)
-    return first, second
+    robot, world = scene.robot, scene.world
+    again, limits, sweep = layer > 0, robot.limbs[limb].arm.limits, room.sweep
+    for root in range(robot.fold_count):
+        if again and answer.root != root:
+            continue
+        changeable = only(root)
+        for joint in range(6):
+            room.start[joint] = robot.folds[root, joint] if joint < 5 else 0.0
+        if not fold_nearest_to(robot, root, limits, room.start, room.start):
+            continue
+        for other in range(robot.fold_count):
+            if other == root or (again and not has(answer.folds, other)):
+                continue
+            if fold_nearest_to(robot, other, limits, room.start, room.end) and swing_clear(
+                robot, world, layer, limb, room.start, room.end, sweep
+            ):
+                changeable |= only(other)
+        folded = 0
+        for b in range(BRANCHES):
+            if not has_branch(free, b):
+                continue
+            q = room.q[0, b].q
+            for fold in range(robot.fold_count):
+                if not has(changeable, fold) or (again and answer.via[b] != fold):
+                    continue
+                if fold_nearest_to(robot, fold, limits, q, room.end) and swing_clear(
+                    robot, world, layer, limb, q, room.end, sweep
+                ):
+                    folded |= both_flips(b)
+                    answer.via[b] = fold
+                    break
+        if folded & free:
+            answer.branches, answer.folds, answer.root = folded & free, changeable, root
+            return
+
+
+@part
+def _joined_by_lines(
+    limb: int, free: int, scene: Scene, layer: int, room: StepRoom
+) -> int:
+    """The most branches of `free` among which a limb can change along lines at rest.
+
+    Among obstacles the first branch alone.
+    """
+    robot, world = scene.robot, scene.world
+    group, limits = room.group, robot.limbs[limb].arm.limits
+    for a in range(BRANCHES):
+        group[a] = a
+    for a in range(BRANCHES):
+        if not has_branch(free, a):
+            continue
+        if layer > 0:
+            return free & both_flips(a)
+        for b in range(a + 1, BRANCHES):
+            start, end = room.q[0, a].q, room.q[0, b].q
+            if (
+                has_branch(free, b)
+                and group[a] != group[b]
+                and line_end(start, end, limits, room.end) < np.inf
+                and swing_clear(robot, world, layer, limb, start, room.end, room.sweep)
+            ):
+                gone = group[b]
+                for c in range(BRANCHES):
+                    if group[c] == gone:
+                        group[c] = group[a]
+    best, most = 0, 0
+    for a in range(BRANCHES):
+        here, count = 0, 0
+        for b in range(BRANCHES):
+            if group[b] == group[a] and has_branch(free, b):
+                here |= both_flips(b)
+                count += 1
+        if count > most and has_branch(free, a):
+            best, most = here & free, count
+    return best

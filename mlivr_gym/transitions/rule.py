@@ -6,30 +6,20 @@ of them keeps those it may be on already, and must keep one. A limb that grasps 
 branch on which it can be released again. Graphs, tables, searches, environments and experts all ask
 the functions below.
 
-Masks have a bit for each branch and flip of a limb, `branch + 8 * flip`; further bits are ignored.
+Masks are sets of branches and flips, see `compiled.bit_sets`.
 """
 
 from __future__ import annotations
 
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.kernels import entry
 
-BRANCH_BITS = 0xFFFF
-"""The bits of branches and flips; answers of `release` and edge entries have more above them."""
-
-
-@kernel
+@entry
 def can_release(mask: int, releasable: int) -> bool:
     """Whether a limb may move that may be on `mask` and can be released on `releasable`."""
-    return mask & releasable & BRANCH_BITS != 0
+    return mask & releasable != 0
 
 
-@kernel
+@entry
 def kept_on_edge(mask: int, edge: int) -> int:
     """Branches that a limb that holds keeps on an edge, 0 if it cannot follow the edge."""
-    return mask & edge & BRANCH_BITS
-
-
-@kernel
-def mask_of_grasp(releasable: int) -> int:
-    """Branches on which a limb may be that has just grasped a point."""
-    return releasable & BRANCH_BITS
+    return mask & edge

@@ -1,0 +1,192 @@
+"""Capsules against the boxes of a grid (compiled).
+
+Every query compares the distance of two axes or of an axis and a box with two lengths: `inner`,
+radii plus clearance, and `outer`, inner plus what the shapes may move over an interval. Below `inner`
+the answer is the cause, from `outer` on `CLEAR`, between them `UNDECIDED`.
+
+What is clear over an interval need not be compared again on its parts: queries of many capsules take
+the set of those to compare, see `bit_sets`, and return those that stay undecided beside the answer.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mlivr_gym.collisions.box_grid import Bounds, BoxGrid, GridBox
+from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, box_answer
+from mlivr_gym.collisions.limb_shapes import Limb, Robot
+from mlivr_gym.collisions.placing import Shapes, axis_of, capsule_axis
+from mlivr_gym.compiled.bit_sets import has, only
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.records import Record, Vector
+from mlivr_gym.kinematics.poses import Pose, columns, dot, length, minus, out_of, vector
+
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
+
+FLUSH = 2e-3
+"""A box counts as behind a grasp if it stands out of the surface no more than this [m]."""
+
+
+class Behind(Record):
+    """What a gripper at a grasp may come close to: the boxes that do not stand out there."""
+
+    applies: bool
+    """Whether the gripper is at a grasp."""
+    point: Vector
+    """The grasp in the world [m]."""
+    normal: Vector
+    """Outward surface normal there."""
+
+
+@kernel
+def axis_answer(
+    axis: tuple[Triple, Triple], inner: float, motion: tuple[float, float], grid: BoxGrid,
+    behind: Behind, at_grasp: bool,
+) -> int:
+    """A capsule against the boxes of a grid.
+
+    Args:
+        axis: Both ends of its axis in the world [m].
+        inner: Radius and clearance [m].
+        motion: How far it may move at both ends [m]; in between linearly.
+        grid: The boxes.
+        behind: Boxes that do not count for a capsule at a grasp.
+        at_grasp: Whether it is one.
+    """
+    frame, (a, b), (at_a, at_b) = grid.frame, axis, motion
+    outer = inner + max(at_a, at_b)
+    low = min(a[0], b[0]) - outer, min(a[1], b[1]) - outer, min(a[2], b[2]) - outer
+    high = max(a[0], b[0]) + outer, max(a[1], b[1]) + outer, max(a[2], b[2]) + outer
+    if inside(low, high, frame.core) or not overlap(low, high, frame.hull):
+        return CLEAR
+    o, edge, cells = frame.origin, frame.edge, frame.cells
+    boxes, start, items, filled = grid.boxes, grid.start, grid.items, grid.filled
+    i0, i1 = max(int((low[0] - o[0]) / edge), 0), min(int((high[0] - o[0]) / edge), cells[0] - 1)
+    j0, j1 = max(int((low[1] - o[1]) / edge), 0), min(int((high[1] - o[1]) / edge), cells[1] - 1)
+    k0, k1 = max(int((low[2] - o[2]) / edge), 0), min(int((high[2] - o[2]) / edge), cells[2] - 1)
+    undecided = False
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            for k in range(k0, k1 + 1):
+                cell = (i * cells[1] + j) * cells[2] + k
+                if not overlap(low, high, filled[cell]):
+                    continue
+                for entry in range(start[cell], start[cell + 1]):
+                    box = boxes[items[entry]]
+                    if not overlap(low, high, box.bounds):
+                        continue
+                    if at_grasp and lies_behind(box, behind):
+                        continue
+                    p = turned(box, minus(a, vector(box.centre)))
+                    d = turned(box, minus(b, a))
+                    found = box_answer(p, d, vector(box.half), inner, (at_a, at_b))
+                    if found == SELF:
+                        return int(box.cause)
+                    if found == UNDECIDED:
+                        # The other boxes matter only if they are touched here.
+                        undecided = True
+                        at_a = at_b = 0.0
+                        low = min(a[0], b[0]) - inner, min(a[1], b[1]) - inner, min(a[2], b[2]) - inner
+                        high = max(a[0], b[0]) + inner, max(a[1], b[1]) + inner, max(a[2], b[2]) + inner
+    return UNDECIDED if undecided else CLEAR
+
+
+@kernel
+def inside(low: Triple, high: Triple, bounds: Bounds) -> bool:
+    """Whether an upright box lies strictly inside some bounds."""
+    for k in range(3):
+        if low[k] <= bounds.low[k] or high[k] >= bounds.high[k]:
+            return False
+    return True
+
+
+@kernel
+def overlap(low: Triple, high: Triple, bounds: Bounds) -> bool:
+    """Whether an upright box meets some bounds."""
+    for k in range(3):
+        if low[k] > bounds.high[k] or high[k] < bounds.low[k]:
+            return False
+    return True
+
+
+@kernel
+def turned(box: GridBox, v: Triple) -> Triple:
+    """A vector in the axes of a box."""
+    if not box.turned:
+        return v
+    x, y, z = columns(box.rotation)
+    return dot(x, v), dot(y, v), dot(z, v)
+
+
+@kernel
+def lies_behind(box: GridBox, behind: Behind) -> bool:
+    """Whether a box lies behind the plane through the point across the normal, within `FLUSH`."""
+    normal = vector(behind.normal)
+    out = dot(minus(vector(box.centre), vector(behind.point)), normal)
+    u, v, w = turned(box, normal)
+    lies: bool = out + dot((abs(u), abs(v), abs(w)), vector(box.half)) <= FLUSH
+    return lies
+
+
+@kernel
+def against_boxes(
+    limb: Limb, shapes: Shapes, todo: int, grid: BoxGrid, clearance: float, behind: Behind
+) -> tuple[int, int]:
+    """Capsules of a limb against the boxes of a grid.
+
+    Args:
+        limb: The limb.
+        shapes: Its capsules in the world.
+        todo: Capsules to compare.
+        grid: The boxes.
+        clearance: Least distance [m].
+        behind: Boxes that do not count for the gripper.
+
+    Returns:
+        An answer, and the capsules that are undecided.
+    """
+    undecided = 0
+    for c in range(limb.capsule_count):
+        if has(todo, c):
+            a, b = axis_of(shapes.ends, c)
+            inner, motion = limb.capsules[c].radius + clearance, (shapes.motion[c, 0], shapes.motion[c, 1])
+            at_grasp = behind.applies and c >= limb.gripper
+            found = axis_answer((a, b), inner, motion, grid, behind, at_grasp)
+            if found > UNDECIDED:
+                return found, undecided
+            if found == UNDECIDED:
+                undecided |= only(c)
+    return UNDECIDED if undecided else CLEAR, undecided
+
+
+@kernel
+def base_against_boxes(
+    robot: Robot, base: Pose, motion: tuple[float, float], grid: BoxGrid, clearance: float,
+    nothing: Behind,
+) -> int:
+    """The body and the mounts of all limbs against the boxes, at and about a base pose.
+
+    Args:
+        robot: The robot.
+        base: Base in the world.
+        motion: How far the base may travel from there [m], and how far it may turn [rad].
+        grid: The boxes.
+        clearance: Least distance [m].
+        nothing: No grasp.
+
+    Returns:
+        An answer.
+    """
+    travel, swing = motion
+    undecided = False
+    for c in range(robot.around_count):
+        capsule = robot.around[c]
+        a, b = capsule_axis(capsule.ends)
+        axis, moves = (out_of(base, a), out_of(base, b)), (travel + swing * length(a), travel + swing * length(b))
+        at_grasp = c < 0
+        found = axis_answer(axis, capsule.radius + clearance, moves, grid, nothing, at_grasp)
+        if found > UNDECIDED:
+            return found
+        undecided = undecided or found == UNDECIDED
+    return UNDECIDED if undecided else CLEAR

@@ -1,0 +1,182 @@
+"""A limb against itself, the body and other limbs (compiled); see `against_boxes` for the answers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, box_answer, segments_answer
+from mlivr_gym.collisions.limb_shapes import Limb, Robot
+from mlivr_gym.collisions.placing import Placed, Shapes, axis_of, capsule_axis, seen_from_link
+from mlivr_gym.compiled.bit_sets import has, only
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.kinematics.poses import minus, vector
+
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
+
+
+@kernel
+def axes_apart(first: tuple[Triple, Triple], second: tuple[Triple, Triple], outer: float) -> bool:
+    """Whether some plane across an axis of the frame keeps two segments farther apart than `outer`.
+
+    Both ends of the first and of the second are given [m].
+    """
+    (p, p_end), (q, q_end) = first, second
+    for k in range(3):
+        if (
+            min(p[k], p_end[k]) - max(q[k], q_end[k]) > outer
+            or min(q[k], q_end[k]) - max(p[k], p_end[k]) > outer
+        ):
+            return True
+    return False
+
+
+@kernel
+def pair_answer(
+    first: tuple[Triple, Triple], second: tuple[Triple, Triple], inner: float, more: float,
+    moves: tuple[float, float],
+) -> int:
+    """Two capsules: `CLEAR`, `UNDECIDED` or `SELF`.
+
+    Args:
+        first: Both ends of the first axis [m].
+        second: Both ends of the second.
+        inner: Radii and clearance [m].
+        more: How far the second may move [m].
+        moves: How far the first may move at both ends; in between linearly.
+    """
+    if axes_apart(first, second, inner + more + max(moves[0], moves[1])):
+        return CLEAR
+    (p, p_end), (q, q_end) = first, second
+    return segments_answer(p, minus(p_end, p), q, minus(q_end, q), inner, more, moves)
+
+
+@kernel
+def against_itself(
+    limb: Limb, shapes: Shapes, placed: Placed, todo: int, clearance: float
+) -> tuple[int, int]:
+    """The capsules of a limb against each other.
+
+    Args:
+        limb: The limb.
+        shapes: Its capsules in the body frame.
+        placed: How its links move.
+        todo: Pairs of its capsules to compare.
+        clearance: Least distance [m].
+
+    Returns:
+        An answer, and the pairs that are undecided.
+    """
+    undecided, ends = 0, shapes.ends
+    for k in range(limb.pair_count):
+        if not has(todo, k):
+            continue
+        i, j = limb.pairs[k, 0], limb.pairs[k, 1]
+        first, second = limb.capsules[i], limb.capsules[j]
+        inner = first.radius + second.radius + clearance
+        moves = seen_from_link(first.link, second, placed)
+        found = pair_answer(axis_of(ends, j), axis_of(ends, i), inner, 0.0, moves)
+        if found == SELF:
+            return SELF, undecided
+        if found == UNDECIDED:
+            undecided |= only(k)
+    return UNDECIDED if undecided else CLEAR, undecided
+
+
+@kernel
+def against_body(
+    robot: Robot, limb: Limb, shapes: Shapes, todo: int, clearance: float
+) -> tuple[int, int]:
+    """A limb against the body's box and the capsules fixed to the body.
+
+    Args:
+        robot: The robot.
+        limb: The limb.
+        shapes: Its capsules in the body frame.
+        todo: Those to compare.
+        clearance: Least distance [m].
+
+    Returns:
+        An answer, and the capsules that are undecided.
+    """
+    undecided, half = 0, vector(robot.half)
+    for c in range(limb.capsule_count):
+        capsule = limb.capsules[c]
+        if capsule.link < 2 or not has(todo, c):
+            continue
+        inner, axis = capsule.radius + clearance, axis_of(shapes.ends, c)
+        moves = shapes.motion[c, 0], shapes.motion[c, 1]
+        worst = box_answer(axis[0], minus(axis[1], axis[0]), half, inner, moves)
+        for m in range(robot.mount_count):
+            mount = robot.mounts[m]
+            if worst < SELF and capsule.link >= limb.least_link[m]:
+                fixed = capsule_axis(mount.ends)
+                worst = max(worst, pair_answer(axis, fixed, inner + mount.radius, 0.0, moves))
+        if worst == SELF:
+            return SELF, undecided
+        if worst == UNDECIDED:
+            undecided |= only(c)
+    return UNDECIDED if undecided else CLEAR, undecided
+
+
+@kernel
+def limbs_apart(
+    first: Limb, shapes: Shapes, second: Limb, others: Shapes, clearance: float
+) -> bool:
+    """Whether some plane across an axis of the frame keeps two limbs apart.
+
+    Arguments as in `against_limb`.
+    """
+    ends, other = shapes.ends, others.ends
+    for k in range(3):
+        low = other_low = np.inf
+        high = other_high = -np.inf
+        for i in range(first.capsule_count):
+            for e in range(2):
+                reach = first.capsules[i].radius + shapes.motion[i, e]
+                low, high = min(low, ends[i, e, k] - reach), max(high, ends[i, e, k] + reach)
+        for i in range(second.capsule_count):
+            for e in range(2):
+                reach = second.capsules[i].radius + others.motion[i, e]
+                other_low = min(other_low, other[i, e, k] - reach)
+                other_high = max(other_high, other[i, e, k] + reach)
+        if low - other_high > clearance or other_low - high > clearance:
+            return True
+    return False
+
+
+@kernel
+def against_limb(
+    first: Limb, shapes: Shapes, second: Limb, others: Shapes, todo: int, clearance: float
+) -> tuple[int, int]:
+    """Two limbs against each other.
+
+    Args:
+        first: The first limb.
+        shapes: Its capsules.
+        second: The second limb.
+        others: Its capsules in the same frame.
+        todo: Capsules of the first limb to compare.
+        clearance: Least distance [m].
+
+    Returns:
+        An answer, and those of the first limb's capsules in `todo` that are undecided.
+    """
+    undecided = 0
+    if limbs_apart(first, shapes, second, others, clearance):
+        return CLEAR, undecided
+    for i in range(first.capsule_count):
+        if not has(todo, i):
+            continue
+        axis, moves = axis_of(shapes.ends, i), (shapes.motion[i, 0], shapes.motion[i, 1])
+        for j in range(second.capsule_count):
+            inner = first.capsules[i].radius + second.capsules[j].radius + clearance
+            more = max(others.motion[j, 0], others.motion[j, 1])
+            found = pair_answer(axis, axis_of(others.ends, j), inner, more, moves)
+            if found == SELF:
+                return SELF, undecided
+            if found == UNDECIDED:
+                undecided |= only(i)
+    return UNDECIDED if undecided else CLEAR, undecided

@@ -1,0 +1,379 @@
+"""Checks of whole motions: one driver for all of them (compiled).
+
+**Advancement.** A motion is cut into intervals. At the middle of one the shapes are put in place and
+compared with everything they can meet, see `against_boxes`. If every distance exceeds radii and
+clearance by more than the shapes can move from the middle to either end, see `placing`, nothing comes
+closer than the clearance anywhere on the interval, however thin it is: no step can skip a shape. If a
+distance is below radii and clearance the motion is blocked; otherwise the interval is halved, down to
+`2^-DEPTH` of the motion, where the answer errs on the safe side. On the halves only what was not
+clear on the whole is compared again.
+
+**Motions.** A limb departs from a grasp along the surface normal, swings along a line in joint space,
+or holds its grasp; the base rests or follows a path. It is compared with boxes, with itself and the
+body, with limbs at rest, and with one other limb that swings or holds meanwhile.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from mlivr_gym.arrays import IntArray
+from mlivr_gym.collisions.against_boxes import Behind, against_boxes, base_against_boxes
+from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
+from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
+from mlivr_gym.collisions.limb_shapes import Limb, Robot
+from mlivr_gym.collisions.placing import (
+    WRIST_POINT,
+    Ends,
+    Placed,
+    Shapes,
+    capsule_motion,
+    changes,
+    joint_motion,
+    moved_by_base,
+    place_by_angles,
+    seen_from_grasp,
+    to_world,
+)
+from mlivr_gym.compiled.bit_sets import BRANCHES, EVERY, below, has, only
+from mlivr_gym.compiled.kernels import entry, kernel, part
+from mlivr_gym.compiled.records import Joints, Record
+from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
+from mlivr_gym.kinematics.limb import angles_at
+from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.robot.specification import MOST_LIMBS
+
+DEPTH = 9
+"""Halvings after which an interval counts as blocked."""
+
+FIRST_INTERVAL = 0.6
+"""Travel that an interval of the first division covers [m]; a matter of speed only."""
+
+SWINGS, HOLDS, DEPARTS = 0, 1, 2
+"""What a limb does on a motion."""
+
+MOST_RESTING = BRANCHES * (MOST_LIMBS - 1)
+"""Most places of limbs at rest."""
+
+
+class LimbMotion(Record):
+    """What one limb does on a motion."""
+
+    limb: int
+    """Which limb."""
+    kind: int
+    """`SWINGS`, `HOLDS` or `DEPARTS`."""
+    branch: int
+    """Branch on which it holds or departs."""
+    flange: Pose
+    """Its flange in the world while it holds, or before it departs."""
+    start: Joints
+    """Joint angles at the start of a swing [rad]."""
+    end: Joints
+    """Joint angles at its end [rad]."""
+
+
+class Motion(Record):
+    """A motion of the base and of one or two limbs, and what the first of them is compared with."""
+
+    path: BasePath
+    """Path of the base."""
+    begin: float
+    """Where the base is on it at the start."""
+    finish: float
+    """Where it is at the end."""
+    first: LimbMotion
+    """What the limb does that is checked."""
+    second: LimbMotion
+    """What another limb does meanwhile."""
+    boxes: bool
+    """Whether the first limb is compared with boxes, and the base if the limb swings as it moves."""
+    body: bool
+    """Whether it is compared with itself and the body."""
+    resting: bool
+    """Whether it is compared with limbs at rest."""
+    meeting: bool
+    """Whether it is compared with the second limb."""
+
+
+class Interval(Record):
+    """An interval of a motion that waits."""
+
+    middle: float
+    """Its middle, as a share of the motion."""
+    half: float
+    """Half its length."""
+    boxes: int
+    """Capsules to compare with boxes; the base counts as one capsule more."""
+    itself: int
+    """Pairs of the limb's capsules to compare."""
+    body: int
+    """Capsules to compare with the body."""
+    limbs: int
+    """Limbs at rest, or capsules to compare with the second limb."""
+    first: Ends
+    """The first limb at both ends."""
+    second: Ends
+    """The second limb at both ends."""
+
+
+class Resting(Record):
+    """Places of limbs at rest."""
+
+    count: int
+    """Their number."""
+    limb: Annotated[IntArray, (MOST_RESTING,), np.int64]
+    """Which limb each is of."""
+    shapes: Annotated[tuple[Shapes, ...], (MOST_RESTING,)]
+    """The capsules of each in the body frame."""
+
+
+class Sweep(Record):
+    """Room for the check of one motion, and limbs at rest."""
+
+    motion: Motion
+    first: Placed
+    second: Placed
+    base: Pose
+    lifted: Pose
+    intervals: Annotated[tuple[Interval, ...], (DEPTH + 3,)]
+    first_ahead: Joints
+    """Joint angles of the first limb at the end of the last piece [rad]."""
+    second_ahead: Joints
+    """Joint angles of the second limb there [rad]."""
+    behind: Behind
+    resting: Resting
+
+
+@kernel
+def joints_at(robot: Robot, motion: Motion, limb: LimbMotion, s: float, room: Sweep, q: Joints) -> bool:
+    """Joint angles of a limb at a share `s` of a motion, into `q`; whether it can be there."""
+    if limb.kind == SWINGS:
+        for k in range(6):
+            q[k] = limb.start[k] + s * (limb.end[k] - limb.start[k])
+        return True
+    if limb.kind == HOLDS:
+        pose_on_path(motion.path, motion.begin + s * (motion.finish - motion.begin), room.base)
+        return angles_at(robot.limbs[limb.limb], room.base, limb.flange, limb.branch, 0.0, q)
+    flange, lifted = limb.flange, room.lifted
+    for k in range(3):
+        lifted.position[k] = flange.position[k] - s * robot.lift * flange.rotation[k, 2]
+        for axis in range(3):
+            lifted.rotation[k, axis] = flange.rotation[k, axis]
+    return angles_at(robot.limbs[limb.limb], motion.path.first, lifted, limb.branch, 0.0, q)
+
+
+@entry
+def sweep(robot: Robot, grid: BoxGrid, clearance: float, room: Sweep) -> int:
+    """Whether the first limb of a motion keeps clear of what it is compared with.
+
+    Args:
+        robot: The robot.
+        grid: The boxes.
+        clearance: Least distance [m].
+        room: The motion, limbs at rest, and scratch.
+
+    Returns:
+        `CLEAR`, `UNDECIDED` (too close for the depth, or out of reach on the way), or the cause.
+    """
+    motion, intervals = room.motion, room.intervals
+    span = abs(motion.finish - motion.begin)
+    travel, swing = motion.path.speed * span, motion.path.angle * span
+    pieces = _pieces(robot, motion, travel + swing, room)
+    shortest = 0.5**DEPTH if motion.first.kind == DEPARTS else 0.5 ** (DEPTH + 1)
+    if not (
+        joints_at(robot, motion, motion.first, 0.0, room, room.first_ahead)
+        and joints_at(robot, motion, motion.second, 0.0, room, room.second_ahead)
+    ):
+        return UNDECIDED
+    for piece in range(pieces):
+        if not _first_interval(robot, motion, piece, pieces, room):
+            return UNDECIDED
+        top = 1
+        while top > 0:
+            top -= 1
+            here = intervals[top]
+            if not _place_limb(robot, motion, motion.first, here, room, room.first, here.first):
+                return UNDECIDED
+            answer = _compare(robot, grid, clearance, (travel, swing), here, room)
+            if answer > UNDECIDED:
+                return answer
+            if answer == UNDECIDED:
+                if here.half < shortest:
+                    return UNDECIDED
+                _halve(top, room)
+                top += 2
+    return CLEAR
+
+
+@part
+def _pieces(robot: Robot, motion: Motion, travel: float, room: Sweep) -> int:
+    """Number of intervals of the first division."""
+    if motion.first.kind == DEPARTS:
+        return 1
+    _whole_motion(robot, motion.first, room.first)
+    _whole_motion(robot, motion.second, room.second)
+    if motion.first.kind == SWINGS:
+        travel += room.first.shift[0, WRIST_POINT]
+    return min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), 1 << DEPTH)
+
+
+@kernel
+def _whole_motion(robot: Robot, limb: LimbMotion, placed: Placed) -> None:
+    """Bounds for the whole of a swing, of which an interval has its share."""
+    if limb.kind == SWINGS:
+        for k in range(6):
+            placed.plus[k] = limb.end[k] - limb.start[k]
+            placed.minus[k] = -placed.plus[k]
+        joint_motion(robot.limbs[limb.limb].arm, placed)
+
+
+@part
+def _first_interval(robot: Robot, motion: Motion, piece: int, pieces: int, room: Sweep) -> bool:
+    """Put a piece of the first division on the stack; whether the limbs can be at its end."""
+    here = room.intervals[0]
+    here.half = 0.5 / pieces
+    here.middle = (2 * piece + 1) * here.half
+    here.boxes = EVERY if motion.boxes else 0
+    here.itself = here.body = EVERY if motion.body else 0
+    here.limbs = EVERY if motion.resting or motion.meeting else 0
+    for k in range(6):
+        here.first.first[k], here.second.first[k] = room.first_ahead[k], room.second_ahead[k]
+    at = (piece + 1) / pieces
+    there = joints_at(robot, motion, motion.first, at, room, room.first_ahead) and joints_at(
+        robot, motion, motion.second, at, room, room.second_ahead
+    )
+    for k in range(6):
+        here.first.last[k], here.second.last[k] = room.first_ahead[k], room.second_ahead[k]
+    return there
+
+
+@kernel
+def _place_limb(
+    robot: Robot, motion: Motion, limb: LimbMotion, here: Interval, room: Sweep, placed: Placed,
+    ends: Ends,
+) -> bool:
+    """Put a limb in place in the middle of an interval; whether it can be there."""
+    if not joints_at(robot, motion, limb, here.middle, room, placed.q):
+        return False
+    if limb.kind == SWINGS:
+        placed.share = here.half
+    else:
+        placed.share = 1.0
+        changes(ends, placed)
+        joint_motion(robot.limbs[limb.limb].arm, placed)
+    place_by_angles(robot.limbs[limb.limb], placed)
+    capsule_motion(robot.limbs[limb.limb], placed)
+    return True
+
+
+@part
+def _compare(
+    robot: Robot, grid: BoxGrid, clearance: float, speed: tuple[float, float], here: Interval,
+    room: Sweep,
+) -> int:
+    """Compare what is left of an interval; what is decided is left out of its sets.
+
+    `speed` is how far the base travels [m] and turns [rad] on the whole motion.
+    """
+    motion, first = room.motion, room.first
+    limb = robot.limbs[motion.first.limb]
+    if here.boxes:
+        answer = _compare_with_boxes(robot, grid, clearance, speed, here, room)
+        if answer > UNDECIDED:
+            return answer
+    if here.itself:
+        answer, here.itself = against_itself(limb, first.in_body, first, here.itself, clearance)
+        if answer > UNDECIDED:
+            return answer
+    if here.body:
+        answer, here.body = against_body(robot, limb, first.in_body, here.body, clearance)
+        if answer > UNDECIDED:
+            return answer
+    if here.limbs and motion.meeting:
+        second, other = room.second, robot.limbs[motion.second.limb]
+        if not _place_limb(robot, motion, motion.second, here, room, second, here.second):
+            return UNDECIDED
+        answer, here.limbs = against_limb(
+            limb, first.in_body, other, second.in_body, here.limbs, clearance
+        )
+        if answer > UNDECIDED:
+            return answer
+    elif here.limbs:
+        answer, here.limbs = _compare_with_resting(robot, limb, here.limbs, clearance, room)
+        if answer > UNDECIDED:
+            return answer
+    return UNDECIDED if here.boxes or here.itself or here.body or here.limbs else CLEAR
+
+
+@part
+def _compare_with_boxes(
+    robot: Robot, grid: BoxGrid, clearance: float, speed: tuple[float, float], here: Interval,
+    room: Sweep,
+) -> int:
+    """Compare the first limb, and a base that moves while it swings, with boxes."""
+    motion, first, limb = room.motion, room.first, robot.limbs[room.motion.first.limb]
+    travel, swing = speed[0] * here.half, speed[1] * here.half
+    at = motion.begin + here.middle * (motion.finish - motion.begin)
+    pose_on_path(motion.path, at, room.base)
+    to_world(limb, room.base, first.in_body, first.in_world)
+    moved_by_base(limb, travel, swing, first)
+    todo, on_base = here.boxes, only(limb.capsule_count)
+    if motion.first.kind == HOLDS:
+        seen_from_grasp(limb, first)
+        # The hand stands still in the world and was compared when the point was chosen.
+        todo &= below(limb.hand)
+    answer, undecided = against_boxes(
+        limb, first.in_world, todo, grid, clearance, room.behind
+    )
+    if answer > UNDECIDED:
+        return answer
+    if motion.first.kind == SWINGS and motion.begin != motion.finish and here.boxes & on_base:
+        answer = base_against_boxes(robot, room.base, (travel, swing), grid, clearance, room.behind)
+        if answer == UNDECIDED:
+            undecided |= on_base
+    here.boxes = undecided
+    return answer
+
+
+@part
+def _compare_with_resting(
+    robot: Robot, limb: Limb, todo: int, clearance: float, room: Sweep
+) -> tuple[int, int]:
+    """Compare the first limb with limbs at rest; an answer, and those that are undecided."""
+    undecided, resting = 0, room.resting
+    for k in range(resting.count):
+        if has(todo, k):
+            other = robot.limbs[resting.limb[k]]
+            found, _ = against_limb(
+                limb, room.first.in_body, other, resting.shapes[k], EVERY, clearance
+            )
+            if found > UNDECIDED:
+                return found, undecided
+            if found == UNDECIDED:
+                undecided |= only(k)
+    return UNDECIDED if undecided else CLEAR, undecided
+
+
+@part
+def _halve(top: int, room: Sweep) -> None:
+    """Put both halves of interval `top` in its place and the next; in its middle the limbs are now."""
+    first, second = room.intervals[top], room.intervals[top + 1]
+    half = 0.5 * first.half
+    second.middle, second.half = first.middle + half, half
+    first.middle, first.half = first.middle - half, half
+    second.boxes, second.itself = first.boxes, first.itself
+    second.body, second.limbs = first.body, first.limbs
+    _share(first.first, second.first, room.first)
+    _share(first.second, second.second, room.second)
+
+
+@kernel
+def _share(first: Ends, second: Ends, placed: Placed) -> None:
+    """Joint angles at the ends of two halves, those of the whole in `first`."""
+    for k in range(6):
+        second.first[k], second.last[k] = placed.q[k], first.last[k]
+        first.last[k] = placed.q[k]

@@ -1,0 +1,70 @@
+"""The arm of a limb: what every family of arms can do, each behind one function (compiled).
+
+A family says which branches reach a flange pose and how far they are from singular, which joint
+angles they have, and where the links are. All else in this package asks the functions below; they
+choose by `Arm.family`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.compiled.records import Record
+from mlivr_gym.kinematics.ur import (
+    SINGULAR as SINGULAR,
+    SINGULAR_TOO as SINGULAR_TOO,
+)
+from mlivr_gym.kinematics.ur import (
+    branch_angles as branch_angles,
+    branch_frames as branch_frames,
+    branch_terms as branch_terms,
+    joint_axes as joint_axes,
+    link_frames as link_frames,
+)
+
+UR = 0
+"""Arms of the UR family, see `ur`."""
+
+
+class Arm(Record):
+    """An arm of six joints."""
+
+    family: int
+    """Which functions serve it."""
+    d1: float
+    """Length in the standard DH convention [m], as are the next five."""
+    a2: float
+    a3: float
+    d4: float
+    d5: float
+    d6: float
+    limits: Annotated[Array, (6, 2)]
+    """Joint limits [rad]."""
+    full_turn: bool
+    """Whether every joint turns by 720 degrees or more, so that limits rule out no posture."""
+
+
+class JointAxes(Record):
+    """Where the joints of a limb are, in its base frame."""
+
+    axis: Annotated[Array, (6, 3)]
+    """Unit vectors along them."""
+    point: Annotated[Array, (6, 3)]
+    """A point on each [m]."""
+
+
+def set_arm(arm: Arm, lengths: Array, limits: Array) -> None:
+    """Fill `arm` with an arm of the UR family.
+
+    Args:
+        arm: Filled.
+        lengths: d1, a2, a3, d4, d5, d6 [m].
+        limits: Joint limits [rad], shape (6, 2).
+    """
+    arm.family = UR
+    arm.d1, arm.a2, arm.a3, arm.d4, arm.d5, arm.d6 = lengths
+    arm.limits[:] = limits
+    arm.full_turn = bool((limits[:, 1] - limits[:, 0] >= 4.0 * np.pi - 1e-9).all())

@@ -1,0 +1,87 @@
+"""A limb as the compiled kinematics see it: an arm mounted on the base."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mlivr_gym.compiled.bit_sets import BRANCHES
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.records import Joints, Record
+from mlivr_gym.kinematics.arm import SINGULAR_TOO, Arm, branch_angles
+from mlivr_gym.kinematics.poses import Pose, columns, into, seen_from, vector
+
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
+
+
+class MountedArm(Record):
+    """An arm and where it is mounted; a limb with shapes has more fields, see `collisions`."""
+
+    mount: Pose
+    """Limb base in the body frame."""
+    arm: Arm
+    """The arm."""
+
+
+class Angles(Record):
+    """Joint angles of a limb."""
+
+    q: Joints
+    """The angles [rad]."""
+
+
+@kernel
+def wrap(angle: float) -> float:
+    """The angle plus whole turns that lies nearest to zero [rad]."""
+    wrapped: float = angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
+    return wrapped
+
+
+@kernel
+def flange_seen(limb: MountedArm, base: Pose, flange: Pose) -> tuple[Triple, Triple, Triple]:
+    """A flange pose as the limb sees it.
+
+    Args:
+        limb: The limb.
+        base: Base in the world.
+        flange: Flange in the world.
+
+    Returns:
+        Position [m], first axis and third axis of the flange in the limb base frame.
+    """
+    x, _, z = columns(flange.rotation)
+    p = seen_from(limb.mount, seen_from(base, vector(flange.position)))
+    return p, into(limb.mount, into(base, x)), into(limb.mount, into(base, z))
+
+
+@kernel
+def angles_at(
+    limb: MountedArm, base: Pose, flange: Pose, branch: int, slack: float, q: Joints
+) -> bool:
+    """Joint angles with which a limb holds a flange pose; see `arm.branch_angles`.
+
+    Args:
+        limb: The limb.
+        base: Base in the world.
+        flange: Flange in the world.
+        branch: Branch label.
+        slack: See `arm.branch_angles`.
+        q: Filled, shape (6,) [rad].
+    """
+    p, x, z = flange_seen(limb, base, flange)
+    return branch_angles(limb.arm, p, x, z, branch, slack, q)
+
+
+@entry
+def all_angles_at(limb: MountedArm, base: Pose, flange: Pose, out: Any) -> None:
+    """Joint angles in (-pi, pi] of every branch, NaN where there are none.
+
+    They are written into `out`, rows of `Angles`, shape (8,). Other arguments as in `angles_at`.
+    """
+    for branch in range(BRANCHES):
+        q = out[branch].q
+        there = angles_at(limb, base, flange, branch, SINGULAR_TOO, q)
+        for joint in range(6):
+            q[joint] = wrap(q[joint]) if there else np.nan

@@ -1,0 +1,161 @@
+"""Poses, vectors and rotations (compiled)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.records import Matrix, Record, Vector
+
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
+
+
+class Pose(Record):
+    """Where a frame is in another one; a name says which, as in `base_in_world`."""
+
+    position: Vector
+    """Its origin [m]."""
+    rotation: Matrix
+    """Its axes, in columns."""
+
+
+def pose(position: Array, rotation: Array) -> Pose:
+    """A pose of a position, shape (3,) [m], and a rotation, shape (3, 3)."""
+    out: Pose = Pose.row()
+    out.position[:], out.rotation[:] = position, rotation
+    return out
+
+
+@kernel
+def vector(a: Array) -> Triple:
+    """The three numbers of an array, shape (3,)."""
+    return a[0], a[1], a[2]
+
+
+@kernel
+def columns(a: Array) -> tuple[Triple, Triple, Triple]:
+    """The three columns of an array, shape (3, 3)."""
+    return (
+        (a[0, 0], a[1, 0], a[2, 0]),
+        (a[0, 1], a[1, 1], a[2, 1]),
+        (a[0, 2], a[1, 2], a[2, 2]),
+    )
+
+
+@kernel
+def into(frame: Pose, v: Triple) -> Triple:
+    """A vector seen in the axes of a frame."""
+    r, (x, y, z) = frame.rotation, v
+    return (
+        r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
+        r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
+        r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
+    )
+
+
+@kernel
+def seen_from(frame: Pose, p: Triple) -> Triple:
+    """Where a point [m] is, seen from a frame."""
+    o = frame.position
+    return into(frame, (p[0] - o[0], p[1] - o[1], p[2] - o[2]))
+
+
+@kernel
+def out_of(frame: Pose, p: Triple) -> Triple:
+    """Where a point [m] is that a frame sees at `p`."""
+    r, o, (x, y, z) = frame.rotation, frame.position, p
+    return (
+        o[0] + r[0, 0] * x + r[0, 1] * y + r[0, 2] * z,
+        o[1] + r[1, 0] * x + r[1, 1] * y + r[1, 2] * z,
+        o[2] + r[2, 0] * x + r[2, 1] * y + r[2, 2] * z,
+    )
+
+
+@kernel
+def turn(axis: Triple, c: float, s: float, v: Triple) -> Triple:
+    """A vector turned about the unit `axis` by an angle of cosine `c` and sine `s` (Rodrigues)."""
+    (kx, ky, kz), (x, y, z) = axis, v
+    dot = (kx * x + ky * y + kz * z) * (1.0 - c)
+    return (
+        x * c + (ky * z - kz * y) * s + kx * dot,
+        y * c + (kz * x - kx * z) * s + ky * dot,
+        z * c + (kx * y - ky * x) * s + kz * dot,
+    )
+
+
+@entry
+def relative_rotation(r0: Array, r1: Array) -> tuple[float, Triple]:
+    """Angle in [0, pi] [rad] and unit axis of the rotation from `r0` to `r1`.
+
+    Args:
+        r0: First rotation, shape (3, 3).
+        r1: Second rotation in the same frame, shape (3, 3).
+
+    Returns:
+        The angle, and the axis of `r0^T r1` in the first frame's axes.
+    """
+    a, d, g = columns(r0)
+    p, s, v = columns(r1)
+    m00, m11, m22 = dot(a, p), dot(d, s), dot(g, v)
+    m01, m10, m02, m20 = dot(a, s), dot(d, p), dot(a, v), dot(g, p)
+    m12, m21 = dot(d, v), dot(g, s)
+    x, y, z = m21 - m12, m02 - m20, m10 - m01
+    sine2 = np.sqrt(x * x + y * y + z * z)
+    angle: float = np.arctan2(sine2, m00 + m11 + m22 - 1.0)
+    if sine2 < 1e-7:
+        x, y, z = 1.0, 0.0, 0.0
+        if angle > 1.0:
+            # A half turn is 2 a a^T - 1: its longest column plus the unit vector is parallel to a.
+            x, y, z = m00 + 1.0, m10, m20
+            if m11 > m00:
+                x, y, z = m01, m11 + 1.0, m21
+            if m22 > m00 and m22 > m11:
+                x, y, z = m02, m12, m22 + 1.0
+        sine2 = np.sqrt(x * x + y * y + z * z)
+    return angle, (x / sine2, y / sine2, z / sine2)
+
+
+@kernel
+def dot(a: Triple, b: Triple) -> float:
+    """Scalar product of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def minus(a: Triple, b: Triple) -> Triple:
+    """From `b` to `a`."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@kernel
+def along(a: Triple, share: float, b: Triple) -> Triple:
+    """`a` plus a share of `b`."""
+    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
+
+
+@kernel
+def length(a: Triple) -> float:
+    """Length of a vector."""
+    out: float = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+    return out
+
+
+@kernel
+def angle_between(a: Triple, b: Triple) -> float:
+    """Angle between two vectors [rad]."""
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    angle: float = np.arctan2(np.sqrt(x * x + y * y + z * z), dot(a, b))
+    return angle
+
+
+def quaternion(rotation: Array) -> Array:
+    """Quaternion w, x, y, z with w >= 0, shape (4,), of a rotation matrix, shape (3, 3)."""
+    here = pose(np.zeros(3), rotation)
+    unit = pose(np.zeros(3), np.eye(3))
+    angle, axis = relative_rotation(unit.rotation, here.rotation)
+    half = 0.5 * angle
+    return np.array([np.cos(half), *(np.sin(half) * np.array(axis))])

@@ -1,0 +1,165 @@
+"""What the selection of a posture reads and writes."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.collisions.against_boxes import Behind
+from mlivr_gym.collisions.placing import Placed, Shapes
+from mlivr_gym.compiled.bit_sets import BRANCHES, CLASSES
+from mlivr_gym.compiled.records import Matrix, Record, Vector
+from mlivr_gym.kinematics.base_path import BasePath
+from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.holding import Holding
+from mlivr_gym.kinematics.manipulability import Inversion
+from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.robot.specification import MOST_LIMBS, MOST_POSES
+
+Limbs = Annotated[IntArray, (MOST_LIMBS,), np.int64]
+"""A whole number for each limb."""
+
+
+class Thresholds(Record):
+    """What a posture and a step must meet."""
+
+    w_m: float
+    """Least limb manipulability of a stance."""
+    w_b: float
+    """Least base manipulability of a stance."""
+    floor: float
+    """Least limb manipulability on the way."""
+    clearance: float
+    """Least distance of shapes [m]."""
+
+
+class PostureRule(Record):
+    """Which postures are tried, and which of them is taken; see `solver`."""
+
+    thresholds: Thresholds
+    """What a node must meet."""
+    scale_m: float
+    """Limb manipulability that counts as margin 1."""
+    scale_b: float
+    """Base manipulability that counts as margin 1."""
+    nodes_margin: float
+    """A margin below that of every node."""
+    first_avoid: bool
+    """Whether the best posture of all is known to touch something."""
+    check: bool
+    """Whether branches are checked; if not, every node has all of them."""
+    collide: bool
+    """Whether postures must touch nothing."""
+    height_count: int
+    """Number of heights tried."""
+    heights: Annotated[Array, (MOST_POSES,)]
+    """Heights tried [m]."""
+    roll_count: int
+    """Number of rolls tried."""
+    rolls: Annotated[Array, (MOST_POSES,)]
+    """Rolls tried [rad]."""
+    wide_height_count: int
+    """Number of heights tried between opposite walls."""
+    wide_heights: Annotated[Array, (MOST_POSES,)]
+    """These heights [m]."""
+    wide_roll_count: int
+    """Number of rolls tried there."""
+    wide_rolls: Annotated[Array, (MOST_POSES,)]
+    """These rolls [rad]."""
+
+
+class HeldStance(Record):
+    """The grasps of a stance, and what its base poses are counted from; in a frame about their
+    centroid."""
+
+    centre: Vector
+    """Centroid of the grasps in the world of the boxes [m]."""
+    grasps: Annotated[tuple[Grasp, ...], (MOST_LIMBS,)]
+    """The grasp of each limb."""
+    frame: Matrix
+    """Unrolled body axes, in columns."""
+    out: Vector
+    """Outward direction."""
+    line: Vector
+    """Roll axis."""
+    opposed: bool
+    """Whether the walls are opposed."""
+
+
+class Reached(Record):
+    """How a limb reaches its grasp from a base pose."""
+
+    p: Vector
+    """Flange position in the limb base frame [m]."""
+    z: Vector
+    """Flange axis there."""
+    w: Annotated[Array, (CLASSES,)]
+    """`w_m` of each class of branches; 0 out of reach."""
+
+
+class Tried(Record):
+    """A base pose that is tried for a stance."""
+
+    base: Pose
+    """The base, in the frame of the stance's grasps."""
+    limbs: Annotated[tuple[Reached, ...], (MOST_LIMBS,)]
+    """How each limb reaches its grasp."""
+    bound: float
+    """Upper bound of the margin: the least over the limbs of the best class."""
+    left: float
+    """The same as long as it is to be looked at, then 0."""
+
+
+class Posture(Record):
+    """The posture of a stance."""
+
+    base: Pose
+    """The base, in the frame of the stance's grasps."""
+    w_m: Annotated[Array, (MOST_LIMBS,)]
+    """Limb manipulability; 0 where the stance cannot be held."""
+    w_b: float
+    """Base manipulability."""
+    branch: Limbs
+    """Branch of each limb that gives the margin."""
+    mask: Limbs
+    """Branches and flips that each limb may hold on."""
+    cause: int
+    """What the best posture touches where that alone keeps a node away."""
+
+
+class PostureRoom(Record):
+    """Room for the selection of one posture."""
+
+    tried: Annotated[tuple[Tried, ...], (MOST_POSES * MOST_POSES,)]
+    """Base poses that are tried."""
+    information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
+    """`K^-1` of each branch of each limb."""
+    work: Annotated[Array, (2, 6, 6)]
+    trial: Limbs
+    """Branch of each limb that is looked at."""
+    option_count: Limbs
+    """Number of branches of each limb that are combined."""
+    options: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
+    """These branches."""
+    digits: Limbs
+    """Which of them is looked at."""
+    status: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
+    """What a limb touches on a branch, other limbs apart, -1 where unknown."""
+    pairs: Annotated[IntArray, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES), np.int64]
+    """What two limbs on their branches do to each other, -1 where unknown."""
+    in_body: Annotated[tuple[Shapes, ...], (MOST_LIMBS, BRANCHES)]
+    """Each limb on each branch in the body frame, where its status is known."""
+    in_world: Shapes
+    placed: Placed
+    """A limb that does not move."""
+    inversion: Inversion
+    behind: Behind
+    base: Pose
+    """The base that is looked at, in the world of the boxes."""
+    lifted: Pose
+    path: BasePath
+    holding: Holding
+    allowed: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
+    kept: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]

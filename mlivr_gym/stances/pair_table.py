@@ -1,0 +1,198 @@
+"""What is known of the steps of a two-limb stance graph, filled on demand."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mlivr_gym.arrays import BoolArray, IntArray
+from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.stances.pair_steps import PairEdge, PairTable
+from mlivr_gym.transitions.records import StanceSet
+from mlivr_gym.transitions.step_check import StepChecks
+
+if TYPE_CHECKING:
+    from mlivr_gym.stances.pair_graph import PairGraph
+
+
+class KnownSteps:
+    """What is known of releases and steps in one state of the world.
+
+    Attributes:
+        stances: The stances, with what can be released there.
+        table: The steps.
+    """
+
+    def __init__(
+        self, graph: PairGraph, checks: StepChecks, mask: IntArray, edges: Any
+    ) -> None:
+        """Know nothing yet of the stances of `graph`, whose limbs may hold on `mask`."""
+        self.checks, self.collisions = checks, graph.settings.collisions
+        base = Pose.rows(len(mask))
+        base["position"], base["rotation"] = graph.base_in_world, graph.base_axes_in_world
+        self.stances = StanceSet(graph.points, base, mask, checks.released(mask))
+        self.table = PairTable(
+            graph.settings.transitions,
+            graph.points,
+            graph.base_in_world,
+            mask,
+            self.stances.released,
+            graph.rows,
+            graph.row_start,
+            graph.row_position,
+            graph.degree,
+            graph.offset,
+            graph.local,
+            edges,
+        )
+
+    def among_obstacles(
+        self, mask: IntArray, gone: BoolArray, close: BoolArray, obstacles: BoxGrid | None
+    ) -> StepsAmongObstacles:
+        """The same among obstacles and occupied points.
+
+        Args:
+            mask: Branches and flips each limb may hold on, shape (n, 2).
+            gone: Stances that hold an occupied point, shape (n,).
+            close: Stances that may touch an obstacle on a step from or to them, shape (n,).
+            obstacles: The obstacles, if there are any.
+        """
+        return StepsAmongObstacles(self, mask, gone, close, obstacles)
+
+    def index(self, held: Any, before: Any, after: Any) -> Any:
+        """Index of steps, see `pair_steps.edge_index`; of numbers or arrays."""
+        table = self.table
+        point, local = table.points[before, held], table.local
+        row = table.offset[held, point] + local[held, before] * table.degree[held, point]
+        return row + local[held, after]
+
+    def step(self, held: int, before: int, after: int) -> Any:
+        """What is known of one step, which is checked if it was not: a row of `PairEdge`."""
+        entry = self.index(held, before, after)
+        if not self.table.edges[entry].known:
+            self.know_steps(*(np.array([k], dtype=np.int64) for k in (held, before, after)))
+        return self.table.edges[entry]
+
+    def know_released(self, todo: IntArray) -> None:
+        """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""
+        todo = todo[~self.stances.released["known"][todo[:, 0], todo[:, 1]]]
+        if len(todo) > 1:
+            todo = np.unique(todo, axis=0)
+        self.checks.release(self.stances, todo, self.checks.world(None))
+
+    def know_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
+        """Check steps, once: limb that holds, stance before and stance after, shape (k,)."""
+        held, before, after = self._unknown(held, before, after)
+        if not len(held):
+            return
+        both = np.concatenate([before, after])
+        self.know_released(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
+        steps = self._steps(held, before, after)
+        self.checks.check(steps, self.stances, self.checks.world(None))
+        self._keep(held, before, after, steps)
+
+    def _unknown(
+        self, held: IntArray, before: IntArray, after: IntArray
+    ) -> tuple[IntArray, IntArray, IntArray]:
+        """Those of some steps that are not known, each once.
+
+        They are always checked from the stance with the lower index, since which swing is found
+        first may depend on it.
+        """
+        if self.collisions:
+            before, after = np.minimum(before, after), np.maximum(before, after)
+        entry = self.index(held, before, after)
+        new = np.flatnonzero(self.table.edges["known"][entry] == 0)
+        if len(new) > 1:
+            new = new[np.unique(entry[new], return_index=True)[1]]
+        return held[new], before[new], after[new]
+
+    def _steps(self, held: IntArray, before: IntArray, after: IntArray) -> Any:
+        """Rows of `Step` to be checked."""
+        steps, mask = self.checks.steps(len(held)), self.stances.mask
+        steps["limb"], steps["before"], steps["after"] = 1 - held, before, after
+        grasps = self.checks.solver.grasps["point"]
+        steps["pivot"] = grasps[self.table.points[before, held]]
+        steps["wanted"][np.arange(len(held)), held] = mask[before, held] & mask[after, held]
+        return steps
+
+    def _keep(self, held: IntArray, before: IntArray, after: IntArray, steps: Any) -> None:
+        """Keep what was found of steps, in both directions."""
+        found = PairEdge.rows(len(held))
+        found["known"] = 1
+        found["kept"] = steps["kept"][np.arange(len(held)), held]
+        found["on_arc"], found["pair"] = steps["on_arc"], steps["pair"]
+        found["fold_on_line"], found["fold_on_arc"] = steps["folds"].T
+        self.table.edges[self.index(held, before, after)] = found
+        first, last = found["pair"] // 8, found["pair"] % 8
+        found["pair"] = np.where(found["pair"] < 0, -1, 8 * last + first)
+        self.table.edges[self.index(held, after, before)] = found
+
+
+class StepsAmongObstacles(KnownSteps):
+    """What is known of releases and steps among obstacles and occupied points.
+
+    Only the motions that are known without obstacles are checked, and only close to them.
+    """
+
+    def __init__(
+        self, free: KnownSteps, mask: IntArray, gone: BoolArray, close: BoolArray,
+        obstacles: BoxGrid | None,
+    ) -> None:
+        """See `KnownSteps.among_obstacles`."""
+        self.free, self.close, self.obstacles = free, close, obstacles
+        self.checks, self.collisions = free.checks, free.collisions
+        released = free.stances.released.copy()
+        released["branches"][gone] = 0
+        released["known"][gone] = True
+        released["known"][close & ~gone] = False
+        self.stances = free.stances._replace(mask=mask, released=released)
+        # Where no obstacle is near only the masks tell a difference.
+        edges = PairEdge.rows(len(free.table.edges)) if close.any() else free.table.edges
+        self.table = free.table._replace(mask=mask, released=released, edges=edges)
+
+    def know_released(self, todo: IntArray) -> None:
+        """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""
+        released, mask = self.stances.released, self.stances.mask
+        todo = todo[~released["known"][todo[:, 0], todo[:, 1]]]
+        if not len(todo):
+            return
+        todo = np.unique(todo, axis=0)
+        self.free.know_released(todo)
+        s, limb = todo.T
+        released[s, limb] = self.free.stances.released[s, limb]
+        blocked = mask[s, 1 - limb] == 0
+        released["branches"][s[blocked], limb[blocked]] = 0
+        again = todo[self.close[s] & ~blocked]
+        self.checks.release(self.stances, again, self.checks.world(self.obstacles, again=True))
+
+    def know_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
+        """Check steps, once: limb that holds, stance before and stance after, shape (k,)."""
+        if self.table.edges is self.free.table.edges:
+            self.free.know_steps(held, before, after)
+            both = np.concatenate([before, after])
+            self.know_released(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
+            return
+        held, before, after = self._unknown(held, before, after)
+        if not len(held):
+            return
+        self.free.know_steps(held, before, after)
+        both = np.concatenate([before, after])
+        self.know_released(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
+        steps = self._steps(held, before, after)
+        known = self.free.table.edges[self.index(held, before, after)]
+        released = self.stances.released["branches"]
+        able = (released[before, 1 - held] != 0) & (released[after, 1 - held] != 0)
+        rows = np.arange(len(held))
+        steps["again"] = True
+        steps["kept"][rows, held] = np.where(able, known["kept"] & steps["wanted"][rows, held], 0)
+        steps["on_arc"], steps["pair"] = known["on_arc"], known["pair"]
+        steps["folds"][:, 0], steps["folds"][:, 1] = known["fold_on_line"], known["fold_on_arc"]
+        near = self.close[before] | self.close[after]
+        close = steps[near]
+        self.checks.check(close, self.stances, self.checks.world(self.obstacles, again=True))
+        steps[near] = close
+        steps["on_arc"] &= steps["kept"][rows, held]
+        self._keep(held, before, after, steps)

@@ -1,0 +1,141 @@
+"""Motions of a step, set up for `collisions.sweep` and checked (compiled)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.limb_shapes import Robot
+from mlivr_gym.collisions.sweep import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep, sweep
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.records import Joints, Record
+from mlivr_gym.kinematics.base_path import BasePath, set_path
+from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.poses import vector
+from mlivr_gym.transitions.records import World
+
+
+class Piece(Record):
+    """A piece of a swing: a line in joint space while the base goes along a part of its path."""
+
+    path: BasePath
+    """Path of the base."""
+    begin: float
+    """Where the base is on it at the start."""
+    finish: float
+    """Where it is at the end."""
+    limb: int
+    """Limb that swings."""
+    start: Joints
+    """Its joint angles at the start [rad]."""
+    end: Joints
+    """Those at the end [rad]."""
+
+
+class Hold(Record):
+    """A limb that holds meanwhile."""
+
+    limb: int
+    """Which limb."""
+    point: int
+    """The point that it holds."""
+    branch: int
+    """On which branch."""
+
+
+@kernel
+def follow_path(room: Sweep, path: BasePath, begin: float, finish: float) -> None:
+    """Let the base go from `begin` to `finish` on a path."""
+    motion = room.motion
+    set_path(motion.path, path.first, path.last, path.kind, vector(path.pivot))
+    motion.begin, motion.finish = begin, finish
+
+
+@kernel
+def let_swing(motion: LimbMotion, limb: int, start: Joints, end: Joints) -> None:
+    """Let a limb swing along a line in joint space."""
+    motion.limb, motion.kind = limb, SWINGS
+    for joint in range(6):
+        motion.start[joint], motion.end[joint] = start[joint], end[joint]
+
+
+@kernel
+def let_hold(motion: LimbMotion, limb: int, branch: int, grasp: Grasp) -> None:
+    """Let a limb hold a grasp on a branch."""
+    motion.limb, motion.kind, motion.branch = limb, HOLDS, branch
+    _set_flange(motion, grasp)
+
+
+@kernel
+def let_depart(motion: LimbMotion, limb: int, branch: int, grasp: Grasp) -> None:
+    """Let a limb depart from a grasp on a branch."""
+    motion.limb, motion.kind, motion.branch = limb, DEPARTS, branch
+    _set_flange(motion, grasp)
+
+
+@kernel
+def _set_flange(motion: LimbMotion, grasp: Grasp) -> None:
+    for k in range(3):
+        motion.flange.position[k] = grasp.flange.position[k]
+        for axis in range(3):
+            motion.flange.rotation[k, axis] = grasp.flange.rotation[k, axis]
+
+
+@kernel
+def compare_with(room: Sweep, boxes: bool, body: bool, resting: bool, meeting: bool) -> None:
+    """What the first limb is compared with; it is at no grasp."""
+    motion = room.motion
+    motion.boxes, motion.body, motion.resting, motion.meeting = boxes, body, resting, meeting
+    room.behind.applies = False
+
+
+@kernel
+def is_clear(robot: Robot, world: World, layer: int, room: Sweep) -> bool:
+    """Whether the motion in `room` keeps clear in a layer of the world.
+
+    Layer 0 are the boxes of the map, layer 1 the obstacles.
+    """
+    grid = world.boxes if layer == 0 else world.obstacles
+    return sweep(robot, grid, world.thresholds.clearance, room) == CLEAR
+
+
+@kernel
+def swing_clear(
+    robot: Robot, world: World, layer: int, limb: int, start: Joints, end: Joints, room: Sweep
+) -> bool:
+    """Whether a limb can swing along a line while the base does what `room` says.
+
+    Limbs that hold are not looked at; those at rest in `room` are.
+    """
+    inside = layer == 0
+    let_swing(room.motion.first, limb, start, end)
+    let_swing(room.motion.second, limb, start, end)
+    compare_with(room, layer >= 0, inside, inside, layer < 0)
+    return is_clear(robot, world, layer, room)
+
+
+@entry
+def piece_clear(piece: Piece, holds: Any, robot: Robot, world: World, room: Sweep) -> bool:
+    """Whether the robot touches nothing along a piece of a swing.
+
+    Args:
+        piece: The piece.
+        holds: Rows of `Hold`: limbs that hold meanwhile.
+        robot: The robot.
+        world: What is checked.
+        room: Scratch.
+    """
+    room.resting.count = 0
+    follow_path(room, piece.path, piece.begin, piece.finish)
+    for layer in range(world.first, world.stop):
+        if not swing_clear(robot, world, layer, piece.limb, piece.start, piece.end, room):
+            return False
+        inside = layer == 0
+        for k in range(len(holds)):
+            hold = holds[k]
+            let_hold(room.motion.first, hold.limb, hold.branch, world.grasps[hold.point])
+            let_swing(room.motion.second, piece.limb, piece.start, piece.end)
+            compare_with(room, layer >= 0, inside, layer < 0, inside)
+            if not is_clear(robot, world, layer, room):
+                return False
+    return True

@@ -1,0 +1,453 @@
+"""The check of a step, for any number of limbs (compiled).
+
+Where a limb cannot stay folded while the base moves, see `release`, the line in joint space from
+above one point to above the other is checked instead, for pairs of branches in order of travel. Both
+branches come from those on which the limb can be released at the two stances, among which it can
+change at rest: one pair that is free serves them all, and the search need not know which it was.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.limb_shapes import Robot
+from mlivr_gym.compiled.bit_sets import (
+    ALL,
+    BRANCHES,
+    both_flips,
+    first_branch,
+    has,
+    has_branch,
+    only,
+    without_branch,
+)
+from mlivr_gym.compiled.kernels import entry, kernel, part
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, set_path
+from mlivr_gym.kinematics.holding import hold_mask
+from mlivr_gym.kinematics.poses import vector
+from mlivr_gym.postures.records import Limbs
+from mlivr_gym.transitions.grasp_poses import lifted_branches, line_end
+from mlivr_gym.transitions.motions import (
+    compare_with,
+    follow_path,
+    is_clear,
+    let_hold,
+    let_swing,
+    swing_clear,
+)
+from mlivr_gym.transitions.records import Scene, Step, StepRoom
+
+TRIES = 8
+"""Pairs of branches that are checked for one base path."""
+
+STANDING, MOVER, BOTH = np.arange(3)
+"""Parts of what a limb that holds is checked against: boxes, body, itself and other limbs that hold;
+the limb that moves; and both."""
+
+
+@entry
+def hold_all(
+    start: int, stop: int, steps: Any, scene: Scene, rooms: Any
+) -> None:
+    """Whether every limb that holds can follow some base path, for steps from `start` to `stop`.
+
+    This is quick; `Step.kept` is then not empty, and says no more.
+    """
+    robot = scene.robot
+    for k in range(start, stop):
+        step, room = steps[k], rooms[0]
+        _forget(step, robot, room)
+        held = (step.limb + 1) % robot.limb_count
+        for kind in range(2):
+            if _holds(kind, step, scene, room):
+                step.kept[held] = ALL
+
+
+@entry
+def check_all(
+    start: int, stop: int, steps: Any, scene: Scene, rooms: Any
+) -> None:
+    """Check steps from `start` to `stop`.
+
+    Args:
+        start: First row of `steps`.
+        stop: One past the last.
+        steps: Rows of `Step`, shape (k,); what is found is written into them.
+        scene: The stances before and after them, with what can be released there, and what is
+            checked.
+        rooms: A row of `StepRoom`, shape (1,).
+    """
+    for k in range(start, stop):
+        check(steps[k], scene, rooms[0])
+
+
+@kernel
+def _forget(step: Step, robot: Robot, room: StepRoom) -> None:
+    """Start with no answer, and with no limb at rest."""
+    room.sweep.resting.count = 0
+    for kind in range(2):
+        # Of an edge that is known it is known on which branches limbs can hold on either path.
+        room.holds_known[kind] = step.again
+        for i in range(robot.limb_count):
+            on_path = step.on_arc if kind == ARC else ~step.on_arc
+            room.holds[kind, i] = step.kept[i] & step.wanted[i] & on_path
+    for i in range(robot.limb_count):
+        step.kept[i], room.now[i] = 0, ALL
+    step.on_arc = 0
+    if not step.again:
+        step.kind, step.pair = STRAIGHT, -1
+        step.folds[0] = step.folds[1] = -1
+
+
+@kernel
+def _holds(
+    kind: int, step: Step, scene: Scene, room: StepRoom
+) -> bool:
+    """Work out `room.holds` for a kind of path, once; whether every limb that holds can follow it."""
+    stances, robot, world = scene.stances, scene.robot, scene.world
+    if not room.holds_known[kind]:
+        room.holds_known[kind] = True
+        _set_path(kind, step, scene, room)
+        floor = world.thresholds.floor * robot.characteristic_length**3
+        able = True
+        for i in range(robot.limb_count):
+            room.holds[kind, i] = 0
+            if i != step.limb and able:
+                mask = step.wanted[i]
+                if not step.given:
+                    mask &= stances.mask[step.after, i]
+                flange = world.grasps[stances.points[step.after, i]].flange
+                limb, holding = robot.limbs[i], room.holding
+                room.holds[kind, i] = hold_mask(limb, flange, room.path, floor, mask, holding)
+                able = room.holds[kind, i] != 0
+    return _all_hold(kind, step, robot, room)
+
+
+@kernel
+def _all_hold(kind: int, step: Step, robot: Robot, room: StepRoom) -> bool:
+    """Whether every limb that holds has one of the branches `now` on which it can follow a path."""
+    for i in range(robot.limb_count):
+        if i != step.limb and room.holds[kind, i] & room.now[i] == 0:
+            return False
+    return True
+
+
+@kernel
+def _set_path(kind: int, step: Step, scene: Scene, room: StepRoom) -> None:
+    """Set up the base path of a step, for the sweeps too."""
+    stances = scene.stances
+    before, after = stances.base[step.before], stances.base[step.after]
+    set_path(room.path, before, after, kind, vector(step.pivot))
+
+
+@part
+def check(step: Step, scene: Scene, room: StepRoom) -> None:
+    """Check a step; what is found is written into it.
+
+    Of an edge that is known already its motion alone is checked, on the branches it keeps.
+    """
+    stances, robot, world = scene.stances, scene.robot, scene.world
+    on_line = step.again and step.pair >= 0
+    _forget(step, robot, room)
+    able = False
+    for kind in range(2):
+        able = able or _holds(kind, step, scene, room)
+    if not able:
+        return
+    if world.stop == 0:
+        _folded(step, scene, 0, room)
+        return
+    before = stances.released[step.before, step.limb]
+    after = stances.released[step.after, step.limb]
+    if before.branches == 0 or after.branches == 0:
+        return
+    folds = before.folds & after.folds
+    alone = robot.limb_count == 2
+    stages = 1 if step.again or step.given or not alone else 3
+    for stage in range(stages):
+        if not _any_kept(step, robot) and not on_line and folds:
+            if not (step.again or step.given):
+                _set_stage(stage, step, scene, room)
+            _folded(step, scene, folds, room)
+    if (on_line or not step.again) and not _any_kept(step, robot):
+        for i in range(robot.limb_count):
+            if alone:
+                room.now[i] = ALL
+        _on_lines(step, scene, room)
+
+
+@kernel
+def _any_kept(step: Step, robot: Robot) -> bool:
+    """Whether limbs keep a branch."""
+    for i in range(robot.limb_count):
+        if step.kept[i]:
+            return True
+    return False
+
+
+@part
+def _set_stage(
+    stage: int, step: Step, scene: Scene, room: StepRoom
+) -> None:
+    """Which branches of the limbs that hold are looked at, in three stages.
+
+    First those on which a limb can be released before the step and after it, as one must be that
+    grasped just before or moves just after; for one limb that holds then those where only one is
+    true, then the others. For more the pairs of branches would be too many.
+    """
+    stances, robot = scene.stances, scene.robot
+    for i in range(robot.limb_count):
+        first = stances.released[step.before, i].branches
+        second = stances.released[step.after, i].branches
+        if stage == 0:
+            room.now[i] = first & second
+        elif stage == 1:
+            room.now[i] = (first | second) & ~(first & second)
+        else:
+            room.now[i] = ALL & ~(first | second)
+
+
+@part
+def _folded(
+    step: Step, scene: Scene, folds: int, room: StepRoom
+) -> None:
+    """Branches that limbs that hold keep while the other moves folded, in one of some folds.
+
+    Without collisions there are no folds. One limb that holds may take some branches along the line
+    and others along the arc.
+    """
+    robot, world = scene.robot, scene.world
+    alone = robot.limb_count == 2
+    for kind in range(2):
+        for i in range(robot.limb_count):
+            if alone:
+                room.now[i] &= ~step.kept[i]
+        if not _holds(kind, step, scene, room):
+            continue
+        for i in range(robot.limb_count):
+            room.standing[i] = room.holds[kind, i] & room.now[i]
+        fold = -1
+        if world.stop > 0:
+            _set_path(kind, step, scene, room)
+            follow_path(room.sweep, room.path, 0.0, 1.0)
+            some = folds & only(step.folds[kind]) if step.again else folds
+            fold = _stays_folded(step, scene, some, room)
+            if fold < 0 or not _hold_apart(BOTH, step, scene, room.standing, room):
+                continue
+        step.folds[kind] = fold
+        _keep(kind, step, robot, room)
+        if step.given or not alone:
+            return
+
+
+@kernel
+def _keep(kind: int, step: Step, robot: Robot, room: StepRoom) -> None:
+    """Keep the branches that are left in `room.standing`."""
+    if not _any_kept(step, robot):
+        step.kind = kind
+    for i in range(robot.limb_count):
+        if i != step.limb:
+            step.kept[i] |= room.standing[i]
+            if kind == ARC:
+                step.on_arc |= room.standing[i]
+
+
+@part
+def _stays_folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> int:
+    """The first fold of a set in which the limb can stay along the base path, -1 if none serves.
+
+    Another fold might serve the obstacles; the first that serves the map must serve all.
+    """
+    robot, world = scene.robot, scene.world
+    fold = -1
+    for layer in range(world.first, world.stop):
+        found = -1
+        for k in range(robot.fold_count):
+            if found < 0 and has(folds, k):
+                for joint in range(6):
+                    angle = robot.folds[k, joint] if joint < 5 else 0.0
+                    room.start[joint] = room.end[joint] = angle
+                if swing_clear(robot, world, layer, step.limb, room.start, room.end, room.sweep):
+                    found = k
+        if found < 0:
+            return -1
+        fold, folds = found, only(found)
+    return fold
+
+
+@kernel
+def _hold_apart(
+    parts: int, step: Step, scene: Scene, masks: Limbs,
+    room: StepRoom,
+) -> bool:
+    """Take out of `masks` the branches on which limbs hold not clear of each other and of a swing.
+
+    The limb that moves goes from `room.start` to `room.end` while the base follows the path in
+    `room.sweep`.
+
+    Args:
+        parts: `STANDING`, `MOVER` or `BOTH`.
+        step: The step.
+        scene: The stances, the robot and the world.
+        masks: Branches of each limb that holds, changed.
+        room: Scratch.
+
+    Returns:
+        Whether every limb that holds has one left; if one has none the others are not looked at.
+    """
+    robot, world = scene.robot, scene.world
+    for layer in range(world.first, world.stop):
+        for i in range(robot.limb_count):
+            if i == step.limb:
+                continue
+            for b in range(BRANCHES):
+                if has_branch(masks[i], b) and not _hold_clear(
+                    parts, i, b, layer, step, scene, room
+                ):
+                    masks[i] = without_branch(masks[i], b)
+            if masks[i] == 0:
+                return False
+        if layer > 0 or parts == MOVER:
+            continue
+        for i in range(robot.limb_count):
+            for j in range(i + 1, robot.limb_count):
+                if i != step.limb and j != step.limb:
+                    _both_apart(i, j, step, scene, masks, room)
+                    if masks[i] == 0 or masks[j] == 0:
+                        return False
+    return True
+
+
+@kernel
+def _hold_clear(
+    parts: int, i: int, b: int, layer: int, step: Step, scene: Scene, room: StepRoom
+) -> bool:
+    """Whether limb `i` can hold on branch `b` along the base path, clear of some parts."""
+    stances, robot, world = scene.stances, scene.robot, scene.world
+    inside, sweep = layer == 0, room.sweep
+    let_hold(sweep.motion.first, i, b, world.grasps[stances.points[step.after, i]])
+    let_swing(sweep.motion.second, step.limb, room.start, room.end)
+    standing, mover = parts != MOVER, parts != STANDING
+    compare_with(sweep, standing, standing and inside, parts < STANDING, mover and inside)
+    return is_clear(robot, world, layer, sweep)
+
+
+@kernel
+def _holds_apart(
+    i: int, b: int, j: int, c: int, step: Step, scene: Scene, room: StepRoom
+) -> bool:
+    """Whether limb `i` on branch `b` keeps clear of `j` on `c` while both hold along the path."""
+    stances, robot, world = scene.stances, scene.robot, scene.world
+    sweep, points = room.sweep, stances.points
+    let_hold(sweep.motion.first, i, b, world.grasps[points[step.after, i]])
+    let_hold(sweep.motion.second, j, c, world.grasps[points[step.after, j]])
+    compare_with(sweep, i < 0, i < 0, i < 0, i >= 0)
+    return is_clear(robot, world, world.first, sweep)
+
+
+@part
+def _both_apart(
+    i: int, j: int, step: Step, scene: Scene, masks: Limbs,
+    room: StepRoom,
+) -> None:
+    """Branches of two limbs that hold, all of which keep clear of each other along the base path.
+
+    A branch of the second that comes too close to any of the first is dropped, unless none would
+    be kept; then those of the first that come too close to the second's first branch are.
+    """
+    kept = masks[j]
+    for c in range(BRANCHES):
+        for b in range(BRANCHES):
+            if has_branch(kept, c) and has_branch(masks[i], b):
+                if not _holds_apart(i, b, j, c, step, scene, room):
+                    kept = without_branch(kept, c)
+    if kept:
+        masks[j] = kept
+        return
+    chosen = first_branch(masks[j])
+    masks[j] &= both_flips(chosen)
+    for b in range(BRANCHES):
+        if has_branch(masks[i], b) and not _holds_apart(i, b, j, chosen, step, scene, room):
+            masks[i] = without_branch(masks[i], b)
+
+
+@part
+def _on_lines(
+    step: Step, scene: Scene, room: StepRoom
+) -> None:
+    """Branches that limbs that hold keep while the other swings along a line in joint space."""
+    stances, robot, world = scene.stances, scene.robot, scene.world
+    limb = robot.limbs[step.limb]
+    for side in range(2):
+        s = step.after if side else step.before
+        grasp = world.grasps[stances.points[s, step.limb]]
+        mask = stances.released[s, step.limb].branches
+        base = stances.base[s]
+        room.lifted[side] = lifted_branches(robot, limb, base, grasp, mask, side, room)
+    count = pairs_by_travel(limb.arm.limits, room)
+    for kind in range(2):
+        if not _holds(kind, step, scene, room):
+            continue
+        for i in range(robot.limb_count):
+            room.standing[i] = room.holds[kind, i] & room.now[i]
+        _set_path(kind, step, scene, room)
+        follow_path(room.sweep, room.path, 0.0, 1.0)
+        stood = False
+        for k in range(count if step.again else min(count, TRIES)):
+            pair = room.order[k]
+            if (step.again and pair != step.pair) or not _line_clear(
+                pair, step, scene, room
+            ):
+                continue
+            if not stood:
+                # Whether the limbs that hold can stay does not depend on the swing, but for the
+                # limb that makes it.
+                stood = True
+                if not _hold_apart(STANDING, step, scene, room.standing, room):
+                    break
+            for i in range(robot.limb_count):
+                room.now_on_line[i] = room.standing[i]
+            if _hold_apart(MOVER, step, scene, room.now_on_line, room):
+                for i in range(robot.limb_count):
+                    room.standing[i] = room.now_on_line[i]
+                step.pair = pair
+                _keep(kind, step, robot, room)
+                return
+
+
+@part
+def pairs_by_travel(limits: Array, room: StepRoom) -> int:
+    """Pairs of branches above both points, those with the shortest line first, into `room.order`.
+
+    Limits have shape (6, 2) [rad]. Returns the number of pairs.
+    """
+    order, travel, count = room.order, room.travel, 0
+    for b0 in range(BRANCHES):
+        for b1 in range(BRANCHES):
+            if has_branch(room.lifted[0], b0) and has_branch(room.lifted[1], b1):
+                length = line_end(room.q[0, b0].q, room.q[1, b1].q, limits, room.end)
+                if length < np.inf:
+                    place = count
+                    while place > 0 and travel[place - 1] > length:
+                        travel[place], order[place] = travel[place - 1], order[place - 1]
+                        place -= 1
+                    travel[place], order[place] = length, BRANCHES * b0 + b1
+                    count += 1
+    return count
+
+
+@part
+def _line_clear(pair: int, step: Step, scene: Scene, room: StepRoom) -> bool:
+    """Whether the limb can swing along the line between a pair of branches, along the base path."""
+    robot, world = scene.robot, scene.world
+    first, last = room.q[0, pair // BRANCHES].q, room.q[1, pair % BRANCHES].q
+    line_end(first, last, robot.limbs[step.limb].arm.limits, room.end)
+    for joint in range(6):
+        room.start[joint] = first[joint]
+    for layer in range(world.first, world.stop):
+        if not swing_clear(robot, world, layer, step.limb, room.start, room.end, room.sweep):
+            return False
+    return True
