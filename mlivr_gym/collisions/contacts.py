@@ -11,10 +11,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.distances import segment_box_apart, segments_apart
+from mlivr_gym.collisions.distances import segment_box_distance, segments_distance
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.against_boxes import FLUSH
-from mlivr_gym.collisions.placing import Placed, place_by_angles
+from mlivr_gym.collisions.placing import Placed, place_in_body
 from mlivr_gym.collisions.uncompared import BODY
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.boxes import BOX, Box, scene_name
@@ -49,7 +49,7 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
     out, placed = np.empty((robot.limbs, len(shapes), 2, 3)), Placed.row()
     for i in range(robot.limbs):
         placed.q[:] = joints[i]
-        place_by_angles(shapes.robot.limbs[i], placed)
+        place_in_body(shapes.robot.limbs[i], placed)
         out[i] = placed.in_body.ends[: len(shapes)]
     ends: Array = out @ base.T + position
     return ends
@@ -98,18 +98,18 @@ def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iter
             name = f"limb{i}/{names[c]}"
             p, u = _axis(ends[i, c])
             if shapes.links[c] >= 2:
-                yield name, BODY, np.sqrt(segment_box_apart(p, u, half)) - radius[c]
+                yield name, BODY, segment_box_distance(p, u, half) - radius[c]
                 for m, (mount, row) in enumerate(zip(fixed, shapes.mounts, strict=True)):
                     if shapes.links[c] >= shapes.robot.limbs[i].least_link[m]:
-                        apart = np.sqrt(segments_apart(p, u, *_axis(row.ends)))
+                        apart = segments_distance(p, u, *_axis(row.ends))
                         yield name, mount, apart - radius[c] - row.radius
             for d, j in shapes.pairs.tolist():
                 if d == c:
-                    apart = np.sqrt(segments_apart(p, u, *_axis(ends[i, j])))
+                    apart = segments_distance(p, u, *_axis(ends[i, j]))
                     yield name, f"limb{i}/{names[j]}", apart - radius[c] - radius[j]
             for k in range(i + 1, robot.limbs):
                 for j in range(len(shapes)):
-                    apart = np.sqrt(segments_apart(p, u, *_axis(ends[k, j])))
+                    apart = segments_distance(p, u, *_axis(ends[k, j]))
                     yield name, f"limb{k}/{names[j]}", apart - radius[c] - radius[j]
 
 
@@ -151,7 +151,7 @@ def _base_with_boxes(
 def _to_box(axis: Array, box: Box) -> float:
     """Distance of a segment, shape (2, 3), from a box [m]; 0 where it reaches into it."""
     start, end = (axis - np.array(box.centre)) @ np.array(box.rotation)
-    return float(np.sqrt(segment_box_apart(tuple(start), tuple(end - start), box.half)))
+    return float(segment_box_distance(tuple(start), tuple(end - start), box.half))
 
 
 def _axis(ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -17,11 +17,14 @@ if TYPE_CHECKING:
 CLEAR, UNDECIDED, SELF, CABIN, HANDRAIL, OBSTACLE = 0, 1, 2, 3, 4, 5
 """Answers of a query: the last four are causes of a collision."""
 
+SEGMENT, BOX = np.arange(2)
+"""Shapes that an axis is compared with."""
+
 ROUNDS = 8
 """Places on a capsule's axis that are tried, besides its ends, before it counts as undecided."""
 
 
-@entry
+@kernel
 def segments_apart(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
     """Squared distance [m^2] of two segments, from `p` to `p + u` and from `q` to `q + v` [m].
 
@@ -68,7 +71,7 @@ def _slope(t: float, p: Triple, d: Triple, half: Triple) -> float:
     return total
 
 
-@entry
+@kernel
 def segment_box_apart(p: Triple, d: Triple, half: Triple) -> float:
     """Squared distance [m^2] of a segment from a box about the origin.
 
@@ -137,7 +140,7 @@ def segment_from(t: float, p: Triple, d: Triple, q: Triple, v: Triple) -> tuple[
 
 @kernel
 def stays_away(
-    box: bool, shape: Triple, along: Triple, p: Triple, d: Triple, at_p: float, at_d: float
+    kind: int, shape: Triple, along: Triple, p: Triple, d: Triple, at_p: float, at_d: float
 ) -> bool:
     """Whether no point of an axis is closer to a shape than a length that changes along the axis.
 
@@ -148,7 +151,7 @@ def stays_away(
     below.
 
     Args:
-        box: Whether the shape is a box about the origin, or else a segment.
+        kind: `BOX`, about the origin, or `SEGMENT`.
         shape: Half edges of the box, or one end of the segment [m].
         along: From there to the other end [m]; of no account for a box.
         p: One end of the axis [m].
@@ -160,14 +163,14 @@ def stays_away(
         True if it is shown; false also where `ROUNDS` places do not decide.
     """
     a, b, bend = 0.0, 1.0, at_d - at_p
-    square, slope = box_from(a, p, d, shape) if box else segment_from(a, p, d, shape, along)
+    square, slope = box_from(a, p, d, shape) if kind == BOX else segment_from(a, p, d, shape, along)
     if square <= at_p * at_p:
         return False
     root = np.sqrt(square)
     low, down = root - at_p, slope / root - bend
     if down >= 0.0:
         return True
-    square, slope = box_from(b, p, d, shape) if box else segment_from(b, p, d, shape, along)
+    square, slope = box_from(b, p, d, shape) if kind == BOX else segment_from(b, p, d, shape, along)
     if square <= at_d * at_d:
         return False
     root = np.sqrt(square)
@@ -179,7 +182,7 @@ def stays_away(
         if low + down * (t - a) >= 0.0:
             return True
         length = at_p + t * bend
-        square, slope = box_from(t, p, d, shape) if box else segment_from(t, p, d, shape, along)
+        square, slope = box_from(t, p, d, shape) if kind == BOX else segment_from(t, p, d, shape, along)
         if square <= length * length:
             return False
         root = np.sqrt(square)
@@ -217,7 +220,7 @@ def segments_answer(
     if square >= outer * outer:
         return CLEAR
     # The end that moves far need not be the one that is close to the other axis.
-    if at_p != at_u and stays_away(False, q, v, p, u, inner + more + at_p, inner + more + at_u):
+    if at_p != at_u and stays_away(SEGMENT, q, v, p, u, inner + more + at_p, inner + more + at_u):
         return CLEAR
     return UNDECIDED
 
@@ -231,10 +234,24 @@ def box_answer(
     Arguments as in `segments_answer`.
     """
     at_p, at_d = moves
-    if stays_away(True, half, half, p, d, inner + at_p, inner + at_d):
+    if stays_away(BOX, half, half, p, d, inner + at_p, inner + at_d):
         return CLEAR
     square = segment_box_apart(p, d, half)
     if square < inner * inner:
         return SELF
     outer = inner + max(at_p, at_d)
     return CLEAR if square >= outer * outer else UNDECIDED
+
+
+@entry
+def segments_distance(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
+    """Distance [m] of two segments, see `segments_apart`."""
+    distance: float = np.sqrt(segments_apart(p, u, q, v))
+    return distance
+
+
+@entry
+def segment_box_distance(p: Triple, d: Triple, half: Triple) -> float:
+    """Distance [m] of a segment from a box about the origin, see `segment_box_apart`."""
+    distance: float = np.sqrt(segment_box_apart(p, d, half))
+    return distance

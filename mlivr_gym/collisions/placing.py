@@ -128,7 +128,7 @@ def out_of_link(frames: Array, f: int, p: Triple) -> Triple:
     )
 
 
-@entry
+@kernel
 def place_by_angles(limb: Limb, placed: Placed) -> None:
     """Put the capsules of a limb in place by its joint angles."""
     link_frames(limb.arm, placed.q, placed.frames)
@@ -252,3 +252,9 @@ def seen_from_grasp(limb: Limb, placed: Placed) -> None:
             elif capsule.link == 1 or anchor == BASE:
                 continue
             motion[c, e] = min(motion[c, e], start + capsule.arm[e] * turned)
+
+
+@entry
+def place_in_body(limb: Limb, placed: Placed) -> None:
+    """Put the capsules of a limb in place in the body frame by its joint angles."""
+    place_by_angles(limb, placed)

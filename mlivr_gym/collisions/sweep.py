@@ -39,7 +39,7 @@ from mlivr_gym.collisions.placing import (
     to_world,
 )
 from mlivr_gym.compiled.bit_sets import BRANCHES, EVERY, below, has, only
-from mlivr_gym.compiled.kernels import entry, kernel, part
+from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Joints, Record
 from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
 from mlivr_gym.kinematics.limb import angles_at
@@ -166,7 +166,7 @@ def joints_at(robot: Robot, motion: Motion, limb: LimbMotion, s: float, room: Sw
     return angles_at(robot.limbs[limb.limb], motion.path.first, lifted, limb.branch, 0.0, q)
 
 
-@entry
+@kernel
 def sweep(robot: Robot, grid: BoxGrid, clearance: float, room: Sweep) -> int:
     """Whether the first limb of a motion keeps clear of what it is compared with.
 
@@ -270,7 +270,7 @@ def _place_limb(
     return True
 
 
-@part
+@kernel
 def _compare(
     robot: Robot, grid: BoxGrid, clearance: float, speed: tuple[float, float], here: Interval,
     room: Sweep,
@@ -309,7 +309,7 @@ def _compare(
     return UNDECIDED if here.boxes or here.itself or here.body or here.limbs else CLEAR
 
 
-@part
+@kernel
 def _compare_with_boxes(
     robot: Robot, grid: BoxGrid, clearance: float, speed: tuple[float, float], here: Interval,
     room: Sweep,

@@ -102,7 +102,7 @@ def whole_class(choice: int) -> int:
 @kernel
 def first_branch(mask: int) -> int:
     """The least branch of a set that is not empty."""
-    branch = 0
+    branch = np.int64(0)
     while branch < BRANCHES - 1 and not has_branch(mask, branch):
         branch += 1
     return branch

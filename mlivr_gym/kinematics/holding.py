@@ -23,7 +23,7 @@ LIMIT_TOLERANCE = 1e-6
 Postures are rounded, and a joint often lies exactly on a half turn.
 """
 
-SAMPLES = 16
+SAMPLES = np.int64(16)
 """Intervals over which joint angles are followed along a path."""
 
 
@@ -135,7 +135,7 @@ def _fits(arm: Arm, track: Track, half_turn: float) -> bool:
     return True
 
 
-@entry
+@kernel
 def hold_mask(
     limb: MountedArm, flange: Pose, path: BasePath, floor: float, mask: int, room: Holding
 ) -> int:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Matrix, Record, Vector
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def turn(axis: Triple, c: float, s: float, v: Triple) -> Triple:
     )
 
 
-@entry
+@kernel
 def relative_rotation(r0: Array, r1: Array) -> tuple[float, Triple]:
     """Angle in [0, pi] [rad] and unit axis of the rotation from `r0` to `r1`.
 
@@ -154,8 +155,6 @@ def angle_between(a: Triple, b: Triple) -> float:
 
 def quaternion(rotation: Array) -> Array:
     """Quaternion w, x, y, z with w >= 0, shape (4,), of a rotation matrix, shape (3, 3)."""
-    here = pose(np.zeros(3), rotation)
-    unit = pose(np.zeros(3), np.eye(3))
-    angle, axis = relative_rotation(unit.rotation, here.rotation)
-    half = 0.5 * angle
-    return np.array([np.cos(half), *(np.sin(half) * np.array(axis))])
+    turned = Rotation.from_matrix(rotation)
+    out: Array = turned.as_quat(canonical=True, scalar_first=True)
+    return out

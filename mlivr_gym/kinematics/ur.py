@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.kernels import kernel
 
 if TYPE_CHECKING:
     from mlivr_gym.kinematics.arm import Arm
@@ -223,7 +223,7 @@ def branch_angles(
     return True
 
 
-@entry
+@kernel
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     """Frames of the links in the limb base frame.
 

@@ -121,13 +121,13 @@ class RegraspPath:
         step, graph = self.regrasp, self.graph
         point = step.to_point if end else step.before[step.limb]
         branch = step.branches[graph.limbs if end else step.limb]
-        normal = graph.solver.normals[point]
-        flange = graph.solver.flanges_in_world[point] + graph.robot.lift * height[:, None] * normal
+        grasp = graph.solver.grasps[point]
+        flange = grasp.flange.position + graph.robot.lift * height[:, None] * grasp.normal
         grasped = step.grasp_joints if end else step.joints[step.limb]
         # The angles are followed from the point on, where the windings are known.
         order = np.argsort(height, kind="stable") if len(height) > 1 else slice(None)
         base = (step.positions[end][None], step.rotations[end][None])
-        tool = graph.solver.flange_axes_in_world[point][None]
+        tool = grasp.flange.rotation[None]
         out = np.empty((len(height), 6))
         out[order] = self._follow(step.limb, branch, (flange[order], tool), base, grasped)
         return out
@@ -159,8 +159,9 @@ class RegraspPath:
         """Joint angles of the moving limb on a straight line of its gripper, shape (k, 6) [rad]."""
         step, graph = self.regrasp, self.graph
         points = [step.before[step.limb], step.to_point]
-        above = graph.grasp_map.positions[points] + graph.robot.lift * graph.solver.normals[points]
-        tools = Rotation.from_matrix(graph.solver.flange_axes_in_world[points])
+        rows = graph.solver.grasps[points]
+        above = rows["point"] + graph.robot.lift * rows["normal"]
+        tools = Rotation.from_matrix(rows["flange"]["rotation"])
         turn = (tools[0].inv() * tools[1]).as_rotvec()
         rotations = (tools[0] * Rotation.from_rotvec(share[:, None] * turn)).as_matrix()
         grasps = above[0] + share[:, None] * (above[1] - above[0])
@@ -183,11 +184,8 @@ class RegraspPath:
         joints = np.full((len(u), self.graph.limbs, 6), np.nan)
         for limb in range(self.graph.limbs):
             if limb != step.limb:
-                point = step.before[limb]
-                hold = (
-                    solver.flanges_in_world[point][None],
-                    solver.flange_axes_in_world[point][None],
-                )
+                flange = solver.grasps[step.before[limb]].flange
+                hold = flange.position[None], flange.rotation[None]
                 joints[:, limb] = self._follow(
                     limb, step.branches[limb], hold, base, step.joints[limb]
                 )

@@ -70,7 +70,7 @@ class SwingFinder:
         """Look at the step in which `limb` moves while the base follows `path`."""
         self.graph, self.limb, self.path, self.holds = graph, limb, path, holds
         self._robot = graph.checks.robot
-        self._limits: Array = self._robot.limbs[limb].arm.limits
+        self._arm = self._robot.limbs[limb].arm
         self._world = graph.checks.world(graph.obstacle_grid)
         self._rows = motions.Hold.rows(len(holds))
         for row, hold in zip(self._rows, holds, strict=True):
@@ -138,9 +138,11 @@ class SwingFinder:
         if line is None:
             folded = self.fold(fold, start)
             return None if folded is None else (folded, folded)
-        before, first, last = _angles(start), _angles(line[0]), _angles(line[1])
-        there = line_end(before, first, self._limits, first)
-        return None if max(there, line_end(first, last, self._limits, last)) == np.inf else (first, last)
+        before, first, last = map(_angles, (start, *line))
+        there = line_end(before, first, self._arm, first)
+        if max(there, line_end(first, last, self._arm, last)) == np.inf:
+            return None
+        return first.q, last.q
 
     def _candidates(
         self, ends: Ends, fold: int, line: tuple[Array, Array] | None
@@ -204,7 +206,7 @@ class SwingFinder:
     def fold(self, index: int, joints: Array) -> Array | None:
         """A fold on the windings nearest to some joint angles [rad], or None outside the limits."""
         out = _angles(joints)
-        return out if fold_nearest_to(self._robot, index, self._limits, out, out) else None
+        return out.q if fold_nearest_to(self._robot, index, self._arm, out, out) else None
 
     def clear(self, knots: Array) -> bool:
         """Whether the robot touches nothing along a chain of knots."""
@@ -213,7 +215,7 @@ class SwingFinder:
     def _clear_line(self, a: Array, b: Array) -> bool:
         """Whether the robot touches nothing from one knot to the next."""
         piece = self._piece
-        piece.begin, piece.finish, piece.start[:], piece.end[:] = a[0], b[0], a[1:], b[1:]
+        piece.begin, piece.finish, piece.start.q[:], piece.end.q[:] = a[0], b[0], a[1:], b[1:]
         clear = motions.piece_clear(piece, self._rows, self._robot, self._world, self._room)
         return bool(clear)
 
@@ -224,7 +226,7 @@ def line_of_edge(graph: StanceGraph, regrasp: Regrasp, pair: int) -> tuple[Array
     points = regrasp.before[regrasp.limb], regrasp.to_point
     for side, (point, branch) in enumerate(zip(points, divmod(pair, 8), strict=True)):
         base, grasp = pose(regrasp.positions[side], regrasp.rotations[side]), graph.solver.grasps[point]
-        lifted_angles(limb, base, grasp, branch, graph.robot.lift, out[side].q)
+        lifted_angles(limb, base, grasp, branch, graph.robot.lift, out[side])
     return out[0].q, out[1].q
 
 
@@ -245,9 +247,8 @@ def _knot(u: float, joints: Array) -> Array:
     return np.concatenate([[u], joints])
 
 
-def _angles(joints: Array) -> Array:
-    """A copy of joint angles in the form that compiled code writes to, shape (6,) [rad]."""
-    out = Angles.row()
+def _angles(joints: Array) -> Angles:
+    """Joint angles, shape (6,) [rad], as compiled code takes them."""
+    out: Angles = Angles.row()
     out.q[:] = joints
-    angles: Array = out.q
-    return angles
+    return out

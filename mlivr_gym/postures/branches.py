@@ -132,7 +132,7 @@ def pair_status(
     return int(room.pairs[i, b, j, c])
 
 
-@kernel
+@part
 def apart(robot: Robot, clearance: float, room: PostureRoom) -> bool:
     """Whether limbs in place on the branches `trial` keep clear of each other."""
     for i in range(robot.limb_count):
@@ -250,7 +250,7 @@ def hold_masks(
         out.mask[i] &= kept
 
 
-@part
+@kernel
 def _grow(
     robot: Robot, posture: Posture, w_b: float, clearance: float, room: PostureRoom
 ) -> None:

@@ -125,7 +125,7 @@ def _trial_bound(search: Search, tried: Tried, room: PostureRoom) -> float:
     return bound / search.rule.scale_m
 
 
-@part
+@kernel
 def _largest_margin(search: Search, floor: float, look: bool, room: PostureRoom) -> float:
     """Largest margin above `floor` of all base poses and branches of one stance, or `floor`.
 
@@ -160,7 +160,7 @@ def _largest_margin(search: Search, floor: float, look: bool, room: PostureRoom)
                 more = next_combination(limbs, room)
 
 
-@part
+@kernel
 def _choose(search: Search, margin: float, room: PostureRoom, branch: Limbs) -> Chosen:
     """The posture that the rule takes of those that tie with the largest margin and touch nothing.
 

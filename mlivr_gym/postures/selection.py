@@ -140,7 +140,7 @@ def _solve(
             out.mask[i] = ALL
 
 
-@part
+@kernel
 def _try_poses(held: HeldStance, robot: Robot, rule: PostureRule, room: PostureRoom) -> int:
     """Set up the base poses of a stance; returns their number."""
     rolls, heights = rule.rolls, rule.heights
@@ -164,7 +164,7 @@ def _try_poses(held: HeldStance, robot: Robot, rule: PostureRule, room: PostureR
     return roll_count * height_count
 
 
-@part
+@kernel
 def _take(
     robot: Robot, rule: PostureRule, room: PostureRoom, chosen: int, w_b: float, out: Posture
 ) -> bool:

@@ -65,7 +65,7 @@ class PairTable(NamedTuple):
     """Rows of `PairEdge`."""
 
 
-@entry
+@kernel
 def edge_index(held: int, before: int, after: int, table: PairTable) -> int:
     """Index of the step from one stance to another of a row in which limb `held` holds."""
     point, local = table.points[before, held], table.local

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import Limb, Robot
 from mlivr_gym.compiled.bit_sets import BRANCHES, both_flips, has_branch
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics.grasps import Grasp
-from mlivr_gym.kinematics.arm import branch_angles
-from mlivr_gym.kinematics.limb import flange_seen, wrap
+from mlivr_gym.kinematics.arm import Arm, branch_angles
+from mlivr_gym.kinematics.limb import Angles, flange_seen, wrap
 from mlivr_gym.kinematics.poses import Pose, along
 from mlivr_gym.transitions.records import StepRoom
 
@@ -28,12 +26,12 @@ def nearest_turn(angle: float, q: float, low: float, high: float) -> float:
 
 
 @entry
-def fold_nearest_to(robot: Robot, fold: int, limits: Array, q: Joints, out: Joints) -> bool:
-    """A fold on the windings nearest to `q`, into `out`; whether it lies inside the limits.
+def fold_nearest_to(robot: Robot, fold: int, arm: Arm, near: Angles, to: Angles) -> bool:
+    """A fold on the windings nearest to `near`, into `to`; whether it lies inside the limits.
 
-    Shapes: `q` and `out` (6,), limits (6, 2), all [rad]. Joint 6 is as in `q`.
+    Joint 6 is as in `near`.
     """
-    inside = True
+    inside, q, out, limits = True, near.q, to.q, arm.limits
     out[5] = q[5]
     for joint in range(5):
         angle = robot.folds[fold, joint]
@@ -43,22 +41,22 @@ def fold_nearest_to(robot: Robot, fold: int, limits: Array, q: Joints, out: Join
 
 
 @entry
-def line_end(q0: Joints, q1: Joints, limits: Array, out: Joints) -> float:
-    """Where a line in joint space from `q0` to `q1` ends, on the windings nearest to `q0`.
+def line_end(first: Angles, last: Angles, arm: Arm, to: Angles) -> float:
+    """Where a line in joint space ends, on the windings nearest to its start.
 
     Joint 6 goes to the nearest half turn: a grasp is the same with the tool turned by it.
 
     Args:
-        q0: Joint angles at the start [rad], shape (6,).
-        q1: Joint angles at the end up to whole turns [rad], shape (6,).
-        limits: Joint limits [rad], shape (6, 2).
-        out: Filled with the angles at the end [rad], shape (6,).
+        first: Joint angles at the start.
+        last: Joint angles at the end up to whole turns.
+        arm: The arm, with its limits.
+        to: Filled with the angles at the end; it may be `last`.
 
     Returns:
         The length of the line, the largest of the turns of joints 1 to 5 [rad]; inf if it ends
         outside the limits.
     """
-    length = 0.0
+    length, q0, q1, out, limits = 0.0, first.q, last.q, to.q, arm.limits
     for joint in range(5):
         out[joint] = nearest_turn(q1[joint], q0[joint], limits[joint, 0], limits[joint, 1])
         length = max(length, abs(out[joint] - q0[joint]))
@@ -70,7 +68,7 @@ def line_end(q0: Joints, q1: Joints, limits: Array, out: Joints) -> float:
 
 @entry
 def lifted_angles(
-    limb: Limb, base: Pose, grasp: Grasp, branch: int, lift: float, q: Joints
+    limb: Limb, base: Pose, grasp: Grasp, branch: int, lift: float, to: Angles
 ) -> bool:
     """Joint angles of a limb that has departed from a grasp, on the windings nearest to zero.
 
@@ -80,11 +78,12 @@ def lifted_angles(
         grasp: The grasp.
         branch: Branch label.
         lift: How far it has departed [m].
-        q: Filled, shape (6,) [rad]; NaN where no winding lies inside the limits.
+        to: Filled; NaN where no winding lies inside the limits.
 
     Returns:
         Whether the branch exists there.
     """
+    q = to.q
     p, x, z = flange_seen(limb, base, grasp.flange)
     if not branch_angles(limb.arm, along(p, -lift, z), x, z, branch, 0.0, q):
         return False
@@ -117,6 +116,6 @@ def lifted_branches(
     found = np.int64(0)
     for b in range(BRANCHES):
         if has_branch(mask, b):
-            if lifted_angles(limb, base, grasp, b, robot.lift, room.q[side, b].q):
+            if lifted_angles(limb, base, grasp, b, robot.lift, room.q[side, b]):
                 found |= both_flips(b)
     return found & mask

@@ -7,10 +7,11 @@ from typing import Any
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.collisions.sweep import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep, sweep
-from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.records import Joints, Record
+from mlivr_gym.compiled.kernels import entry, kernel, part
+from mlivr_gym.compiled.records import Record
 from mlivr_gym.kinematics.base_path import BasePath, set_path
 from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.records import World
 
@@ -26,10 +27,10 @@ class Piece(Record):
     """Where it is at the end."""
     limb: int
     """Limb that swings."""
-    start: Joints
-    """Its joint angles at the start [rad]."""
-    end: Joints
-    """Those at the end [rad]."""
+    start: Angles
+    """Its joint angles at the start."""
+    end: Angles
+    """Those at the end."""
 
 
 class Hold(Record):
@@ -52,11 +53,11 @@ def follow_path(room: Sweep, path: BasePath, begin: float, finish: float) -> Non
 
 
 @kernel
-def let_swing(motion: LimbMotion, limb: int, start: Joints, end: Joints) -> None:
+def let_swing(motion: LimbMotion, limb: int, start: Angles, end: Angles) -> None:
     """Let a limb swing along a line in joint space."""
     motion.limb, motion.kind = limb, SWINGS
     for joint in range(6):
-        motion.start[joint], motion.end[joint] = start[joint], end[joint]
+        motion.start[joint], motion.end[joint] = start.q[joint], end.q[joint]
 
 
 @kernel
@@ -89,7 +90,7 @@ def compare_with(room: Sweep, boxes: bool, body: bool, resting: bool, meeting: b
     room.behind.applies = False
 
 
-@kernel
+@part
 def is_clear(robot: Robot, world: World, layer: int, room: Sweep) -> bool:
     """Whether the motion in `room` keeps clear in a layer of the world.
 
@@ -101,7 +102,7 @@ def is_clear(robot: Robot, world: World, layer: int, room: Sweep) -> bool:
 
 @kernel
 def swing_clear(
-    robot: Robot, world: World, layer: int, limb: int, start: Joints, end: Joints, room: Sweep
+    robot: Robot, world: World, layer: int, limb: int, start: Angles, end: Angles, room: Sweep
 ) -> bool:
     """Whether a limb can swing along a line while the base does what `room` says.
 

@@ -11,7 +11,7 @@ from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.collisions.sweep import Sweep
 from mlivr_gym.compiled.bit_sets import BRANCHES
-from mlivr_gym.compiled.records import Joints, Record, Vector
+from mlivr_gym.compiled.records import Record, Vector
 from mlivr_gym.kinematics.arm import JointAxes
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.holding import Holding
@@ -130,10 +130,10 @@ class StepRoom(Record):
     """Pairs of branches, those with the shortest line first."""
     travel: Annotated[Array, (BRANCHES * BRANCHES,)]
     """The lengths of these lines [rad]."""
-    start: Joints
-    """Joint angles at the start of a swing [rad]."""
-    end: Joints
-    """Joint angles at its end [rad]."""
+    start: Angles
+    """Joint angles at the start of a swing."""
+    end: Angles
+    """Joint angles at its end."""
     axes: JointAxes
     group: Annotated[IntArray, (BRANCHES,), np.int64]
     """Which branches are joined by lines."""

@@ -28,7 +28,7 @@ from mlivr_gym.compiled.bit_sets import (
     only,
     without_branch,
 )
-from mlivr_gym.compiled.kernels import entry, part
+from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.arm import branch_frames
 from mlivr_gym.kinematics.base_path import resting
 from mlivr_gym.kinematics.limb import flange_seen
@@ -100,7 +100,7 @@ def release(
             if other != limb:
                 _add_resting(s, other, scene, room)
         first = _elbow_up(s, limb, mask, scene, room)
-    known_folds, free = answer.folds, 0
+    known_folds, free = answer.folds, np.int64(0)
     answer.branches = 0
     for turn in range(2):
         rest = first if turn == 0 else mask & ~first
@@ -122,7 +122,7 @@ def release(
         answer.branches = _joined_by_lines(limb, free, scene, layer, room)
 
 
-@part
+@kernel
 def _depart(
     limb: int, branch: int, point: int, scene: Scene, layer: int, room: StepRoom
 ) -> None:
@@ -136,7 +136,7 @@ def _depart(
         sweep.behind.point[k], sweep.behind.normal[k] = grasp.point[k], grasp.normal[k]
 
 
-@part
+@kernel
 def _add_resting(s: int, limb: int, scene: Scene, room: StepRoom) -> None:
     """Put a limb at rest on each branch on which it may hold at a stance."""
     stances, robot, world = scene.stances, scene.robot, scene.world
@@ -152,7 +152,7 @@ def _add_resting(s: int, limb: int, scene: Scene, room: StepRoom) -> None:
             others.count += 1
 
 
-@part
+@kernel
 def _elbow_up(s: int, limb: int, mask: int, scene: Scene, room: StepRoom) -> int:
     """The branches of a mask with the elbow up.
 
@@ -180,7 +180,7 @@ def _elbow_up(s: int, limb: int, mask: int, scene: Scene, room: StepRoom) -> int
     return mask
 
 
-@part
+@kernel
 def _fold(
     limb: int, free: int, scene: Scene, layer: int, room: StepRoom, answer: Release
 ) -> None:
@@ -190,31 +190,31 @@ def _fold(
     The limb is above its point, with the joint angles `room.q[0]`.
     """
     robot, world = scene.robot, scene.world
-    again, limits, sweep = layer > 0, robot.limbs[limb].arm.limits, room.sweep
+    again, arm, sweep = layer > 0, robot.limbs[limb].arm, room.sweep
     for root in range(robot.fold_count):
         if again and answer.root != root:
             continue
         changeable = only(root)
         for joint in range(6):
-            room.start[joint] = robot.folds[root, joint] if joint < 5 else 0.0
-        if not fold_nearest_to(robot, root, limits, room.start, room.start):
+            room.start.q[joint] = robot.folds[root, joint] if joint < 5 else 0.0
+        if not fold_nearest_to(robot, root, arm, room.start, room.start):
             continue
         for other in range(robot.fold_count):
             if other == root or (again and not has(answer.folds, other)):
                 continue
-            if fold_nearest_to(robot, other, limits, room.start, room.end) and swing_clear(
+            if fold_nearest_to(robot, other, arm, room.start, room.end) and swing_clear(
                 robot, world, layer, limb, room.start, room.end, sweep
             ):
                 changeable |= only(other)
-        folded = 0
+        folded = np.int64(0)
         for b in range(BRANCHES):
             if not has_branch(free, b):
                 continue
-            q = room.q[0, b].q
+            q = room.q[0, b]
             for fold in range(robot.fold_count):
                 if not has(changeable, fold) or (again and answer.via[b] != fold):
                     continue
-                if fold_nearest_to(robot, fold, limits, q, room.end) and swing_clear(
+                if fold_nearest_to(robot, fold, arm, q, room.end) and swing_clear(
                     robot, world, layer, limb, q, room.end, sweep
                 ):
                     folded |= both_flips(b)
@@ -225,7 +225,7 @@ def _fold(
             return
 
 
-@part
+@kernel
 def _joined_by_lines(
     limb: int, free: int, scene: Scene, layer: int, room: StepRoom
 ) -> int:
@@ -234,7 +234,7 @@ def _joined_by_lines(
     Among obstacles the first branch alone.
     """
     robot, world = scene.robot, scene.world
-    group, limits = room.group, robot.limbs[limb].arm.limits
+    group, arm = room.group, robot.limbs[limb].arm
     for a in range(BRANCHES):
         group[a] = a
     for a in range(BRANCHES):
@@ -243,20 +243,20 @@ def _joined_by_lines(
         if layer > 0:
             return free & both_flips(a)
         for b in range(a + 1, BRANCHES):
-            start, end = room.q[0, a].q, room.q[0, b].q
+            start, end = room.q[0, a], room.q[0, b]
             if (
                 has_branch(free, b)
                 and group[a] != group[b]
-                and line_end(start, end, limits, room.end) < np.inf
+                and line_end(start, end, arm, room.end) < np.inf
                 and swing_clear(robot, world, layer, limb, start, room.end, room.sweep)
             ):
                 gone = group[b]
                 for c in range(BRANCHES):
                     if group[c] == gone:
                         group[c] = group[a]
-    best, most = 0, 0
+    best, most = np.int64(0), 0
     for a in range(BRANCHES):
-        here, count = 0, 0
+        here, count = np.int64(0), 0
         for b in range(BRANCHES):
             if group[b] == group[a] and has_branch(free, b):
                 here |= both_flips(b)

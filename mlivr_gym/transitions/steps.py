@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.compiled.bit_sets import (
     ALL,
@@ -25,6 +24,7 @@ from mlivr_gym.compiled.bit_sets import (
     without_branch,
 )
 from mlivr_gym.compiled.kernels import entry, kernel, part
+from mlivr_gym.kinematics.arm import Arm
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, set_path
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.kinematics.poses import vector
@@ -158,7 +158,7 @@ def check(step: Step, scene: Scene, room: StepRoom) -> None:
     if not able:
         return
     if world.stop == 0:
-        _folded(step, scene, 0, room)
+        _folded(step, scene, np.int64(0), room)
         return
     before = stances.released[step.before, step.limb]
     after = stances.released[step.after, step.limb]
@@ -188,7 +188,7 @@ def _any_kept(step: Step, robot: Robot) -> bool:
     return False
 
 
-@part
+@kernel
 def _set_stage(
     stage: int, step: Step, scene: Scene, room: StepRoom
 ) -> None:
@@ -210,7 +210,7 @@ def _set_stage(
             room.now[i] = ALL & ~(first | second)
 
 
-@part
+@kernel
 def _folded(
     step: Step, scene: Scene, folds: int, room: StepRoom
 ) -> None:
@@ -229,7 +229,7 @@ def _folded(
             continue
         for i in range(robot.limb_count):
             room.standing[i] = room.holds[kind, i] & room.now[i]
-        fold = -1
+        fold = np.int64(-1)
         if world.stop > 0:
             _set_path(kind, step, scene, room)
             follow_path(room.sweep, room.path, 0.0, 1.0)
@@ -262,14 +262,14 @@ def _stays_folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> int:
     Another fold might serve the obstacles; the first that serves the map must serve all.
     """
     robot, world = scene.robot, scene.world
-    fold = -1
+    fold = np.int64(-1)
     for layer in range(world.first, world.stop):
-        found = -1
+        found = np.int64(-1)
         for k in range(robot.fold_count):
             if found < 0 and has(folds, k):
                 for joint in range(6):
                     angle = robot.folds[k, joint] if joint < 5 else 0.0
-                    room.start[joint] = room.end[joint] = angle
+                    room.start.q[joint] = room.end.q[joint] = angle
                 if swing_clear(robot, world, layer, step.limb, room.start, room.end, room.sweep):
                     found = k
         if found < 0:
@@ -321,7 +321,7 @@ def _hold_apart(
     return True
 
 
-@kernel
+@part
 def _hold_clear(
     parts: int, i: int, b: int, layer: int, step: Step, scene: Scene, room: StepRoom
 ) -> bool:
@@ -335,7 +335,7 @@ def _hold_clear(
     return is_clear(robot, world, layer, sweep)
 
 
-@kernel
+@part
 def _holds_apart(
     i: int, b: int, j: int, c: int, step: Step, scene: Scene, room: StepRoom
 ) -> bool:
@@ -374,7 +374,7 @@ def _both_apart(
             masks[i] = without_branch(masks[i], b)
 
 
-@part
+@kernel
 def _on_lines(
     step: Step, scene: Scene, room: StepRoom
 ) -> None:
@@ -387,7 +387,7 @@ def _on_lines(
         mask = stances.released[s, step.limb].branches
         base = stances.base[s]
         room.lifted[side] = lifted_branches(robot, limb, base, grasp, mask, side, room)
-    count = pairs_by_travel(limb.arm.limits, room)
+    count = pairs_by_travel(limb.arm, room)
     for kind in range(2):
         if not _holds(kind, step, scene, room):
             continue
@@ -418,17 +418,17 @@ def _on_lines(
                 return
 
 
-@part
-def pairs_by_travel(limits: Array, room: StepRoom) -> int:
+@kernel
+def pairs_by_travel(arm: Arm, room: StepRoom) -> int:
     """Pairs of branches above both points, those with the shortest line first, into `room.order`.
 
-    Limits have shape (6, 2) [rad]. Returns the number of pairs.
+    Returns the number of pairs.
     """
     order, travel, count = room.order, room.travel, 0
     for b0 in range(BRANCHES):
         for b1 in range(BRANCHES):
             if has_branch(room.lifted[0], b0) and has_branch(room.lifted[1], b1):
-                length = line_end(room.q[0, b0].q, room.q[1, b1].q, limits, room.end)
+                length = line_end(room.q[0, b0], room.q[1, b1], arm, room.end)
                 if length < np.inf:
                     place = count
                     while place > 0 and travel[place - 1] > length:
@@ -443,10 +443,10 @@ def pairs_by_travel(limits: Array, room: StepRoom) -> int:
 def _line_clear(pair: int, step: Step, scene: Scene, room: StepRoom) -> bool:
     """Whether the limb can swing along the line between a pair of branches, along the base path."""
     robot, world = scene.robot, scene.world
-    first, last = room.q[0, pair // BRANCHES].q, room.q[1, pair % BRANCHES].q
-    line_end(first, last, robot.limbs[step.limb].arm.limits, room.end)
+    first, last = room.q[0, pair // BRANCHES], room.q[1, pair % BRANCHES]
+    line_end(first, last, robot.limbs[step.limb].arm, room.end)
     for joint in range(6):
-        room.start[joint] = first[joint]
+        room.start.q[joint] = first.q[joint]
     for layer in range(world.first, world.stop):
         if not swing_clear(robot, world, layer, step.limb, room.start, room.end, room.sweep):
             return False
