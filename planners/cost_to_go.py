@@ -76,7 +76,7 @@ def backward(
             _backward(goal, start, toward, weights, graph.steps, known, entries, progress)
         )
         if status == UNKNOWN_STEP:
-            graph.know_step(int(progress.held), int(progress.before), int(progress.after))
+            graph.know_step(*(int(progress[name]) for name in ("held", "before", "after")))
         elif status == NO_ROOM:
             entries = grown(entries)
         else:

@@ -53,7 +53,7 @@ NO_LIMIT = int(np.iinfo(np.int64).max)
 def weights_of(cost: Cost, g: float = 1.0, limit: int = NO_LIMIT) -> Weights:
     """What a search for the least of some cost minimises."""
     out: Weights = Weights.row()
-    out.base, out.step, out.g, out.limit = cost.base_weight, cost.step_weight, g, limit
+    out["base"], out["step"], out["g"], out["limit"] = cost.base_weight, cost.step_weight, g, limit
     return out
 
 
@@ -129,12 +129,12 @@ def search(
     while True:
         status = int(_search(seeds, goal, h, weights, graph.steps, closed, (entries, out), progress))
         if status == UNKNOWN_STEP:
-            graph.know_step(int(progress.held), int(progress.before), int(progress.after))
+            graph.know_step(*(int(progress[name]) for name in ("held", "before", "after")))
         elif status == NO_ROOM:
             entries, out = grown(entries), grown(out)
         else:
-            count = int(progress.expanded)
-            return status, int(entries.count.used), Expanded(*(a[:count] for a in out))
+            count = int(progress["expanded"])
+            return status, int(entries.count["used"]), Expanded(*(a[:count] for a in out))
 
 
 def _expanded(room: int) -> Expanded:
@@ -324,7 +324,7 @@ def distance_to_goal(
     n = len(goal)
     cost = Costs(np.full(n, np.inf), np.full(n, np.inf), np.full(n, -1))
     entries, progress = queue(n + 1), Progress.row()
-    progress.after = start
+    progress["after"] = start
     toward = np.zeros(n) if toward is None else toward
     while _distance(goal, toward, weights, graph.steps, cost, entries, progress) == NO_ROOM:
         entries = grown(entries)

@@ -54,7 +54,7 @@ def axis_answer(
         behind: Boxes that do not count for a capsule at a grasp.
         at_grasp: Whether it is one.
     """
-    frame, (a, b), (at_a, at_b) = grid.frame, axis, motion
+    frame, (a, b), (at_a, at_b) = grid.frames[0], axis, motion
     outer = inner + max(at_a, at_b)
     low = min(a[0], b[0]) - outer, min(a[1], b[1]) - outer, min(a[2], b[2]) - outer
     high = max(a[0], b[0]) + outer, max(a[1], b[1]) + outer, max(a[2], b[2]) + outer

@@ -69,8 +69,8 @@ class GridFrame(Record):
 class BoxGrid(NamedTuple):
     """Boxes by cell."""
 
-    frame: GridFrame
-    """Where the cells are."""
+    frames: Any
+    """Where the cells are: a row of `GridFrame`, shape (1,)."""
     boxes: Any
     """Rows of `GridBox`, shape (n,)."""
     start: IntArray
@@ -85,55 +85,57 @@ def box_grid(boxes: Sequence[Box]) -> BoxGrid:
     """Sort boxes into cells."""
     rows = GridBox.rows(len(boxes))
     for row, box in zip(rows, boxes, strict=True):
-        row.centre[:], row.half[:], row.rotation[:] = box.centre, box.half, box.rotation
-        row.turned = bool(np.abs(row.rotation - np.eye(3)).max() > 1e-12)
-        row.cause = CAUSES.get(box.kind, CABIN)
+        row["centre"][:], row["half"][:], row["rotation"][:] = box.centre, box.half, box.rotation
+        row["turned"] = bool(np.abs(row["rotation"] - np.eye(3)).max() > 1e-12)
+        row["cause"] = CAUSES.get(box.kind, CABIN)
     reach = np.einsum("nij,nj->ni", np.abs(rows["rotation"]), rows["half"])
     low, high = rows["centre"] - reach, rows["centre"] + reach
     rows["bounds"]["low"], rows["bounds"]["high"] = low, high
-    frame = _frame(low, high)
+    frames = _frames(low, high)
+    frame = frames[0]
     cells, owners = [], []
     for b in range(len(boxes)):
-        ends = (low[b] - frame.origin, high[b] - frame.origin)
+        ends = (low[b] - frame["origin"], high[b] - frame["origin"])
         first, last = (
-            np.clip((end / frame.edge).astype(np.int64), 0, frame.cells - 1) for end in ends
+            np.clip((end / frame["edge"]).astype(np.int64), 0, frame["cells"] - 1) for end in ends
         )
         i, j, k = np.ix_(*(np.arange(a, z + 1) for a, z in zip(first, last, strict=True)))
-        here = ((i * frame.cells[1] + j) * frame.cells[2] + k).ravel()
+        here = ((i * frame["cells"][1] + j) * frame["cells"][2] + k).ravel()
         cells.append(here)
         owners.append(np.full(len(here), b, dtype=np.int64))
     nothing = np.zeros(0, dtype=np.int64)
     cell, owner = np.concatenate([nothing, *cells]), np.concatenate([nothing, *owners])
     order = np.argsort(cell, kind="stable")
-    start = np.searchsorted(cell[order], np.arange(int(frame.cells.prod()) + 1))
-    return BoxGrid(frame, rows, start, owner[order], _filled(low, high, cell, owner, frame))
+    start = np.searchsorted(cell[order], np.arange(int(frame["cells"].prod()) + 1))
+    return BoxGrid(frames, rows, start, owner[order], _filled(low, high, cell, owner, frame))
 
 
-def _frame(low: Array, high: Array) -> GridFrame:
-    """Where the cells are for boxes of given corners, shape (n, 3) [m].
+def _frames(low: Array, high: Array) -> Any:
+    """Where the cells are for boxes of given corners, shape (n, 3) [m]: a row of `GridFrame`.
 
     The edge is doubled until there are few enough cells, and few enough boxes in them.
     """
-    frame: GridFrame = GridFrame.row()
+    frames = GridFrame.rows(1)
+    frame = frames[0]
     hull = np.array([[np.inf] * 3, [-np.inf] * 3])
     if len(low):
         hull = np.stack([low.min(axis=0), high.max(axis=0)])
-        frame.origin[:] = hull[0]
-    frame.hull.low[:], frame.hull.high[:] = hull
-    frame.core.low[:], frame.core.high[:] = _core(low, high, hull)
-    low, high, edge = low - frame.origin, high - frame.origin, CELL
+        frame["origin"][:] = hull[0]
+    frame["hull"]["low"][:], frame["hull"]["high"][:] = hull
+    frame["core"]["low"][:], frame["core"]["high"][:] = _core(low, high, hull)
+    low, high, edge = low - frame["origin"], high - frame["origin"], CELL
     while True:
         dims = np.maximum(np.ceil(high.max(axis=0, initial=0.0) / edge), 1.0)
         reached = np.minimum(np.floor(high / edge), dims - 1.0) - np.floor(low / edge) + 1.0
         if dims.prod() <= MOST_CELLS and reached.prod(axis=1).sum() <= max(MOST_ENTRIES, len(low)):
-            frame.edge, frame.cells[:] = edge, dims.astype(np.int64)
-            return frame
+            frame["edge"], frame["cells"][:] = edge, dims.astype(np.int64)
+            return frames
         edge *= 2.0
 
 
 def _filled(low: Array, high: Array, cell: IntArray, owner: IntArray, frame: GridFrame) -> Any:
     """What the boxes fill of each cell, rows of `Bounds`, shape (cells,)."""
-    origin, edge, dims = frame.origin, frame.edge, frame.cells
+    origin, edge, dims = frame["origin"], frame["edge"], frame["cells"]
     corner = origin + edge * np.stack(np.unravel_index(cell, tuple(dims)), axis=1)
     out = Bounds.rows(int(dims.prod()))
     out["low"], out["high"] = np.inf, -np.inf

@@ -46,11 +46,11 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
     """Ends of the limbs' moving capsules in the world [m], shape (N, c, 2, 3)."""
     position, quaternion, joints = configuration
     base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-    out, placed = np.empty((robot.limbs, len(shapes), 2, 3)), Placed.row()
+    out, placed = np.empty((robot.limbs, len(shapes), 2, 3)), Placed.rows(1)
     for i in range(robot.limbs):
-        placed.q[:] = joints[i]
-        place_in_body(shapes.robot.limbs[i], placed)
-        out[i] = placed.in_body.ends[: len(shapes)]
+        placed["q"] = joints[i]
+        place_in_body(shapes.rows, i, placed)
+        out[i] = placed["in_body"]["ends"][0, : len(shapes)]
     ends: Array = out @ base.T + position
     return ends
 
@@ -92,7 +92,7 @@ def contacts(
 def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:
     """Distances of the robot's shapes from each other; `ends` of capsules in the body frame."""
     radius, names, fixed = shapes.radii, _names(shapes), _mount_names(robot, shapes)
-    half = tuple(shapes.robot.half.tolist())
+    half = tuple(shapes.robot["half"].tolist())
     for i in range(robot.limbs):
         for c in range(len(shapes)):
             name = f"limb{i}/{names[c]}"
@@ -100,9 +100,9 @@ def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iter
             if shapes.links[c] >= 2:
                 yield name, BODY, segment_box_distance(p, u, half) - radius[c]
                 for m, (mount, row) in enumerate(zip(fixed, shapes.mounts, strict=True)):
-                    if shapes.links[c] >= shapes.robot.limbs[i].least_link[m]:
-                        apart = segments_distance(p, u, *_axis(row.ends))
-                        yield name, mount, apart - radius[c] - row.radius
+                    if shapes.links[c] >= shapes.robot["limbs"][i]["least_link"][m]:
+                        apart = segments_distance(p, u, *_axis(row["ends"]))
+                        yield name, mount, apart - radius[c] - row["radius"]
             for d, j in shapes.pairs.tolist():
                 if d == c:
                     apart = segments_distance(p, u, *_axis(ends[i, j]))
@@ -118,7 +118,7 @@ def _limbs_with_boxes(
 ) -> Iterator[Pair]:
     """Distances of the limbs' moving capsules from boxes."""
     radius, names = shapes.radii, _names(shapes)
-    gripper = int(shapes.limb.gripper)
+    gripper = int(shapes.limb["gripper"])
     for i, limb in enumerate(ends):
         for c, axis in enumerate(limb):
             for box in boxes:
@@ -136,7 +136,7 @@ def _base_with_boxes(
 ) -> Iterator[Pair]:
     """Distances of body and mounts from boxes; of the body from those alone close to its sphere."""
     position, rotation = base
-    half, names = shapes.robot.half, _mount_names(robot, shapes)
+    half, names = shapes.robot["half"], _mount_names(robot, shapes)
     body = Box(BODY, "obstacle", tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation))
     for box in boxes:
         if _to_box(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
@@ -144,7 +144,7 @@ def _base_with_boxes(
             edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
             yield BODY, scene_name(BOX, box.id), min(_to_box(*pair) for pair in edges)
         for name, mount in zip(names, shapes.mounts, strict=True):
-            apart = _to_box(position + mount.ends @ rotation.T, box) - mount.radius
+            apart = _to_box(position + mount["ends"] @ rotation.T, box) - mount["radius"]
             yield name, scene_name(BOX, box.id), apart
 
 

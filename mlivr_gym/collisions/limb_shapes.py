@@ -110,7 +110,8 @@ class LimbShapes:
 
     Attributes:
         names: Link of each capsule that moves, c of them, from the mount on.
-        robot: All this as compiled code reads it.
+        rows: All this as compiled code reads it, a row of `Robot`, shape (1,).
+        robot: The row.
         limb: The first limb there; in the frames of their links the limbs are equal.
     """
 
@@ -119,17 +120,18 @@ class LimbShapes:
         capsules = sorted(spec.shapes, key=lambda capsule: LINKS.index(capsule.link))
         moving = [capsule for capsule in capsules if capsule.link != "base"]
         self.names = tuple(capsule.link for capsule in moving)
-        self.robot: Robot = Robot.row()
+        self.rows = Robot.rows(1)
+        self.robot: Robot = self.rows[0]
         robot = self.robot
-        robot.limb_count, robot.tool_length, robot.lift = spec.limbs, spec.tool_length, spec.lift
-        robot.characteristic_length = spec.characteristic_length
-        robot.fold_count = len(spec.folds)
-        robot.folds[: len(spec.folds)] = spec.folds
-        robot.half[:] = 0.5 * spec.body_size
+        robot["limb_count"], robot["tool_length"], robot["lift"] = spec.limbs, spec.tool_length, spec.lift
+        robot["characteristic_length"] = spec.characteristic_length
+        robot["fold_count"] = len(spec.folds)
+        robot["folds"][: len(spec.folds)] = spec.folds
+        robot["half"][:] = 0.5 * spec.body_size
         self._add_limbs(spec, moving)
         fixed = [capsule for capsule in capsules if capsule.link == "base"]
         self._add_mounts(spec, fixed, capsules)
-        self.limb: Limb = robot.limbs[0]
+        self.limb: Limb = robot["limbs"][0]
 
     def _add_limbs(self, spec: RobotSpec, moving: list[Capsule]) -> None:
         on_axis = [c.link in LINKS[6:] or _on_flange_axis(c) for c in moving]
@@ -140,39 +142,39 @@ class LimbShapes:
             if _can_meet(spec, moving[i], moving[j])
         ]
         for i in range(spec.limbs):
-            limb = self.robot.limbs[i]
-            limb.index, limb.capsule_count, limb.pair_count = i, len(moving), len(pairs)
-            limb.mount.position[:] = spec.mount_positions[i]
-            limb.mount.rotation[:] = spec.mount_rotations[i]
-            set_arm(limb.arm, spec.limb.lengths, spec.limb.limits)
-            limb.gripper = sum(name != "gripper" for name in self.names)
-            limb.hand = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
-            limb.pairs[: len(pairs)] = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+            limb = self.robot["limbs"][i]
+            limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
+            limb["mount"]["position"][:] = spec.mount_positions[i]
+            limb["mount"]["rotation"][:] = spec.mount_rotations[i]
+            set_arm(limb["arm"], spec.limb.lengths, spec.limb.limits)
+            limb["gripper"] = sum(name != "gripper" for name in self.names)
+            limb["hand"] = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
+            limb["pairs"][: len(pairs)] = np.array(pairs, dtype=np.int64).reshape(-1, 2)
             for c, capsule in enumerate(moving):
-                row = limb.capsules[c]
-                row.link, row.radius = min(LINKS.index(capsule.link), 6), capsule.radius
-                row.ends[:] = capsule.start, capsule.end
+                row = limb["capsules"][c]
+                row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
+                row["ends"][:] = capsule.start, capsule.end
                 for e in range(2):
-                    row.anchor[e], row.arm[e] = _anchor(spec, int(row.link), row.ends[e])
+                    row["anchor"][e], row["arm"][e] = _anchor(spec, int(row["link"]), row["ends"][e])
 
     def _add_mounts(self, spec: RobotSpec, fixed: list[Capsule], capsules: list[Capsule]) -> None:
         robot = self.robot
-        round_ends, round_radius = round_cube(float(robot.half[0]))
+        round_ends, round_radius = round_cube(float(robot["half"][0]))
         for k in range(4):
-            robot.around[k].ends[:], robot.around[k].radius = round_ends[k], round_radius[k]
+            robot["around"][k]["ends"][:], robot["around"][k]["radius"] = round_ends[k], round_radius[k]
         count = 0
         for limb in range(spec.limbs):
             rotation, position = spec.mount_rotations[limb], spec.mount_positions[limb]
             for capsule in fixed:
-                row = robot.mounts[count]
-                row.ends[:] = [position + rotation @ end for end in (capsule.start, capsule.end)]
-                row.radius = capsule.radius
-                robot.around[4 + count] = row
+                row = robot["mounts"][count]
+                row["ends"][:] = [position + rotation @ end for end in (capsule.start, capsule.end)]
+                row["radius"] = capsule.radius
+                robot["around"][4 + count] = row
                 same = 2 if _upper_arm_can_meet(capsule, capsules) else 3
                 for other in range(spec.limbs):
-                    robot.limbs[other].least_link[count] = same if other == limb else 2
+                    robot["limbs"][other]["least_link"][count] = same if other == limb else 2
                 count += 1
-        robot.mount_count, robot.around_count = count, 4 + count
+        robot["mount_count"], robot["around_count"] = count, 4 + count
 
     @property
     def links(self) -> IntArray:
@@ -195,17 +197,17 @@ class LimbShapes:
     @property
     def pairs(self) -> IntArray:
         """Pairs of a limb's capsules that are compared, shape (k, 2)."""
-        pairs: IntArray = self.limb.pairs[: self.limb.pair_count]
+        pairs: IntArray = self.limb["pairs"][: self.limb["pair_count"]]
         return pairs
 
     @property
     def mounts(self) -> Any:
         """Rows of `BodyCapsule`: what is fixed to the body."""
-        return self.robot.mounts[: self.robot.mount_count]
+        return self.robot["mounts"][: self.robot["mount_count"]]
 
     @property
     def _capsules(self) -> Any:
-        return self.limb.capsules[: self.limb.capsule_count]
+        return self.limb["capsules"][: self.limb["capsule_count"]]
 
     def never(self, limb: int) -> list[tuple[str, str]]:
         """Pairs of a limb's links, the body among them, that are not compared.
@@ -214,7 +216,7 @@ class LimbShapes:
         """
         names = (BODY, *LINKS)
         compared = {(self.names[i], self.names[j]) for i, j in self.pairs.tolist()}
-        least = self.robot.limbs[limb].least_link[: self.robot.mount_count]
+        least = self.robot["limbs"][limb]["least_link"][: self.robot["mount_count"]]
         meets_base = {name for name in self.names if LINKS.index(name) >= least.max(initial=2)}
         compared |= {(BODY, name) for name in self.names if LINKS.index(name) >= 2}
         compared |= {("base", name) for name in meets_base}

@@ -18,7 +18,7 @@ bound counts.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -255,6 +255,9 @@ def seen_from_grasp(limb: Limb, placed: Placed) -> None:
 
 
 @entry
-def place_in_body(limb: Limb, placed: Placed) -> None:
-    """Put the capsules of a limb in place in the body frame by its joint angles."""
-    place_by_angles(limb, placed)
+def place_in_body(robots: Any, i: int, placed: Any) -> None:
+    """Put the capsules of limb `i` in place in the body frame by its joint angles.
+
+    Rows of `Robot` and `Placed`, shape (1,).
+    """
+    place_by_angles(robots[0].limbs[i], placed[0])

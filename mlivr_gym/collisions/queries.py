@@ -58,16 +58,17 @@ class QueryRoom(Record):
 
 @entry
 def hands_clear(
-    robot: Robot, around: Surroundings, room: QueryRoom, answers: IntArray
+    robots: Any, around: Surroundings, rooms: Any, answers: IntArray
 ) -> None:
     """What the capsules on the flange axis touch at each point, whatever the posture.
 
     Args:
-        robot: The robot.
+        robots: A row of `Robot`, shape (1,).
         around: The m points and the boxes.
-        room: Scratch.
+        rooms: A row of `QueryRoom`, shape (1,).
         answers: Filled with what they touch, shape (m,).
     """
+    robot, room = robots[0], rooms[0]
     limb = robot.limbs[0]
     for m in range(len(answers)):
         grasp = around.grasps[m]
@@ -104,7 +105,7 @@ def _stand_behind(grasp: Grasp, behind: Behind) -> None:
 
 @entry
 def clear_of_boxes(
-    start: int, stop: int, chosen: IntArray, postures: PosturesHeld, robot: Robot,
+    start: int, stop: int, chosen: IntArray, postures: PosturesHeld, robots: Any,
     around: Surroundings, rooms: Any,
 ) -> None:
     """Take the branches that touch a box out of the masks of postures.
@@ -114,11 +115,11 @@ def clear_of_boxes(
         stop: One past the last.
         chosen: Stances to check.
         postures: Their postures, changed.
-        robot: The robot.
+        robots: A row of `Robot`, shape (1,).
         around: Points and boxes.
         rooms: A row of `QueryRoom`, shape (1,).
     """
-    room, check = rooms[0], postures.others[0]
+    robot, room, check = robots[0], rooms[0], postures.others[0]
     for n in range(start, stop):
         k = chosen[n]
         still = (0.0, 0.0)

@@ -64,7 +64,7 @@ def set_arm(arm: Arm, lengths: Array, limits: Array) -> None:
         lengths: d1, a2, a3, d4, d5, d6 [m].
         limits: Joint limits [rad], shape (6, 2).
     """
-    arm.family = UR
-    arm.d1, arm.a2, arm.a3, arm.d4, arm.d5, arm.d6 = lengths
-    arm.limits[:] = limits
-    arm.full_turn = bool((limits[:, 1] - limits[:, 0] >= 4.0 * np.pi - 1e-9).all())
+    arm["family"] = UR
+    arm["d1"], arm["a2"], arm["a3"], arm["d4"], arm["d5"], arm["d6"] = lengths
+    arm["limits"][:] = limits
+    arm["full_turn"] = bool((limits[:, 1] - limits[:, 0] >= 4.0 * np.pi - 1e-9).all())

@@ -6,6 +6,8 @@ to the second posture, on a straight line or on an arc about the held grasps, se
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mlivr_gym.compiled.bit_sets import BRANCHES, has_branch, without_branch, without_flip
@@ -56,7 +58,7 @@ def begin(track: Track) -> None:
         track.q[joint], track.low[joint], track.high[joint] = np.nan, np.inf, -np.inf
 
 
-@entry
+@kernel
 def follow(
     limb: MountedArm, flange: Pose, path: BasePath, branch: int, samples: int, track: Track
 ) -> bool:
@@ -84,6 +86,14 @@ def follow(
             track.low[joint] = min(track.low[joint], track.q[joint])
             track.high[joint] = max(track.high[joint], track.q[joint])
     return True
+
+
+@entry
+def follow_limb(
+    robots: Any, i: int, flange: Pose, path: BasePath, branch: int, samples: int, track: Track
+) -> bool:
+    """`follow` of limb `i` of a row of `Robot`, shape (1,)."""
+    return follow(robots[0].limbs[i], flange, path, branch, samples, track)
 
 
 @kernel

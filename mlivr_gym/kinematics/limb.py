@@ -75,11 +75,13 @@ def angles_at(
 
 
 @entry
-def all_angles_at(limb: MountedArm, base: Pose, flange: Pose, out: Any) -> None:
-    """Joint angles in (-pi, pi] of every branch, NaN where there are none.
+def all_angles_at(robots: Any, i: int, base: Pose, flange: Pose, out: Any) -> None:
+    """Joint angles in (-pi, pi] of every branch of limb `i`, NaN where there are none.
 
-    They are written into `out`, rows of `Angles`, shape (8,). Other arguments as in `angles_at`.
+    They are written into `out`, rows of `Angles`, shape (8,). `robots` is a row of `Robot`, shape
+    (1,); other arguments as in `angles_at`.
     """
+    limb = robots[0].limbs[i]
     for branch in range(BRANCHES):
         q = out[branch].q
         there = angles_at(limb, base, flange, branch, SINGULAR_TOO, q)

@@ -10,18 +10,19 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.kinematics.arm import SINGULAR_TOO
 from mlivr_gym.kinematics.holding import next_angles
-from mlivr_gym.kinematics.limb import Angles, MountedArm, angles_at
+from mlivr_gym.kinematics.limb import Angles, angles_at
 from mlivr_gym.kinematics.poses import Pose
 
 
 @entry
 def joints_along(
-    limb: MountedArm, bases: Any, flanges: Any, branch: int, reference: Angles, out: Any
+    robots: Any, i: int, bases: Any, flanges: Any, branch: int, reference: Angles, out: Any
 ) -> int:
     """Joint angles of a limb on one branch at many poses, continuous from given ones.
 
     Args:
-        limb: The limb.
+        robots: A row of `Robot`, shape (1,).
+        i: Which limb.
         bases: Rows of `Pose`, bases in the world, shape (k,), or (1,) for one that stays.
         flanges: Rows of `Pose`, flanges in the world up to a half turn about their z axes, shape
             (k,) or (1,).
@@ -33,22 +34,22 @@ def joints_along(
     Returns:
         Number of poses from the first on at which the branch exists.
     """
-    half_turn = 0.0
-    for i in range(len(out)):
-        base, flange = bases[min(i, len(bases) - 1)], flanges[min(i, len(flanges) - 1)]
-        q = out[i].q
+    limb, half_turn = robots[0].limbs[i], 0.0
+    for k in range(len(out)):
+        base, flange = bases[min(k, len(bases) - 1)], flanges[min(k, len(flanges) - 1)]
+        q = out[k].q
         for joint in range(6):
-            q[joint] = reference.q[joint] if i == 0 else out[i - 1].q[joint]
-        if i == 0:
+            q[joint] = reference.q[joint] if k == 0 else out[k - 1].q[joint]
+        if k == 0:
             if not angles_at(limb, base, flange, branch, SINGULAR_TOO, q):
-                return i
+                return k
             if np.cos(reference.q[5] - q[5]) < 0.0:
                 half_turn = np.pi
             for joint in range(6):
                 q[joint] = reference.q[joint]
         q[5] -= half_turn
         if not next_angles(limb, base, flange, branch, q):
-            return i
+            return k
         q[5] += half_turn
     return len(out)
 

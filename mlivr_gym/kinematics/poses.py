@@ -27,7 +27,7 @@ class Pose(Record):
 def pose(position: Array, rotation: Array) -> Pose:
     """A pose of a position, shape (3,) [m], and a rotation, shape (3, 3)."""
     out: Pose = Pose.row()
-    out.position[:], out.rotation[:] = position, rotation
+    out["position"], out["rotation"] = position, rotation
     return out
 
 
@@ -154,7 +154,7 @@ def angle_between(a: Triple, b: Triple) -> float:
 
 
 def quaternion(rotation: Array) -> Array:
-    """Quaternion w, x, y, z with w >= 0, shape (4,), of a rotation matrix, shape (3, 3)."""
+    """Quaternions w, x, y, z with w >= 0, shape (..., 4), of rotations, shape (..., 3, 3)."""
     turned = Rotation.from_matrix(rotation)
     out: Array = turned.as_quat(canonical=True, scalar_first=True)
     return out

@@ -16,7 +16,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, base_path
-from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE, SAMPLES, Track, follow
+from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE, SAMPLES, Track, follow_limb
 from mlivr_gym.kinematics.poses import pose, quaternion
 from mlivr_gym.motion.plan_parts import Motion, Step
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
@@ -145,7 +145,7 @@ def committed_motion(
         stances=tuple(graph.ids(state.stance) for state in states),
         steps=tuple(steps),
         base_positions=draft.postures.base_position,
-        base_quaternions=np.array([quaternion(r) for r in draft.postures.base_rotation]),
+        base_quaternions=quaternion(draft.postures.base_rotation),
         joint_positions=draft.joints,
         branches=draft.branches,
         w_m=w_m,
@@ -162,10 +162,10 @@ class _Draft:
         self.points: IntArray = np.array([state.stance for state in states])
         self.postures = graph.postures_of(states)
         count, limbs, solver = len(states), graph.limbs, graph.solver
-        held, self._tried, self._room = HeldStance.rows(count), Tried.rows(count), PostureRoom.row()
+        held, self._tried, self._room = HeldStance.rows(count), Tried.rows(count), PostureRoom.rows(1)
         held["grasps"][:, :limbs] = solver.grasps[self.points]
         self._tried["base"] = self.postures.base_rows
-        reach_all(graph.checks.robot, held, self._tried, self._room)
+        reach_all(graph.checks.robots, held, self._tried, self._room)
         self._w: Array = self._tried["limbs"]["w"][:, :limbs]
         self.branches: IntArray = self.postures.branch.copy()
         self.flips: IntArray = np.zeros((count, limbs), dtype=np.int64)
@@ -265,27 +265,27 @@ class _Draft:
         Returns the least and the largest angle of each joint over the hold, each (6,) [rad].
         """
         grasp = self.graph.solver.grasps[self.points[first, limb]]
-        arm, bases = self.graph.checks.robot.limbs[limb], self.postures.base_rows
+        robots, bases = self.graph.checks.robots, self.postures.base_rows
         track = Track.row()
-        track.q[:], track.low[:], track.high[:] = np.nan, np.inf, -np.inf
+        track["q"][:], track["low"][:], track["high"][:] = np.nan, np.inf, -np.inf
         for k in range(first, last + 1):
             if not self.edges:
-                track.q[:] = np.nan
+                track["q"][:] = np.nan
             here, branch = bases[k], int(self.branches[k, limb])
-            path, samples = base_path(here, here, STRAIGHT, here.position), 0
+            path, samples = base_path(here, here, STRAIGHT, here["position"]), 0
             if self.edges and k < last:
                 path = base_path(here, bases[k + 1], self.edges[k].kind, self.pivots[k])
                 samples = SAMPLES
-            follow(arm, grasp.flange, path, branch, samples, track)
-            self.joints[k, limb] = track.first
+            follow_limb(robots, limb, grasp["flange"], path, branch, samples, track)
+            self.joints[k, limb] = track["first"]
             # Where the limb grasps and where it leaves, it also moves along the normal.
             if self.edges and (k == first > 0 or k == last < len(self.points) - 1):
-                lifted = pose(here.position - self.graph.robot.lift * grasp.normal, here.rotation)
-                away, there = base_path(here, lifted, STRAIGHT, here.position), track.q.copy()
-                track.q[:] = track.first
-                follow(arm, grasp.flange, away, branch, SAMPLES, track)
-                track.q[:] = there
-        low, high = track.low.copy(), track.high.copy()
+                lifted = pose(here["position"] - self.graph.robot.lift * grasp["normal"], here["rotation"])
+                away, there = base_path(here, lifted, STRAIGHT, here["position"]), track["q"].copy()
+                track["q"][:] = track["first"]
+                follow_limb(robots, limb, grasp["flange"], away, branch, SAMPLES, track)
+                track["q"][:] = there
+        low, high = track["low"].copy(), track["high"].copy()
         half_turn = np.pi * self.flips[first, limb]
         self.joints[first : last + 1, limb, 5] += half_turn
         low[5] += half_turn
@@ -336,5 +336,5 @@ class _Draft:
         """Limb manipulability (K, N) and base manipulability (K,) on the branches chosen."""
         w_m: Array = np.take_along_axis(self._w, self.branches[..., None] >> 1, axis=2)[..., 0]
         w_b = np.empty(len(self.points))
-        base_along(self.graph.checks.robot, self._tried, self.branches, self._room, w_b)
+        base_along(self.graph.checks.robots, self._tried, self.branches, self._room, w_b)
         return w_m, w_b

@@ -122,12 +122,12 @@ class RegraspPath:
         point = step.to_point if end else step.before[step.limb]
         branch = step.branches[graph.limbs if end else step.limb]
         grasp = graph.solver.grasps[point]
-        flange = grasp.flange.position + graph.robot.lift * height[:, None] * grasp.normal
+        flange = grasp["flange"]["position"] + graph.robot.lift * height[:, None] * grasp["normal"]
         grasped = step.grasp_joints if end else step.joints[step.limb]
         # The angles are followed from the point on, where the windings are known.
         order = np.argsort(height, kind="stable") if len(height) > 1 else slice(None)
         base = (step.positions[end][None], step.rotations[end][None])
-        tool = grasp.flange.rotation[None]
+        tool = grasp["flange"]["rotation"][None]
         out = np.empty((len(height), 6))
         out[order] = self._follow(step.limb, branch, (flange[order], tool), base, grasped)
         return out
@@ -184,8 +184,8 @@ class RegraspPath:
         joints = np.full((len(u), self.graph.limbs, 6), np.nan)
         for limb in range(self.graph.limbs):
             if limb != step.limb:
-                flange = solver.grasps[step.before[limb]].flange
-                hold = flange.position[None], flange.rotation[None]
+                flange = solver.grasps[step.before[limb]]["flange"]
+                hold = flange["position"][None], flange["rotation"][None]
                 joints[:, limb] = self._follow(
                     limb, step.branches[limb], hold, base, step.joints[limb]
                 )
@@ -198,9 +198,9 @@ class RegraspPath:
         """Joint angles of a limb on a branch at flange and base poses, continuous from `start`."""
         bases, flanges = poses(*base), poses(*flange)
         out, reference = Angles.rows(max(len(bases), len(flanges))), Angles.row()
-        reference.q[:] = start
-        arm = self.graph.checks.robot.limbs[limb]
-        found = joints_along(arm, bases, flanges, branch, reference, out)
+        reference["q"] = start
+        robots = self.graph.checks.robots
+        found = joints_along(robots, limb, bases, flanges, branch, reference, out)
         if found < len(out):
             target = self.graph.grasp_map.ids[self.regrasp.to_point]
             raise PlanError(

@@ -33,7 +33,7 @@ from mlivr_gym.motion.regrasp import Regrasp
 from mlivr_gym.motion.sampling import sampled_line
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions import motions
-from mlivr_gym.transitions.grasp_poses import fold_nearest_to, lifted_angles, line_end
+from mlivr_gym.transitions.grasp_poses import angles_above, fold_of_limb, line_of_limb
 
 Ends = tuple[Array, Array, tuple[Array, Array]]
 """Joint angles above both points, and the fewest and most whole turns that may be added."""
@@ -69,14 +69,13 @@ class SwingFinder:
     ) -> None:
         """Look at the step in which `limb` moves while the base follows `path`."""
         self.graph, self.limb, self.path, self.holds = graph, limb, path, holds
-        self._robot = graph.checks.robot
-        self._arm = self._robot.limbs[limb].arm
+        self._robots = graph.checks.robots
         self._world = graph.checks.world(graph.obstacle_grid)
         self._rows = motions.Hold.rows(len(holds))
         for row, hold in zip(self._rows, holds, strict=True):
-            row.limb, row.point, row.branch = hold
-        self._piece, self._room = motions.Piece.row(), Sweep.row()
-        self._piece.path, self._piece.limb = path, limb
+            row["limb"], row["point"], row["branch"] = hold
+        self._pieces, self._rooms = motions.Piece.rows(1), Sweep.rows(1)
+        self._pieces["path"], self._pieces["limb"] = path, limb
 
     @classmethod
     def of(cls, graph: StanceGraph, regrasp: Regrasp) -> SwingFinder:
@@ -139,10 +138,10 @@ class SwingFinder:
             folded = self.fold(fold, start)
             return None if folded is None else (folded, folded)
         before, first, last = map(_angles, (start, *line))
-        there = line_end(before, first, self._arm, first)
-        if max(there, line_end(first, last, self._arm, last)) == np.inf:
+        there = line_of_limb(self._robots, self.limb, before, first, first)
+        if max(there, line_of_limb(self._robots, self.limb, first, last, last)) == np.inf:
             return None
-        return first.q, last.q
+        return first["q"], last["q"]
 
     def _candidates(
         self, ends: Ends, fold: int, line: tuple[Array, Array] | None
@@ -206,7 +205,7 @@ class SwingFinder:
     def fold(self, index: int, joints: Array) -> Array | None:
         """A fold on the windings nearest to some joint angles [rad], or None outside the limits."""
         out = _angles(joints)
-        return out.q if fold_nearest_to(self._robot, index, self._arm, out, out) else None
+        return out["q"] if fold_of_limb(self._robots, self.limb, index, out, out) else None
 
     def clear(self, knots: Array) -> bool:
         """Whether the robot touches nothing along a chain of knots."""
@@ -214,20 +213,23 @@ class SwingFinder:
 
     def _clear_line(self, a: Array, b: Array) -> bool:
         """Whether the robot touches nothing from one knot to the next."""
-        piece = self._piece
-        piece.begin, piece.finish, piece.start.q[:], piece.end.q[:] = a[0], b[0], a[1:], b[1:]
-        clear = motions.piece_clear(piece, self._rows, self._robot, self._world, self._room)
+        piece = self._pieces[0]
+        piece["begin"], piece["finish"] = a[0], b[0]
+        piece["start"]["q"], piece["end"]["q"] = a[1:], b[1:]
+        clear = motions.piece_clear(
+            self._pieces, self._rows, self._robots, self._world, self._rooms
+        )
         return bool(clear)
 
 
 def line_of_edge(graph: StanceGraph, regrasp: Regrasp, pair: int) -> tuple[Array, Array]:
     """Joint angles of the moving limb above both points, on the branches of `Edge.pair` [rad]."""
-    out, limb = Angles.rows(2), graph.checks.robot.limbs[regrasp.limb]
+    out, robots = Angles.rows(2), graph.checks.robots
     points = regrasp.before[regrasp.limb], regrasp.to_point
     for side, (point, branch) in enumerate(zip(points, divmod(pair, 8), strict=True)):
         base, grasp = pose(regrasp.positions[side], regrasp.rotations[side]), graph.solver.grasps[point]
-        lifted_angles(limb, base, grasp, branch, graph.robot.lift, out[side])
-    return out[0].q, out[1].q
+        angles_above(robots, regrasp.limb, base, grasp, branch, out[side])
+    return out["q"][0], out["q"][1]
 
 
 def nearest_end(end: Array, turns: tuple[Array, Array], joints: Array) -> Array:
@@ -250,5 +252,5 @@ def _knot(u: float, joints: Array) -> Array:
 def _angles(joints: Array) -> Angles:
     """Joint angles, shape (6,) [rad], as compiled code takes them."""
     out: Angles = Angles.row()
-    out.q[:] = joints
+    out["q"] = joints
     return out

@@ -119,7 +119,7 @@ def branch_angles_at(solver: PostureSolver, limb: int, point: int, posture: Post
     """
     out = Angles.rows(8)
     all_angles_at(
-        solver.shapes.robot.limbs[limb], posture.base_rows[0], solver.grasps[point].flange, out
+        solver.shapes.rows, limb, posture.base_rows[0], solver.grasps[point]["flange"], out
     )
     angles: Array = out["q"]
     return angles
@@ -168,6 +168,6 @@ def _closest(
     quaternion = Rotation.from_matrix(posture.base_rotation[0]).as_quat(scalar_first=True)
     boxes = (*solver.grasp_map.boxes, *obstacles)
     rows = solver.grasps
-    grasps = [(i, rows[p].point, rows[p].normal) for i, p in enumerate(points)]
+    grasps = [(i, rows[p]["point"], rows[p]["normal"]) for i, p in enumerate(points)]
     here = (posture.base_position[0], quaternion, joints)
     return contacts(robot, boxes, here, solver.settings.clearance, grasps)

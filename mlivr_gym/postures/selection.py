@@ -53,17 +53,21 @@ def reach(robot: Robot, held: HeldStance, tried: Tried, room: PostureRoom) -> fl
 
 
 @entry
-def reach_all(robot: Robot, held: Any, tried: Any, room: PostureRoom) -> None:
-    """`reach` of K stances, each at one base pose; rows of `HeldStance` and `Tried`."""
+def reach_all(robots: Any, held: Any, tried: Any, rooms: Any) -> None:
+    """`reach` of K stances, each at one base pose.
+
+    Rows of `Robot`, shape (1,), `HeldStance` and `Tried`, shape (K,), and `PostureRoom`, shape (1,).
+    """
     for k in range(len(held)):
-        tried[k].bound = reach(robot, held[k], tried[k], room)
+        tried[k].bound = reach(robots[0], held[k], tried[k], rooms[0])
 
 
 @entry
 def base_along(
-    robot: Robot, tried: Any, branches: IntArray, room: PostureRoom, w_b: Array
+    robots: Any, tried: Any, branches: IntArray, rooms: Any, w_b: Array
 ) -> None:
     """`w_b` of K stances on given branches, shape (K, N), from what `reach_all` has found."""
+    robot, room = robots[0], rooms[0]
     count = robot.limb_count
     for k in range(len(tried)):
         for i in range(count):
@@ -78,7 +82,7 @@ def base_along(
 
 @entry
 def solve_postures(
-    start: int, stop: int, stances: Any, robot: Robot, rule: PostureRule, grid: BoxGrid, out: Any,
+    start: int, stop: int, stances: Any, robots: Any, rules: Any, grid: BoxGrid, out: Any,
     rooms: Any,
 ) -> None:
     """Best posture of each stance from `start` to `stop`.
@@ -89,15 +93,15 @@ def solve_postures(
         start: First stance.
         stop: One past the last.
         stances: Rows of `HeldStance`, shape (k,).
-        robot: The robot.
-        rule: Which base poses are tried, and which is taken.
+        robots: A row of `Robot`, shape (1,).
+        rules: A row of `PostureRule`: which base poses are tried, and which is taken.
         grid: The boxes.
         out: Rows of `Posture`, shape (k,), zeros; filled.
         rooms: A row of `PostureRoom`, shape (1,).
     """
     room = rooms[0]
     for g in range(start, stop):
-        _solve(stances[g], robot, rule, grid, out[g], room)
+        _solve(stances[g], robots[0], rules[0], grid, out[g], room)
 
 
 @part

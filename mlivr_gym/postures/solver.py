@@ -128,10 +128,10 @@ class PostureSolver:
         grasp_map: The map.
         robot: The robot.
         settings: Thresholds and switches.
-        shapes: The robot's shapes; `shapes.robot` is the robot as compiled code reads it.
+        shapes: The robot's shapes; `shapes.rows` is the robot as compiled code reads it.
         grasps: Points of the map in the world, rows of `Grasp`, shape (m,).
         boxes: The map's boxes.
-        thresholds: What stances and steps must meet.
+        thresholds: What stances and steps must meet, a row of `Thresholds`, shape (1,).
         point_cause: What a hand touches that holds each point, one of the causes in `distances`, 0
             if nothing; shape (m,).
     """
@@ -150,11 +150,11 @@ class PostureSolver:
         self._rows: dict[bytes, int] = {}
         self._solved = _Table(robot.limbs)
 
-    def _thresholds(self, least: tuple[float, float]) -> Thresholds:
-        """What stances and steps must meet, given the least `w_m` and `w_b` of stances."""
-        out: Thresholds = Thresholds.row()
-        out.w_m, out.w_b = least
-        out.floor, out.clearance = self.settings.path_floor, self.settings.clearance
+    def _thresholds(self, least: tuple[float, float]) -> Any:
+        """What stances and steps must meet, by the least `w_m` and `w_b`: a row of `Thresholds`."""
+        out = Thresholds.rows(1)
+        out["w_m"], out["w_b"] = least
+        out["floor"], out["clearance"] = self.settings.path_floor, self.settings.clearance
         return out
 
     def surroundings(self, grid: BoxGrid) -> Surroundings:
@@ -164,7 +164,7 @@ class PostureSolver:
     def hands_touch(self, grid: BoxGrid) -> IntArray:
         """What a hand touches that holds each point, 0 if nothing; shape (m,)."""
         out = np.zeros(len(self.grasp_map), dtype=np.int64)
-        hands_clear(self.shapes.robot, self.surroundings(grid), QueryRoom.row(), out)
+        hands_clear(self.shapes.rows, self.surroundings(grid), QueryRoom.rows(1), out)
         return out
 
     def clear_of_boxes(
@@ -187,8 +187,8 @@ class PostureSolver:
             postures.cause,
             np.array([others]),
         )
-        robot, around = self.shapes.robot, self.surroundings(grid)
-        in_parallel(len(chosen), clear_of_boxes, chosen, held, robot, around, rooms=QueryRoom.rows)
+        robots, around = self.shapes.rows, self.surroundings(grid)
+        in_parallel(len(chosen), clear_of_boxes, chosen, held, robots, around, rooms=QueryRoom.rows)
 
     @property
     def geometries(self) -> int:
@@ -346,8 +346,9 @@ class PostureSolver:
         collisions: bool,
     ) -> Postures:
         """The posture that the rule takes of some candidates, for each stance."""
-        settings, robot = self.settings, self.shapes.robot
-        k, count = held.grasps.shape[:2]
+        settings, k = self.settings, len(held.grasps)
+        rules, count = PostureRule.rows(1), held.grasps.shape[1]
+        rule = rules[0]
         stances = HeldStance.rows(k)
         stances["centre"] = held.centres
         tool_length = self.robot.tool_length
@@ -356,19 +357,18 @@ class PostureSolver:
         )
         for name, array in zip(("frame", "out", "line", "opposed"), candidates.frames, strict=True):
             stances[name] = array
-        rule: PostureRule = PostureRule.row()
-        rule.thresholds = self._thresholds(thresholds)
-        rule.scale_m, rule.scale_b = self._scales()
+        rule["thresholds"] = self._thresholds(thresholds)[0]
+        rule["scale_m"], rule["scale_b"] = self._scales()
         least = min(a / b for a, b in zip(thresholds, self._scales(), strict=True))
-        rule.nodes_margin, rule.first_avoid = least * (1.0 - 3.0 * TIE), avoid
-        rule.check, rule.collide = settings.transitions, collisions
+        rule["nodes_margin"], rule["first_avoid"] = least * (1.0 - 3.0 * TIE), avoid
+        rule["check"], rule["collide"] = settings.transitions, collisions
         names = ("height", "roll", "wide_height", "wide_roll")
         for name, values in zip(names, candidates[1:], strict=True):
-            setattr(rule, f"{name}_count", len(values))
-            getattr(rule, f"{name}s")[: len(values)] = values
+            rule[f"{name}_count"] = len(values)
+            rule[f"{name}s"][: len(values)] = values
         out = Posture.rows(k)
         in_parallel(
-            k, solve_postures, stances, robot, rule, grid, out, rooms=PostureRoom.rows
+            k, solve_postures, stances, self.shapes.rows, rules, grid, out, rooms=PostureRoom.rows
         )
         return Postures(
             out["base"]["position"].copy(),

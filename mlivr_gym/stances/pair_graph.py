@@ -262,13 +262,13 @@ class PairGraph(StanceGraph):
             return super().edge(state, after, posture)
         held = 1 - moving_limb(state.stance, tuple(after))
         entry = self._known.step(held, s0, s1)
-        on_arc = bool(kept_on_edge(state.masks[held], int(entry.on_arc)))
-        kept = {held: int(kept_on_edge(state.masks[held], int(entry.kept)))}
-        if entry.pair >= 0:
-            return Edge(ARC if on_arc else STRAIGHT, -1, int(entry.pair), kept)
+        on_arc = bool(kept_on_edge(state.masks[held], int(entry["on_arc"])))
+        kept = {held: int(kept_on_edge(state.masks[held], int(entry["kept"])))}
+        if entry["pair"] >= 0:
+            return Edge(ARC if on_arc else STRAIGHT, -1, int(entry["pair"]), kept)
         if on_arc:
-            return Edge(ARC, int(entry.fold_on_arc), -1, kept)
-        return Edge(STRAIGHT, int(entry.fold_on_line), -1, kept)
+            return Edge(ARC, int(entry["fold_on_arc"]), -1, kept)
+        return Edge(STRAIGHT, int(entry["fold_on_line"]), -1, kept)
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
         """The state after the step to a neighbouring stance, None if there is no such step."""

@@ -71,7 +71,7 @@ class KnownSteps:
     def step(self, held: int, before: int, after: int) -> Any:
         """What is known of one step, which is checked if it was not: a row of `PairEdge`."""
         entry = self.index(held, before, after)
-        if not self.table.edges[entry].known:
+        if not self.table.edges[entry]["known"]:
             self.know_steps(*(np.array([k], dtype=np.int64) for k in (held, before, after)))
         return self.table.edges[entry]
 

@@ -233,12 +233,11 @@ class StanceGraph(ChangingWorld):
             bit = (state.masks[i] & -state.masks[i]).bit_length() - 1
             branch = bit & 7 if self.settings.transitions else int(posture.branch[0, i])
             angles = Angles.rows(8)
-            limb = self.checks.robot.limbs[i]
-            all_angles_at(limb, here, self.solver.grasps[point].flange, angles)
+            all_angles_at(self.checks.robots, i, here, self.solver.grasps[point]["flange"], angles)
             joints[i] = angles["q"][branch]
             if self.settings.transitions and bit >= 8:
                 joints[i, 5] += np.pi
-        return here.position, quaternion(here.rotation), joints
+        return here["position"], quaternion(here["rotation"]), joints
 
     @contextmanager
     def without(self, steps: Collection[tuple[State, tuple[int, ...]]]) -> Iterator[None]:
@@ -372,7 +371,7 @@ class StanceGraph(ChangingWorld):
         steps = self._step_rows(state, points)
         steps["given"] = True
         if self.settings.collisions:
-            limb = int(steps[0].limb)
+            limb = int(steps["limb"][0])
             self._know_released(stances, np.array([[0, limb], [1, limb]]))
         self.checks.check(steps, stances, self.checks.world(self.obstacle_grid))
         return edge_of(steps[0])

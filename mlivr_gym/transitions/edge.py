@@ -20,5 +20,5 @@ class Edge(NamedTuple):
 
 def edge_of(step: Any) -> Edge:
     """The edge that a checked step is, a row of `Step`."""
-    kept = {i: int(mask) for i, mask in enumerate(step.kept) if mask}
-    return Edge(int(step.kind), int(step.folds[step.kind]), int(step.pair), kept)
+    kept = {i: int(mask) for i, mask in enumerate(step["kept"]) if mask}
+    return Edge(int(step["kind"]), int(step["folds"][step["kind"]]), int(step["pair"]), kept)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mlivr_gym.collisions.limb_shapes import Limb, Robot
@@ -25,7 +27,7 @@ def nearest_turn(angle: float, q: float, low: float, high: float) -> float:
     return out if low <= out <= high else np.nan
 
 
-@entry
+@kernel
 def fold_nearest_to(robot: Robot, fold: int, arm: Arm, near: Angles, to: Angles) -> bool:
     """A fold on the windings nearest to `near`, into `to`; whether it lies inside the limits.
 
@@ -40,7 +42,7 @@ def fold_nearest_to(robot: Robot, fold: int, arm: Arm, near: Angles, to: Angles)
     return inside
 
 
-@entry
+@kernel
 def line_end(first: Angles, last: Angles, arm: Arm, to: Angles) -> float:
     """Where a line in joint space ends, on the windings nearest to its start.
 
@@ -66,7 +68,7 @@ def line_end(first: Angles, last: Angles, arm: Arm, to: Angles) -> float:
     return length if limits[5, 0] <= out[5] <= limits[5, 1] else np.inf
 
 
-@entry
+@kernel
 def lifted_angles(
     limb: Limb, base: Pose, grasp: Grasp, branch: int, lift: float, to: Angles
 ) -> bool:
@@ -119,3 +121,23 @@ def lifted_branches(
             if lifted_angles(limb, base, grasp, b, robot.lift, room.q[side, b]):
                 found |= both_flips(b)
     return found & mask
+
+
+@entry
+def fold_of_limb(robots: Any, i: int, fold: int, near: Angles, to: Angles) -> bool:
+    """`fold_nearest_to` of limb `i` of a row of `Robot`, shape (1,)."""
+    return fold_nearest_to(robots[0], fold, robots[0].limbs[i].arm, near, to)
+
+
+@entry
+def line_of_limb(robots: Any, i: int, first: Angles, last: Angles, to: Angles) -> float:
+    """`line_end` of limb `i` of a row of `Robot`, shape (1,)."""
+    return line_end(first, last, robots[0].limbs[i].arm, to)
+
+
+@entry
+def angles_above(
+    robots: Any, i: int, base: Pose, grasp: Grasp, branch: int, to: Angles
+) -> bool:
+    """`lifted_angles` of limb `i` of a row of `Robot`, shape (1,)."""
+    return lifted_angles(robots[0].limbs[i], base, grasp, branch, robots[0].lift, to)

@@ -97,7 +97,7 @@ def is_clear(robot: Robot, world: World, layer: int, room: Sweep) -> bool:
     Layer 0 are the boxes of the map, layer 1 the obstacles.
     """
     grid = world.boxes if layer == 0 else world.obstacles
-    return sweep(robot, grid, world.thresholds.clearance, room) == CLEAR
+    return sweep(robot, grid, world.thresholds[0].clearance, room) == CLEAR
 
 
 @kernel
@@ -116,16 +116,17 @@ def swing_clear(
 
 
 @entry
-def piece_clear(piece: Piece, holds: Any, robot: Robot, world: World, room: Sweep) -> bool:
+def piece_clear(pieces: Any, holds: Any, robots: Any, world: World, rooms: Any) -> bool:
     """Whether the robot touches nothing along a piece of a swing.
 
     Args:
-        piece: The piece.
+        pieces: The piece, a row of `Piece`, shape (1,).
         holds: Rows of `Hold`: limbs that hold meanwhile.
-        robot: The robot.
+        robots: A row of `Robot`, shape (1,).
         world: What is checked.
-        room: Scratch.
+        rooms: A row of `Sweep`, shape (1,).
     """
+    piece, robot, room = pieces[0], robots[0], rooms[0]
     room.resting.count = 0
     follow_path(room, piece.path, piece.begin, piece.finish)
     for layer in range(world.first, world.stop):

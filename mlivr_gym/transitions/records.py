@@ -8,7 +8,6 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.collisions.sweep import Sweep
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Record, Vector
@@ -16,7 +15,7 @@ from mlivr_gym.kinematics.arm import JointAxes
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.holding import Holding
 from mlivr_gym.kinematics.limb import Angles
-from mlivr_gym.postures.records import Limbs, Thresholds
+from mlivr_gym.postures.records import Limbs
 from mlivr_gym.robot.specification import MOST_LIMBS
 
 MOST_FOLDS = 4
@@ -60,8 +59,8 @@ class World(NamedTuple):
     """Boxes of the map."""
     obstacles: BoxGrid
     """Boxes beside those."""
-    thresholds: Thresholds
-    """Floor and clearance."""
+    thresholds: Any
+    """Floor and clearance, a row of `Thresholds`, shape (1,)."""
     first: int
     """0 to begin with the map and the robot itself, 1 to check obstacles alone."""
     stop: int
@@ -72,7 +71,8 @@ class Scene(NamedTuple):
     """A robot at stances in a world."""
 
     stances: StanceSet
-    robot: Robot
+    robots: Any
+    """A row of `Robot`, shape (1,)."""
     world: World
 
 

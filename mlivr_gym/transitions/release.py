@@ -88,7 +88,7 @@ def release(
         layer: 0 for the map and the robot itself, 1 for obstacles.
         room: Scratch.
     """
-    stances, robot, world = scene.stances, scene.robot, scene.world
+    stances, robot, world = scene.stances, scene.robots[0], scene.world
     answer, base = stances.released[s, limb], stances.base[s]
     arm, grasp = robot.limbs[limb], world.grasps[stances.points[s, limb]]
     resting(room.path, base)
@@ -139,7 +139,7 @@ def _depart(
 @kernel
 def _add_resting(s: int, limb: int, scene: Scene, room: StepRoom) -> None:
     """Put a limb at rest on each branch on which it may hold at a stance."""
-    stances, robot, world = scene.stances, scene.robot, scene.world
+    stances, robot, world = scene.stances, scene.robots[0], scene.world
     arm, others = robot.limbs[limb], room.sweep.resting
     p, _, z = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
     placed, axes = room.sweep.first, room.axes
@@ -160,7 +160,7 @@ def _elbow_up(s: int, limb: int, mask: int, scene: Scene, room: StepRoom) -> int
     the limb farther from the surface. Twins have equal `w_m` and the same hand; to keep one of each
     halves the work and costs few steps.
     """
-    stances, robot, world = scene.stances, scene.robot, scene.world
+    stances, robot, world = scene.stances, scene.robots[0], scene.world
     arm, placed = robot.limbs[limb], room.sweep.first
     p, _, z = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
     for b in range(0, BRANCHES, 2):
@@ -189,7 +189,7 @@ def _fold(
 
     The limb is above its point, with the joint angles `room.q[0]`.
     """
-    robot, world = scene.robot, scene.world
+    robot, world = scene.robots[0], scene.world
     again, arm, sweep = layer > 0, robot.limbs[limb].arm, room.sweep
     for root in range(robot.fold_count):
         if again and answer.root != root:
@@ -233,7 +233,7 @@ def _joined_by_lines(
 
     Among obstacles the first branch alone.
     """
-    robot, world = scene.robot, scene.world
+    robot, world = scene.robots[0], scene.world
     group, arm = room.group, robot.limbs[limb].arm
     for a in range(BRANCHES):
         group[a] = a

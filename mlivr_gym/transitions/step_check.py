@@ -12,7 +12,6 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.postures.solver import Postures, PostureSolver
@@ -29,12 +28,13 @@ class StepChecks:
 
     Attributes:
         solver: The robot, the map and its boxes, and what stances and steps must meet.
+        robots: The robot as compiled code reads it, a row of `Robot`, shape (1,).
     """
 
     def __init__(self, solver: PostureSolver) -> None:
         """Check steps of the robot of `solver`."""
         self.solver = solver
-        self.robot: Robot = solver.shapes.robot
+        self.robots = solver.shapes.rows
 
     def world(self, obstacles: BoxGrid | None, again: bool = False) -> World:
         """What motions are checked against.
@@ -68,7 +68,7 @@ class StepChecks:
     def release(self, stances: StanceSet, todo: IntArray, world: World) -> None:
         """Work out what can be released; `todo` are stances and limbs, shape (k, 2)."""
         if len(todo):
-            scene = Scene(stances, self.robot, world)
+            scene = Scene(stances, self.robots, world)
             in_parallel(
                 len(todo), release_all, todo, scene, rooms=StepRoom.rows, least=LEAST_IN_THREADS
             )
@@ -81,7 +81,7 @@ class StepChecks:
 
     def hold(self, steps: Any, stances: StanceSet, world: World) -> Any:
         """Which steps the limbs that hold can follow on some base path, shape (k,)."""
-        scene = Scene(stances, self.robot, world)
+        scene = Scene(stances, self.robots, world)
         in_parallel(
             len(steps), hold_all, steps, scene, rooms=StepRoom.rows, least=LEAST_IN_THREADS
         )
@@ -90,7 +90,7 @@ class StepChecks:
     def check(self, steps: Any, stances: StanceSet, world: World) -> None:
         """Check steps, each between two of some stances; what is found is written into them."""
         if len(steps):
-            scene = Scene(stances, self.robot, world)
+            scene = Scene(stances, self.robots, world)
             in_parallel(
                 len(steps), check_all, steps, scene, rooms=StepRoom.rows, least=LEAST_IN_THREADS
             )

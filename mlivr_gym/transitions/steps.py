@@ -56,7 +56,7 @@ def hold_all(
 
     This is quick; `Step.kept` is then not empty, and says no more.
     """
-    robot = scene.robot
+    robot = scene.robots[0]
     for k in range(start, stop):
         step, room = steps[k], rooms[0]
         _forget(step, robot, room)
@@ -107,11 +107,11 @@ def _holds(
     kind: int, step: Step, scene: Scene, room: StepRoom
 ) -> bool:
     """Work out `room.holds` for a kind of path, once; whether every limb that holds can follow it."""
-    stances, robot, world = scene.stances, scene.robot, scene.world
+    stances, robot, world = scene.stances, scene.robots[0], scene.world
     if not room.holds_known[kind]:
         room.holds_known[kind] = True
         _set_path(kind, step, scene, room)
-        floor = world.thresholds.floor * robot.characteristic_length**3
+        floor = world.thresholds[0].floor * robot.characteristic_length**3
         able = True
         for i in range(robot.limb_count):
             room.holds[kind, i] = 0
@@ -149,7 +149,7 @@ def check(step: Step, scene: Scene, room: StepRoom) -> None:
 
     Of an edge that is known already its motion alone is checked, on the branches it keeps.
     """
-    stances, robot, world = scene.stances, scene.robot, scene.world
+    stances, robot, world = scene.stances, scene.robots[0], scene.world
     on_line = step.again and step.pair >= 0
     _forget(step, robot, room)
     able = False
@@ -198,7 +198,7 @@ def _set_stage(
     grasped just before or moves just after; for one limb that holds then those where only one is
     true, then the others. For more the pairs of branches would be too many.
     """
-    stances, robot = scene.stances, scene.robot
+    stances, robot = scene.stances, scene.robots[0]
     for i in range(robot.limb_count):
         first = stances.released[step.before, i].branches
         second = stances.released[step.after, i].branches
@@ -219,7 +219,7 @@ def _folded(
     Without collisions there are no folds. One limb that holds may take some branches along the line
     and others along the arc.
     """
-    robot, world = scene.robot, scene.world
+    robot, world = scene.robots[0], scene.world
     alone = robot.limb_count == 2
     for kind in range(2):
         for i in range(robot.limb_count):
@@ -261,7 +261,7 @@ def _stays_folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> int:
 
     Another fold might serve the obstacles; the first that serves the map must serve all.
     """
-    robot, world = scene.robot, scene.world
+    robot, world = scene.robots[0], scene.world
     fold = np.int64(-1)
     for layer in range(world.first, world.stop):
         found = np.int64(-1)
@@ -298,7 +298,7 @@ def _hold_apart(
     Returns:
         Whether every limb that holds has one left; if one has none the others are not looked at.
     """
-    robot, world = scene.robot, scene.world
+    robot, world = scene.robots[0], scene.world
     for layer in range(world.first, world.stop):
         for i in range(robot.limb_count):
             if i == step.limb:
@@ -326,7 +326,7 @@ def _hold_clear(
     parts: int, i: int, b: int, layer: int, step: Step, scene: Scene, room: StepRoom
 ) -> bool:
     """Whether limb `i` can hold on branch `b` along the base path, clear of some parts."""
-    stances, robot, world = scene.stances, scene.robot, scene.world
+    stances, robot, world = scene.stances, scene.robots[0], scene.world
     inside, sweep = layer == 0, room.sweep
     let_hold(sweep.motion.first, i, b, world.grasps[stances.points[step.after, i]])
     let_swing(sweep.motion.second, step.limb, room.start, room.end)
@@ -340,7 +340,7 @@ def _holds_apart(
     i: int, b: int, j: int, c: int, step: Step, scene: Scene, room: StepRoom
 ) -> bool:
     """Whether limb `i` on branch `b` keeps clear of `j` on `c` while both hold along the path."""
-    stances, robot, world = scene.stances, scene.robot, scene.world
+    stances, robot, world = scene.stances, scene.robots[0], scene.world
     sweep, points = room.sweep, stances.points
     let_hold(sweep.motion.first, i, b, world.grasps[points[step.after, i]])
     let_hold(sweep.motion.second, j, c, world.grasps[points[step.after, j]])
@@ -379,7 +379,7 @@ def _on_lines(
     step: Step, scene: Scene, room: StepRoom
 ) -> None:
     """Branches that limbs that hold keep while the other swings along a line in joint space."""
-    stances, robot, world = scene.stances, scene.robot, scene.world
+    stances, robot, world = scene.stances, scene.robots[0], scene.world
     limb = robot.limbs[step.limb]
     for side in range(2):
         s = step.after if side else step.before
@@ -442,7 +442,7 @@ def pairs_by_travel(arm: Arm, room: StepRoom) -> int:
 @part
 def _line_clear(pair: int, step: Step, scene: Scene, room: StepRoom) -> bool:
     """Whether the limb can swing along the line between a pair of branches, along the base path."""
-    robot, world = scene.robot, scene.world
+    robot, world = scene.robots[0], scene.world
     first, last = room.q[0, pair // BRANCHES], room.q[1, pair % BRANCHES]
     line_end(first, last, robot.limbs[step.limb].arm, room.end)
     for joint in range(6):
