@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Matrix, Record, Vector
 
 if TYPE_CHECKING:
@@ -153,8 +152,20 @@ def angle_between(a: Triple, b: Triple) -> float:
     return angle
 
 
+@entry
+def _quaternions(poses: Any, out: Array) -> None:
+    """Quaternions of the poses after the first, seen from that, into `out`, shape (k, 4)."""
+    for k in range(len(out)):
+        angle, axis = relative_rotation(poses[0].rotation, poses[k + 1].rotation)
+        out[k, 0] = np.cos(0.5 * angle)
+        for c in range(3):
+            out[k, c + 1] = np.sin(0.5 * angle) * axis[c]
+
+
 def quaternion(rotation: Array) -> Array:
     """Quaternions w, x, y, z with w >= 0, shape (..., 4), of rotations, shape (..., 3, 3)."""
-    turned = Rotation.from_matrix(rotation)
-    out: Array = turned.as_quat(canonical=True, scalar_first=True)
-    return out
+    turned = rotation.reshape(-1, 3, 3)
+    poses, out = Pose.rows(len(turned) + 1), np.empty((len(turned), 4))
+    poses["rotation"][0], poses["rotation"][1:] = np.eye(3), turned
+    _quaternions(poses, out)
+    return out.reshape(*rotation.shape[:-2], 4)

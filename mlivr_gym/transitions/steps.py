@@ -43,6 +43,9 @@ from mlivr_gym.transitions.records import Scene, Step, StepRoom
 TRIES = 8
 """Pairs of branches that are checked for one base path."""
 
+TIE = 1e-9
+"""Lines whose lengths differ by this or less count as equally long [rad]: the first pair is taken."""
+
 STANDING, MOVER, BOTH = np.arange(3)
 """Parts of what a limb that holds is checked against: boxes, body, itself and other limbs that hold;
 the limb that moves; and both."""
@@ -168,10 +171,11 @@ def check(step: Step, scene: Scene, room: StepRoom) -> None:
     alone = robot.limb_count == 2
     stages = 1 if step.again or step.given or not alone else 3
     for stage in range(stages):
-        if not _any_kept(step, robot) and not on_line and folds:
+        if not _any_kept(step, robot) and not on_line:
             if not (step.again or step.given):
                 _set_stage(stage, step, scene, room)
-            _folded(step, scene, folds, room)
+            if folds:
+                _folded(step, scene, folds, room)
     if (on_line or not step.again) and not _any_kept(step, robot):
         for i in range(robot.limb_count):
             if alone:
@@ -431,7 +435,7 @@ def pairs_by_travel(arm: Arm, room: StepRoom) -> int:
                 length = line_end(room.q[0, b0], room.q[1, b1], arm, room.end)
                 if length < np.inf:
                     place = count
-                    while place > 0 and travel[place - 1] > length:
+                    while place > 0 and travel[place - 1] > length + TIE:
                         travel[place], order[place] = travel[place - 1], order[place - 1]
                         place -= 1
                     travel[place], order[place] = length, BRANCHES * b0 + b1
