@@ -1,14 +1,16 @@
 """How kernels are compiled, cached and run in threads.
 
-A `kernel` is called by other kernels alone; an `entry` is where Python enters compiled code. Only
-entries are kept on disk, with all that they call.
+A `kernel` is called by other kernels alone, a `part` by one of them; an `entry` is where Python
+enters compiled code. Only entries are kept on disk, with all that they call.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from numba import config, njit
@@ -24,13 +26,19 @@ OPTIONS: dict[str, Any] = {
     "no_cfunc_wrapper": True,
     "_nrt": False,
 }
-"""What all kernels are compiled with: free of the interpreter's lock, without reference counts."""
+"""What all kernels are compiled with: free of the interpreter's lock, without reference counts.
+
+`_nrt` is the one private option of the compiler that is used. No kernel makes an array, so nothing
+needs to be counted; with counts, which are atomic, all postures of the JEM take 1.16 times as long.
+"""
+
+_told: set[str] = set()
+"""Folders of which it was said that they cannot be written."""
 
 
 def kernel(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
     """Compile a function that only kernels call."""
-    compiled: Callable[Parameters, Returned] = njit(
-        no_cpython_wrapper=True, **OPTIONS)(function)
+    compiled: Callable[Parameters, Returned] = njit(no_cpython_wrapper=True, **OPTIONS)(function)
     return compiled
 
 
@@ -50,17 +58,32 @@ def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retu
     """
     settings: Any = config  # its attributes are set as it is loaded
     given = settings.CACHE_DIR
-    settings.CACHE_DIR = given or str(kernel_folder(function.__code__.co_filename))
+    folder = given or str(kernel_folder(function.__code__.co_filename))
+    settings.CACHE_DIR = folder
     try:
-        compiled: Callable[Parameters, Returned] = njit(cache=True, **OPTIONS)(function)
+        cached = not config.DISABLE_JIT and _writable(folder)
+        compiled: Callable[Parameters, Returned] = njit(cache=cached, **OPTIONS)(function)
     finally:
         settings.CACHE_DIR = given
     return compiled
 
 
-def workers(count: int, least: int = 2000) -> int:
-    """Number of threads for `count` items: one for fewer than `least`."""
-    return min(os.cpu_count() or 1, 8) if count >= least else 1
+def _writable(folder: str) -> bool:
+    """Whether files can be kept in a folder, which is made; says once if not."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        able = os.access(folder, os.W_OK)
+    except OSError:
+        able = False
+    place = str(Path(folder).parent)
+    if not able and place not in _told:
+        _told.add(place)
+        logging.getLogger(__name__).warning(
+            "machine code cannot be kept in %s: it is compiled anew in every process, which takes "
+            "half a minute; set MLIVR_GYM_CACHE to a folder that can be written",
+            place,
+        )
+    return able
 
 
 def in_parallel(
@@ -77,7 +100,7 @@ def in_parallel(
         rooms: Makes rows of scratch records, given their number.
         least: See above.
     """
-    used = workers(count, least)
+    used = min(os.cpu_count() or 1, 8) if count >= least else 1
     room = rooms(used)
     if used == 1:
         kernel(0, count, *args, room)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from mlivr_gym.compiled.warming import warming
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
+
+
+SECOND = Path(__file__).parent.parent / "planners" / "warmup.py"
+"""What compiles the kernels of steps beside those of the stance set, on the first use."""
 
 
 def stance_graph(
@@ -33,7 +40,8 @@ def stance_graph(
     grasp_map, robot, settings = grasp_map or jem_map(), robot_spec(robot), settings or Settings()
     if robot.limbs > 2:
         return LazyGraph(grasp_map, robot, settings)
-    graph = PairGraph(grasp_map, robot, settings)
+    with warming("mlivr_gym.planners.warmup", str(SECOND)):
+        graph = PairGraph(grasp_map, robot, settings)
     if not len(graph):
         raise RobotError(
             f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: "

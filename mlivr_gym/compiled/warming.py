@@ -1,0 +1,158 @@
+"""What happens on the first use of an installation: kernels are compiled, and a bar is shown.
+
+The steps' kernels are compiled by a second process beside the stance set's.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from numba.core import event
+
+from mlivr_gym.compiled.cache import kernel_folder
+
+EXPECTED = 260
+"""Functions that both processes compile together, about; only the bar depends on it."""
+
+PATIENCE = 0.5
+"""Time after which a bar is shown [s]."""
+
+WAIT = 180.0
+"""How long the second process may take [s]; then its kernels are compiled here."""
+
+QUIET = "MLIVR_GYM_COMPILING"
+"""Environment variable that is set in the second process."""
+
+
+class _Bar(event.Listener):
+    """A line on the terminal, and a bar that counts compiled functions."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self.done, self._began, self._shown = 0, time.perf_counter(), -1
+        self._told = False
+
+    def on_start(self, event: Any) -> None:
+        """A function is about to be compiled."""
+
+    def on_end(self, event: Any) -> None:
+        """A function was compiled."""
+        self.count(1)
+
+    def count(self, more: int) -> None:
+        """Count some more."""
+        self.done += more
+        if time.perf_counter() - self._began < PATIENCE:
+            return
+        if not self._told:
+            self._told = True
+            print(
+                "mlivr-gym: compiling for this machine, once for this version",
+                file=sys.stderr, flush=True,
+            )  # fmt: skip
+        filled = min(30 * self.done // EXPECTED, 29)
+        if sys.stderr.isatty() and filled != self._shown:
+            self._shown = filled
+            spent = time.perf_counter() - self._began
+            bar = "#" * filled + "." * (30 - filled)
+            print(f"\r[{bar}] {spent:.0f} s", end="", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Clear the bar."""
+        if self._shown >= 0:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def warming(module: str, source: str) -> Iterator[None]:
+    """Run the block, in which kernels may have to be compiled.
+
+    Where that was not done yet, `python -m module` is run beside the block to compile others, and
+    waited for; progress is shown.
+
+    Args:
+        module: What compiles the others.
+        source: File of the module: there is one mark for each state of it and of what it imports.
+    """
+    mark = kernel_folder(source) / "compiled"
+    if os.environ.get(QUIET) or mark.exists():
+        yield
+        return
+    bar = _Bar()
+    with event.install_listener("numba:compile", bar):
+        process = _second(module, bar)
+        try:
+            yield
+        except BaseException:
+            # An error or an interruption is not to wait for what nobody will call.
+            if process is not None:
+                process.kill()
+            raise
+        else:
+            _wait(process, mark)
+        finally:
+            bar.close()
+
+
+def _second(module: str, bar: _Bar) -> subprocess.Popen[bytes] | None:
+    """Start the second process, if there is a processor for it; what it compiles is counted."""
+    if (os.cpu_count() or 1) < 2 or not sys.executable:
+        return None
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-W", "ignore", "-m", module],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | {QUIET: "1"},
+        )
+    except OSError:
+        return None
+
+    def listen() -> None:
+        assert process.stdout is not None
+        while more := process.stdout.read1(64):
+            bar.count(len(more))
+
+    threading.Thread(target=listen, daemon=True).start()
+    return process
+
+
+def _wait(process: subprocess.Popen[bytes] | None, mark: Path) -> None:
+    """Wait for the second process, and mark that all is compiled."""
+    if process is None:
+        return
+    try:
+        if process.wait(timeout=WAIT) == 0:
+            mark.parent.mkdir(parents=True, exist_ok=True)
+            mark.touch()
+    except subprocess.TimeoutExpired:
+        process.kill()
+    except OSError:
+        return
+
+
+class _Reporter(event.Listener):
+    """Writes a byte for each function that was compiled, for the first process to count."""
+
+    def on_start(self, event: Any) -> None:
+        """A function is about to be compiled."""
+
+    def on_end(self, event: Any) -> None:
+        """A function was compiled."""
+        os.write(1, b".")
+
+
+@contextmanager
+def reporting() -> Iterator[None]:
+    """Report to the first process what is compiled in the block."""
+    with event.install_listener("numba:compile", _Reporter()):
+        yield
