@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.compiled.bit_sets import has
+from mlivr_gym.compiled.bit_sets import EMPTY, has
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import (
@@ -28,7 +28,7 @@ from mlivr_gym.planners.pair_search import (
 )
 from mlivr_gym.planners.queue import Queue, first, grown, has_room, pop, push, queue
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_steps import PairTable, edge_index, releasable
+from mlivr_gym.stances.pair_steps import PairTable, branches_kept, edge_index, releasable
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 from mlivr_gym.transitions.state import State, Successors
 
@@ -50,7 +50,10 @@ class Backward(NamedTuple):
 
 
 def backward(
-    graph: PairGraph, goal: BoolArray, weights: Weights, start: int = -1,
+    graph: PairGraph,
+    goal: BoolArray,
+    weights: Weights,
+    start: int = -1,
     toward: Array | None = None,
 ) -> tuple[Array, float, bool]:
     """Fill the table by best-first search backward from the goal stances.
@@ -72,9 +75,7 @@ def backward(
     costs = (np.full((n, 2, FLIPS), np.inf) for _ in range(2))
     known = Backward(*costs, *(np.zeros((n, 2), dtype=np.int64) for _ in range(2)))
     while True:
-        status = int(
-            _backward(goal, start, toward, weights, graph.steps, known, entries, progress)
-        )
+        status = int(_backward(goal, start, toward, weights, graph.steps, known, entries, progress))
         if status == UNKNOWN_STEP:
             graph.know_step(*(int(progress[name]) for name in ("held", "before", "after")))
         elif status == NO_ROOM:
@@ -91,8 +92,14 @@ def first_entry(entries: Queue) -> int:
 
 @entry
 def _backward(
-    goal: BoolArray, start: int, toward: Array, weights: Weights, table: PairTable,
-    known: Backward, entries: Queue, progress: Progress,
+    goal: BoolArray,
+    start: int,
+    toward: Array,
+    weights: Weights,
+    table: PairTable,
+    known: Backward,
+    entries: Queue,
+    progress: Progress,
 ) -> int:
     """Go on with a search until it ends or stops for a while, see `backward`.
 
@@ -109,7 +116,7 @@ def _backward(
                 for held in range(2):
                     node = 4 * s + 2 * held + 1
                     push(entries, toward[s], 0.0, 0.0, node, -1, table.mask[s, held])
-    while entries.count.size > 0:
+    while entries.filled.size > 0:
         item = first(entries)
         s, held = entries.node[item] // 4, entries.node[item] // 2 % 2
         grasped = entries.node[item] % 2 == 1
@@ -136,7 +143,7 @@ def _backward(
             continue
         if table.check:
             edge = table.edges[edge_index(held, s, entries.link[item], table)]
-            new = kept_on_edge(new, np.int64(edge.kept))
+            new = kept_on_edge(new, branches_kept(edge))
         if new:
             first_time = _note(s, held, new, entries.cost[item], table, known)
             if s == start:
@@ -148,11 +155,11 @@ def _backward(
 
 
 @kernel
-def _note(
-    s: int, held: int, new: int, cost: float, table: PairTable, known: Backward
-) -> bool:
-    """Note the cost of holding on some branches; whether one of them is the first on which the limb
-    can be released here."""
+def _note(s: int, held: int, new: int, cost: float, table: PairTable, known: Backward) -> bool:
+    """Note the cost of holding on some branches.
+
+    Returns whether one of them is the first on which the limb can be released here.
+    """
     branches = releasable(table, s, held) if table.check else table.mask[s, held]
     first_time = can_release(new, branches) and not can_release(known.holding[s, held], branches)
     known.holding[s, held] |= new
@@ -181,7 +188,13 @@ def _grasp_before(
 
 @kernel
 def _hold_before(
-    s: int, held: int, new: int, cost: float, toward: Array, weights: Weights, table: PairTable,
+    s: int,
+    held: int,
+    new: int,
+    cost: float,
+    toward: Array,
+    weights: Weights,
+    table: PairTable,
     arrays: tuple[Backward, Queue],
 ) -> None:
     """Put the stances into the queue from which the other limb may have come to grasp here."""
@@ -200,12 +213,12 @@ def _hold_before(
         if check:
             edge = table.edges[first_edge + table.local[held, s2]]
             if edge.known:
-                sure, keep = True, kept_on_edge(keep, np.int64(edge.kept))
+                sure, keep = True, kept_on_edge(keep, branches_kept(edge))
         dx = table.row_base[held, k, 0] - x
         dy = table.row_base[held, k, 1] - y
         dz = table.row_base[held, k, 2] - z
         cost2 = cost + weights.base * np.sqrt(dx * dx + dy * dy + dz * dz) + weights.step
-        better = np.int64(0)
+        better = EMPTY
         for b in range(FLIPS):
             if has(keep, b) and cost2 < known.best[s2, held, b]:
                 if sure:
@@ -213,7 +226,6 @@ def _hold_before(
                 better |= 1 << b
         if better:
             push(entries, cost2 + toward[s2], 0.0, cost2, 4 * s2 + 2 * held, s, better)
-
 
 
 class CostToGo:

@@ -10,17 +10,18 @@ the cost of going on is the least over the branches kept.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.compiled.bit_sets import EMPTY
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.queue import Queue, first, grown, has_room, pop, push, queue
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_steps import PairTable, edge_index, releasable
+from mlivr_gym.stances.pair_steps import PairTable, branches_kept, edge_index, releasable
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 FOUND, EXHAUSTED, LIMIT = 0, 1, 2
@@ -127,25 +128,39 @@ def search(
     entries, out = queue(1 << 14), _expanded(1 << 10)
     closed = Closed(np.zeros((n, 2), dtype=np.int64), np.full((n, 2), np.inf))
     while True:
-        status = int(_search(seeds, goal, h, weights, graph.steps, closed, (entries, out), progress))
+        status = int(
+            _search(seeds, goal, h, weights, graph.steps, closed, (entries, out), progress)
+        )
         if status == UNKNOWN_STEP:
             graph.know_step(*(int(progress[name]) for name in ("held", "before", "after")))
         elif status == NO_ROOM:
             entries, out = grown(entries), grown(out)
         else:
             count = int(progress["expanded"])
-            return status, int(entries.count["used"]), Expanded(*(a[:count] for a in out))
+            return status, int(entries.filled["used"]), first_of(out, count)
+
+
+def first_of(out: Expanded, count: int) -> Expanded:
+    """The first of some expanded states."""
+    parts: Any = (field[:count] for field in out)
+    return Expanded(*parts)
 
 
 def _expanded(room: int) -> Expanded:
-    ints = (np.empty(room, dtype=np.int64) for _ in range(4))
-    return Expanded(*ints, np.empty(room))
+    stance, moved, mask, parent = (np.empty(room, dtype=np.int64) for _ in range(4))
+    return Expanded(stance, moved, mask, parent, np.empty(room))
 
 
 @entry
 def _search(
-    seeds: Seeds, goal: BoolArray, h: Array, weights: Weights, table: PairTable, closed: Closed,
-    arrays: tuple[Queue, Expanded], progress: Progress,
+    seeds: Seeds,
+    goal: BoolArray,
+    h: Array,
+    weights: Weights,
+    table: PairTable,
+    closed: Closed,
+    arrays: tuple[Queue, Expanded],
+    progress: Progress,
 ) -> int:
     """Go on with a search until it ends or stops for a while, see `search`."""
     entries, out = arrays
@@ -156,11 +171,11 @@ def _search(
         for k in range(len(seeds.stance)):
             s, cost = seeds.stance[k], seeds.cost[k]
             push(entries, weights.g * cost + h[s], cost, cost, 3 * s + seeds.moved[k], -1 - k, 0)
-    while entries.count.size > 0:
+    while entries.filled.size > 0:
         item = first(entries)
         s, moved = entries.node[item] // 3, entries.node[item] % 3
         above, held, full = entries.link[item], 1 - moved, True
-        kept = np.int64(0)
+        kept = EMPTY
         if moved < NOBODY:
             kept = table.mask[s, held]
             if table.check:
@@ -175,13 +190,13 @@ def _search(
                     if not edge.known:
                         progress.held, progress.before, progress.after = held, before, s
                         return UNKNOWN_STEP
-                    kept = kept_on_edge(kept, np.int64(edge.kept))
+                    kept = kept_on_edge(kept, branches_kept(edge))
                     if last == moved:
                         kept = kept_on_edge(out.mask[above], kept)
                     elif last == held:
                         kept = kept_on_edge(releasable(table, before, held), kept)
                         if not can_release(out.mask[above], releasable(table, before, moved)):
-                            kept = np.int64(0)
+                            kept = EMPTY
             if kept & ~closed.mask[s, moved] == 0:
                 pop(entries)
                 continue
@@ -214,7 +229,12 @@ def _search(
 
 @kernel
 def _expand(
-    here: int, cost: float, h: Array, weights: Weights, table: PairTable, closed: Closed,
+    here: int,
+    cost: float,
+    h: Array,
+    weights: Weights,
+    table: PairTable,
+    closed: Closed,
     arrays: tuple[Queue, Expanded],
 ) -> None:
     """Put the neighbours of expanded state `here` into the queue."""
@@ -253,7 +273,7 @@ def _expand(
             if check:
                 edge = table.edges[first_edge + local[holds, s2]]
                 if edge.known:
-                    after = kept_on_edge(kept_on_edge(of_held, theirs), np.int64(edge.kept))
+                    after = kept_on_edge(kept_on_edge(of_held, theirs), branches_kept(edge))
                     if after & ~closed.mask[s2, limb] == 0:
                         continue
                     if sure and after == theirs:
@@ -305,7 +325,10 @@ def steps_to_goal(
 
 
 def distance_to_goal(
-    graph: PairGraph, goal: BoolArray, weights: Weights, start: int = -1,
+    graph: PairGraph,
+    goal: BoolArray,
+    weights: Weights,
+    start: int = -1,
     toward: Array | None = None,
 ) -> Array:
     """Exact cost from stances to the goal region when steps are not checked, shape (n,).
@@ -344,8 +367,13 @@ class Costs(NamedTuple):
 
 @entry
 def _distance(
-    goal: BoolArray, toward: Array, weights: Weights, table: PairTable, cost: Costs,
-    entries: Queue, progress: Progress,
+    goal: BoolArray,
+    toward: Array,
+    weights: Weights,
+    table: PairTable,
+    cost: Costs,
+    entries: Queue,
+    progress: Progress,
 ) -> int:
     """Go on with a search until it ends or its queue is full, see `distance_to_goal`."""
     if not progress.seeded:
@@ -354,7 +382,7 @@ def _distance(
             if goal[s] and table.mask[s, 0]:
                 cost.value[s] = 0.0
                 push(entries, toward[s], 0.0, 0.0, s, -1, 0)
-    while entries.count.size > 0:
+    while entries.filled.size > 0:
         item = first(entries)
         s = entries.node[item]
         if cost.closed[s] < np.inf:

@@ -1,7 +1,7 @@
 """The queue of the compiled searches: a binary heap whose arrays grow between two calls (compiled).
 
-Entries are taken in the order of their estimates `f`: the smallest first, of equal ones that with the
-largest cost so far `g`, then the earliest.
+Entries are taken in the order of their estimates `f`: the smallest first, of equal ones that with
+the largest cost so far `g`, then the earliest.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class QueueSize(Record):
 class Queue(NamedTuple):
     """Entries of a search, and a heap of those that wait."""
 
-    count: QueueSize
+    filled: QueueSize
     f: Array
     """Estimate of each entry."""
     g: Array
@@ -46,16 +46,18 @@ class Queue(NamedTuple):
 
 def queue(room: int) -> Queue:
     """An empty queue with room for some entries."""
-    floats = (np.empty(room) for _ in range(3))
-    ints = (np.empty(room, dtype=np.int64) for _ in range(4))
-    return Queue(QueueSize.row(), *floats, *ints)
+    f, g, cost = (np.empty(room) for _ in range(3))
+    node, link, bits, heap = (np.empty(room, dtype=np.int64) for _ in range(4))
+    return Queue(QueueSize.row(), f, g, cost, node, link, bits, heap)
 
 
 def grown(old: Any) -> Any:
     """A named tuple of arrays with room for twice as many entries; records stay."""
     return type(old)(
         *(
-            np.concatenate([field, np.empty_like(field)]) if isinstance(field, np.ndarray) else field
+            np.concatenate([field, np.empty_like(field)])
+            if isinstance(field, np.ndarray)
+            else field
             for field in old
         )
     )
@@ -64,7 +66,7 @@ def grown(old: Any) -> Any:
 @kernel
 def has_room(entries: Queue, more: int) -> bool:
     """Whether some more entries fit."""
-    return int(entries.count.used) + more <= len(entries.f)
+    return int(entries.filled.used) + more <= len(entries.f)
 
 
 @kernel
@@ -83,14 +85,12 @@ def _before(a: int, b: int, entries: Queue) -> bool:
 
 
 @kernel
-def push(
-    entries: Queue, f: float, g: float, cost: float, node: int, link: int, bits: int
-) -> None:
+def push(entries: Queue, f: float, g: float, cost: float, node: int, link: int, bits: int) -> None:
     """Add an entry; there must be room."""
-    item, place = entries.count.used, entries.count.size
+    item, place = entries.filled.used, entries.filled.size
     entries.f[item], entries.g[item], entries.cost[item] = f, g, cost
     entries.node[item], entries.link[item], entries.bits[item] = node, link, bits
-    entries.count.used, entries.count.size = item + 1, place + 1
+    entries.filled.used, entries.filled.size = item + 1, place + 1
     heap = entries.heap
     while place > 0:
         parent = (place - 1) >> 1
@@ -104,8 +104,8 @@ def push(
 @kernel
 def pop(entries: Queue) -> None:
     """Remove the entry that comes first."""
-    entries.count.size -= 1
-    heap, size = entries.heap, entries.count.size
+    entries.filled.size -= 1
+    heap, size = entries.heap, entries.filled.size
     if size == 0:
         return
     item, place = heap[size], 0

@@ -213,9 +213,16 @@ class Algorithm1Searcher:
         """See `Searcher.find`."""
         goal = search.goal
         found = algorithm1(
-            self.graph, first, goal.target, goal.tolerance, goal.cost, search.heuristic,
-            inflation=search.inflation, limit=search.limit, progress=search.progress,
-        )  # fmt: skip
+            self.graph,
+            first,
+            goal.target,
+            goal.tolerance,
+            goal.cost,
+            search.heuristic,
+            inflation=search.inflation,
+            limit=search.limit,
+            progress=search.progress,
+        )
         states = tuple(found.states[k] for k in _chain(np.array(found.parents)))
         tree = _tree(np.array(found.positions), found.parents)
         counts = len(found.states), found.generated

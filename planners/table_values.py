@@ -20,8 +20,14 @@ from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 @entry
 def relax(
-    goal: BoolArray, step_cost: Array, base_cost: Array, tables: StepTables, value: Array,
-    grasped: Array, queue: IntArray, queued: NDArray[np.int8],
+    goal: BoolArray,
+    step_cost: Array,
+    base_cost: Array,
+    tables: StepTables,
+    value: Array,
+    grasped: Array,
+    queue: IntArray,
+    queued: NDArray[np.int8],
 ) -> None:
     """Fill the table, label-correcting backward from the goal stances.
 
@@ -84,8 +90,16 @@ def relax(
 
 @entry
 def step_values(
-    stances: IntArray, masks: IntArray, which: IntArray, goals: BoolArray, step_cost: Array,
-    base_cost: Array, tables: StepTables, values: Array, grasped: Array, out: Array,
+    stances: IntArray,
+    masks: IntArray,
+    which: IntArray,
+    goals: BoolArray,
+    step_cost: Array,
+    base_cost: Array,
+    tables: StepTables,
+    values: Array,
+    grasped: Array,
+    out: Array,
 ) -> None:
     """Cost of taking each possible action and going on at the least cost.
 
@@ -213,7 +227,14 @@ class TableValues:
         """
         out: Array = np.full((len(stances), actions), np.inf)
         step_values(
-            stances, masks, which, self.goals, *self.charges, self.tables, self.values,
-            self.grasped, out,
-        )  # fmt: skip
+            stances,
+            masks,
+            which,
+            self.goals,
+            *self.charges,
+            self.tables,
+            self.values,
+            self.grasped,
+            out,
+        )
         return out

@@ -1,7 +1,7 @@
 """Compile what a first plan needs beside the stance set: `python -m mlivr_gym.planners.warmup`.
 
-`stance_graph` starts this where nothing was compiled yet. It plans on four points with postures that
-need no kernel, so that exactly what a plan needs is compiled, with the types a plan uses.
+`stance_graph` starts this where nothing was compiled yet. It plans on four points with postures
+that need no kernel, so that exactly what a plan needs is compiled, with the types a plan uses.
 """
 
 from __future__ import annotations

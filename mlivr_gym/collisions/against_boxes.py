@@ -1,11 +1,12 @@
 """Capsules against the boxes of a grid (compiled).
 
 Every query compares the distance of two axes or of an axis and a box with two lengths: `inner`,
-radii plus clearance, and `outer`, inner plus what the shapes may move over an interval. Below `inner`
-the answer is the cause, from `outer` on `CLEAR`, between them `UNDECIDED`.
+radii plus clearance, and `outer`, inner plus what the shapes may move over an interval. Below
+`inner` the answer is the cause, from `outer` on `CLEAR`, between them `UNDECIDED`.
 
-What is clear over an interval need not be compared again on its parts: queries of many capsules take
-the set of those to compare, see `bit_sets`, and return those that stay undecided beside the answer.
+What is clear over an interval need not be compared again on its parts: queries of many capsules
+take the set of those to compare, see `bit_sets`, and return those that stay undecided beside the
+answer.
 """
 
 from __future__ import annotations
@@ -41,8 +42,12 @@ class Behind(Record):
 
 @kernel
 def axis_answer(
-    axis: tuple[Triple, Triple], inner: float, motion: tuple[float, float], grid: BoxGrid,
-    behind: Behind, at_grasp: bool,
+    axis: tuple[Triple, Triple],
+    inner: float,
+    motion: tuple[float, float],
+    grid: BoxGrid,
+    behind: Behind,
+    at_grasp: bool,
 ) -> int:
     """A capsule against the boxes of a grid.
 
@@ -87,27 +92,33 @@ def axis_answer(
                         # The other boxes matter only if they are touched here.
                         undecided = True
                         at_a = at_b = 0.0
-                        low = min(a[0], b[0]) - inner, min(a[1], b[1]) - inner, min(a[2], b[2]) - inner
-                        high = max(a[0], b[0]) + inner, max(a[1], b[1]) + inner, max(a[2], b[2]) + inner
+                        low = (
+                            min(a[0], b[0]) - inner,
+                            min(a[1], b[1]) - inner,
+                            min(a[2], b[2]) - inner,
+                        )
+                        high = (
+                            max(a[0], b[0]) + inner,
+                            max(a[1], b[1]) + inner,
+                            max(a[2], b[2]) + inner,
+                        )
     return UNDECIDED if undecided else CLEAR
 
 
 @kernel
 def inside(low: Triple, high: Triple, bounds: Bounds) -> bool:
     """Whether an upright box lies strictly inside some bounds."""
-    for k in range(3):
-        if low[k] <= bounds.low[k] or high[k] >= bounds.high[k]:
-            return False
-    return True
+    a, b = bounds.low, bounds.high
+    strictly: bool = low[0] > a[0] and low[1] > a[1] and low[2] > a[2]
+    return strictly and high[0] < b[0] and high[1] < b[1] and high[2] < b[2]
 
 
 @kernel
 def overlap(low: Triple, high: Triple, bounds: Bounds) -> bool:
     """Whether an upright box meets some bounds."""
-    for k in range(3):
-        if low[k] > bounds.high[k] or high[k] < bounds.low[k]:
-            return False
-    return True
+    a, b = bounds.low, bounds.high
+    meets: bool = low[0] <= b[0] and low[1] <= b[1] and low[2] <= b[2]
+    return meets and high[0] >= a[0] and high[1] >= a[1] and high[2] >= a[2]
 
 
 @kernel
@@ -150,7 +161,10 @@ def against_boxes(
     for c in range(limb.capsule_count):
         if has(todo, c):
             a, b = axis_of(shapes.ends, c)
-            inner, motion = limb.capsules[c].radius + clearance, (shapes.motion[c, 0], shapes.motion[c, 1])
+            inner, motion = (
+                limb.capsules[c].radius + clearance,
+                (shapes.motion[c, 0], shapes.motion[c, 1]),
+            )
             at_grasp = behind.applies and c >= limb.gripper
             found = axis_answer((a, b), inner, motion, grid, behind, at_grasp)
             if found > UNDECIDED:
@@ -162,7 +176,11 @@ def against_boxes(
 
 @kernel
 def base_against_boxes(
-    robot: Robot, base: Pose, motion: tuple[float, float], grid: BoxGrid, clearance: float,
+    robot: Robot,
+    base: Pose,
+    motion: tuple[float, float],
+    grid: BoxGrid,
+    clearance: float,
     nothing: Behind,
 ) -> int:
     """The body and the mounts of all limbs against the boxes, at and about a base pose.
@@ -183,7 +201,10 @@ def base_against_boxes(
     for c in range(robot.around_count):
         capsule = robot.around[c]
         a, b = capsule_axis(capsule.ends)
-        axis, moves = (out_of(base, a), out_of(base, b)), (travel + swing * length(a), travel + swing * length(b))
+        axis, moves = (
+            (out_of(base, a), out_of(base, b)),
+            (travel + swing * length(a), travel + swing * length(b)),
+        )
         at_grasp = c < 0
         found = axis_answer(axis, capsule.radius + clearance, moves, grid, nothing, at_grasp)
         if found > UNDECIDED:

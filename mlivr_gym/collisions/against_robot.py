@@ -1,4 +1,4 @@
-"""A limb against itself, the body and other limbs (compiled); see `against_boxes` for the answers."""
+"""A limb against itself, the body and other limbs (compiled); answers as in `against_boxes`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ def axes_apart(first: tuple[Triple, Triple], second: tuple[Triple, Triple], oute
 
 @kernel
 def pair_answer(
-    first: tuple[Triple, Triple], second: tuple[Triple, Triple], inner: float, more: float,
+    first: tuple[Triple, Triple],
+    second: tuple[Triple, Triple],
+    inner: float,
+    more: float,
     moves: tuple[float, float],
 ) -> int:
     """Two capsules: `CLEAR`, `UNDECIDED` or `SELF`.

@@ -11,12 +11,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.against_boxes import FLUSH
 from mlivr_gym.collisions.distances import segment_box_distance, segments_distance
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.against_boxes import FLUSH
 from mlivr_gym.collisions.placing import Placed, place_in_body
 from mlivr_gym.collisions.uncompared import BODY
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.values import Triple, triple
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 
 Configuration = tuple[Array, Array, Array]
@@ -92,7 +93,7 @@ def contacts(
 def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:
     """Distances of the robot's shapes from each other; `ends` of capsules in the body frame."""
     radius, names, fixed = shapes.radii, _names(shapes), _mount_names(robot, shapes)
-    half = tuple(shapes.robot["half"].tolist())
+    half = triple(shapes.robot["half"])
     for i in range(robot.limbs):
         for c in range(len(shapes)):
             name = f"limb{i}/{names[c]}"
@@ -154,9 +155,9 @@ def _to_box(axis: Array, box: Box) -> float:
     return float(segment_box_distance(tuple(start), tuple(end - start), box.half))
 
 
-def _axis(ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _axis(ends: Array) -> tuple[Triple, Triple]:
     """One end of a segment, shape (2, 3), and the vector from there to the other."""
-    return tuple(ends[0].tolist()), tuple((ends[1] - ends[0]).tolist())
+    return triple(ends[0]), triple(ends[1] - ends[0])
 
 
 def _edges(box: Box) -> Array:

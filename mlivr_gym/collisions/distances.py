@@ -5,7 +5,7 @@ The checks compare them with two lengths, see `link_capsules`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 CLEAR, UNDECIDED, SELF, CABIN, HANDRAIL, OBSTACLE = 0, 1, 2, 3, 4, 5
 """Answers of a query: the last four are causes of a collision."""
 
-SEGMENT, BOX = np.arange(2)
+SEGMENT, BOX = (cast(int, k) for k in np.arange(2))
 """Shapes that an axis is compared with."""
 
 ROUNDS = 8
@@ -182,7 +182,9 @@ def stays_away(
         if low + down * (t - a) >= 0.0:
             return True
         length = at_p + t * bend
-        square, slope = box_from(t, p, d, shape) if kind == BOX else segment_from(t, p, d, shape, along)
+        square, slope = (
+            box_from(t, p, d, shape) if kind == BOX else segment_from(t, p, d, shape, along)
+        )
         if square <= length * length:
             return False
         root = np.sqrt(square)
@@ -198,7 +200,12 @@ def stays_away(
 
 @kernel
 def segments_answer(
-    p: Triple, u: Triple, q: Triple, v: Triple, inner: float, more: float,
+    p: Triple,
+    u: Triple,
+    q: Triple,
+    v: Triple,
+    inner: float,
+    more: float,
     moves: tuple[float, float],
 ) -> int:
     """Two capsules: `CLEAR`, `UNDECIDED` or `SELF`.
@@ -226,9 +233,7 @@ def segments_answer(
 
 
 @kernel
-def box_answer(
-    p: Triple, d: Triple, half: Triple, inner: float, moves: tuple[float, float]
-) -> int:
+def box_answer(p: Triple, d: Triple, half: Triple, inner: float, moves: tuple[float, float]) -> int:
     """A capsule and a box about the origin: `CLEAR`, `UNDECIDED` or `SELF`.
 
     Arguments as in `segments_answer`.

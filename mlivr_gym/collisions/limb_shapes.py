@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.uncompared import BODY, not_compared
-from mlivr_gym.compiled.records import Record, Vector
+from mlivr_gym.compiled.records import Record, Rows, Vector
 from mlivr_gym.kinematics.arm import set_arm
 from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.robot.capsules import LINKS, Capsule
@@ -59,7 +59,7 @@ class Limb(MountedArm):
     """Number of the limb."""
     capsule_count: int
     """Number of capsules that move."""
-    capsules: Annotated[tuple[LimbCapsule, ...], (MOST_CAPSULES,)]
+    capsules: Annotated[Rows[LimbCapsule], (MOST_CAPSULES,)]
     """The capsules, from the mount on in the order of `LINKS`."""
     pair_count: int
     """Number of pairs of them that are compared."""
@@ -79,7 +79,7 @@ class Robot(Record):
 
     limb_count: int
     """Number of limbs N."""
-    limbs: Annotated[tuple[Limb, ...], (MOST_LIMBS,)]
+    limbs: Annotated[Rows[Limb], (MOST_LIMBS,)]
     """The limbs."""
     tool_length: float
     """Flange to grasp [m]."""
@@ -95,11 +95,11 @@ class Robot(Record):
     """Half edges of the body [m]."""
     mount_count: int
     """Number of capsules that are fixed to the body."""
-    mounts: Annotated[tuple[BodyCapsule, ...], (MOST_MOUNTS,)]
+    mounts: Annotated[Rows[BodyCapsule], (MOST_MOUNTS,)]
     """These capsules."""
     around_count: int
     """Number of capsules that together contain all that moves with the base."""
-    around: Annotated[tuple[BodyCapsule, ...], (MOST_MOUNTS + 4,)]
+    around: Annotated[Rows[BodyCapsule], (MOST_MOUNTS + 4,)]
     """These, for comparison with boxes: four round the body, see `round_cube`, and the mounts."""
 
 
@@ -123,7 +123,11 @@ class LimbShapes:
         self.rows = Robot.rows(1)
         self.robot: Robot = self.rows[0]
         robot = self.robot
-        robot["limb_count"], robot["tool_length"], robot["lift"] = spec.limbs, spec.tool_length, spec.lift
+        robot["limb_count"], robot["tool_length"], robot["lift"] = (
+            spec.limbs,
+            spec.tool_length,
+            spec.lift,
+        )
         robot["characteristic_length"] = spec.characteristic_length
         robot["fold_count"] = len(spec.folds)
         robot["folds"][: len(spec.folds)] = spec.folds
@@ -155,13 +159,18 @@ class LimbShapes:
                 row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
                 row["ends"][:] = capsule.start, capsule.end
                 for e in range(2):
-                    row["anchor"][e], row["arm"][e] = _anchor(spec, int(row["link"]), row["ends"][e])
+                    row["anchor"][e], row["arm"][e] = _anchor(
+                        spec, int(row["link"]), row["ends"][e]
+                    )
 
     def _add_mounts(self, spec: RobotSpec, fixed: list[Capsule], capsules: list[Capsule]) -> None:
         robot = self.robot
         round_ends, round_radius = round_cube(float(robot["half"][0]))
         for k in range(4):
-            robot["around"][k]["ends"][:], robot["around"][k]["radius"] = round_ends[k], round_radius[k]
+            robot["around"][k]["ends"][:], robot["around"][k]["radius"] = (
+                round_ends[k],
+                round_radius[k],
+            )
         count = 0
         for limb in range(spec.limbs):
             rotation, position = spec.mount_rotations[limb], spec.mount_positions[limb]

@@ -1,19 +1,19 @@
 """Where the capsules of a limb are, and how far they move (compiled).
 
 **How far shapes move.** Each capsule end hangs on an anchor, limb base, elbow E, forearm end F or
-wrist point w, and moves no farther than the anchor moves plus its distance from it times the turn of
-its link. Joints 2 to 4 are parallel and across joint 1, so link k up to 4 turns by `hypot(q1, q2 + ..
-+ qk)`, and joint 5 adds its turn; E, F and w follow one from the other. Two links of one limb are
-compared as one sees the other: only the joints between them count. On a line in joint space all this
-is exact. A limb whose flange is given (it holds, or departs along the normal) is solved at the middle
-and both ends of an interval; its joints are taken to stay within the larger of the two changes plus
-the whole second difference, eight times what a parabola through the three values needs. The limb
-stays away from its singularities there, which `certificate.certify` has proved.
+wrist point w, and moves no farther than the anchor moves plus its distance from it times the turn
+of its link. Joints 2 to 4 are parallel and across joint 1, so link k up to 4 turns by `hypot(q1, q2
++ .. + qk)`, and joint 5 adds its turn; E, F and w follow one from the other. Two links of one limb
+are compared as one sees the other: only the joints between them count. On a line in joint space all
+this is exact. A limb whose flange is given (it holds, or departs along the normal) is solved at the
+middle and both ends of an interval; its joints are taken to stay within the larger of the two
+changes plus the whole second difference, eight times what a parabola through the three values
+needs. The limb stays away from its singularities there, which `certificate.certify` has proved.
 
 On a moving base a point at distance rho from its origin moves in the world at most `v + omega rho`
-more. A limb that holds is also followed from its grasp, which stands still: the flange does not move
-in the world, wrist 2 turns with joint 6 alone, wrist 1 with joints 5 and 6, and so on. The smaller
-bound counts.
+more. A limb that holds is also followed from its grasp, which stands still: the flange does not
+move in the world, wrist 2 turns with joint 6 alone, wrist 1 with joints 5 and 6, and so on. The
+smaller bound counts.
 """
 
 from __future__ import annotations

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-
 from mlivr_gym.arrays import BoolArray, IntArray
-from mlivr_gym.collisions.against_boxes import Behind, against_boxes, axis_answer, base_against_boxes
+from mlivr_gym.collisions.against_boxes import (
+    Behind,
+    against_boxes,
+    axis_answer,
+    base_against_boxes,
+)
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import Robot
@@ -57,9 +61,7 @@ class QueryRoom(Record):
 
 
 @entry
-def hands_clear(
-    robots: Any, around: Surroundings, rooms: Any, answers: IntArray
-) -> None:
+def hands_clear(robots: Any, around: Surroundings, rooms: Any, answers: IntArray) -> None:
     """What the capsules on the flange axis touch at each point, whatever the posture.
 
     Args:
@@ -87,9 +89,13 @@ def hands_clear(
                 along(point, robot.tool_length - at_b, normal),
             )
             found = axis_answer(
-                axis, capsule.radius + around.clearance, (0.0, 0.0), around.grid, room.behind,
+                axis,
+                capsule.radius + around.clearance,
+                (0.0, 0.0),
+                around.grid,
+                room.behind,
                 c >= limb.gripper,
-            )  # fmt: skip
+            )
             if found != CLEAR:
                 answers[m] = found
                 break
@@ -105,8 +111,13 @@ def _stand_behind(grasp: Grasp, behind: Behind) -> None:
 
 @entry
 def clear_of_boxes(
-    start: int, stop: int, chosen: IntArray, postures: PosturesHeld, robots: Any,
-    around: Surroundings, rooms: Any,
+    start: int,
+    stop: int,
+    chosen: IntArray,
+    postures: PosturesHeld,
+    robots: Any,
+    around: Surroundings,
+    rooms: Any,
 ) -> None:
     """Take the branches that touch a box out of the masks of postures.
 
@@ -147,7 +158,12 @@ def clear_of_boxes(
 
 @kernel
 def _branch_touches(
-    k: int, i: int, b: int, postures: PosturesHeld, robot: Robot, around: Surroundings,
+    k: int,
+    i: int,
+    b: int,
+    postures: PosturesHeld,
+    robot: Robot,
+    around: Surroundings,
     room: QueryRoom,
 ) -> int:
     """What limb `i` on branch `b` touches in posture `k`, hand apart."""

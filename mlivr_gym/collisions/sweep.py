@@ -1,16 +1,16 @@
 """Checks of whole motions: one driver for all of them (compiled).
 
-**Advancement.** A motion is cut into intervals. At the middle of one the shapes are put in place and
-compared with everything they can meet, see `against_boxes`. If every distance exceeds radii and
-clearance by more than the shapes can move from the middle to either end, see `placing`, nothing comes
-closer than the clearance anywhere on the interval, however thin it is: no step can skip a shape. If a
-distance is below radii and clearance the motion is blocked; otherwise the interval is halved, down to
-`2^-DEPTH` of the motion, where the answer errs on the safe side. On the halves only what was not
-clear on the whole is compared again.
+**Advancement.** A motion is cut into intervals. At the middle of one the shapes are put in place
+and compared with everything they can meet, see `against_boxes`. If every distance exceeds radii and
+clearance by more than the shapes can move from the middle to either end, see `placing`, nothing
+comes closer than the clearance anywhere on the interval, however thin it is: no step can skip a
+shape. If a distance is below radii and clearance the motion is blocked; otherwise the interval is
+halved, down to `2^-DEPTH` of the motion, where the answer errs on the safe side. On the halves only
+what was not clear on the whole is compared again.
 
-**Motions.** A limb departs from a grasp along the surface normal, swings along a line in joint space,
-or holds its grasp; the base rests or follows a path. It is compared with boxes, with itself and the
-body, with limbs at rest, and with one other limb that swings or holds meanwhile.
+**Motions.** A limb departs from a grasp along the surface normal, swings along a line in joint
+space, or holds its grasp; the base rests or follows a path. It is compared with boxes, with itself
+and the body, with limbs at rest, and with one other limb that swings or holds meanwhile.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from mlivr_gym.collisions.placing import (
 )
 from mlivr_gym.compiled.bit_sets import BRANCHES, EVERY, below, has, only
 from mlivr_gym.compiled.kernels import kernel, part
-from mlivr_gym.compiled.records import Joints, Record
+from mlivr_gym.compiled.records import Joints, Record, Rows
 from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
 from mlivr_gym.kinematics.limb import angles_at
 from mlivr_gym.kinematics.poses import Pose
@@ -90,7 +90,7 @@ class Motion(Record):
     second: LimbMotion
     """What another limb does meanwhile."""
     boxes: bool
-    """Whether the first limb is compared with boxes, and the base if the limb swings as it moves."""
+    """Whether the first limb is compared with boxes, and the base if it moves while that swings."""
     body: bool
     """Whether it is compared with itself and the body."""
     resting: bool
@@ -127,7 +127,7 @@ class Resting(Record):
     """Their number."""
     limb: Annotated[IntArray, (MOST_RESTING,), np.int64]
     """Which limb each is of."""
-    shapes: Annotated[tuple[Shapes, ...], (MOST_RESTING,)]
+    shapes: Annotated[Rows[Shapes], (MOST_RESTING,)]
     """The capsules of each in the body frame."""
 
 
@@ -139,7 +139,7 @@ class Sweep(Record):
     second: Placed
     base: Pose
     lifted: Pose
-    intervals: Annotated[tuple[Interval, ...], (DEPTH + 3,)]
+    intervals: Annotated[Rows[Interval], (DEPTH + 3,)]
     first_ahead: Joints
     """Joint angles of the first limb at the end of the last piece [rad]."""
     second_ahead: Joints
@@ -149,7 +149,9 @@ class Sweep(Record):
 
 
 @kernel
-def joints_at(robot: Robot, motion: Motion, limb: LimbMotion, s: float, room: Sweep, q: Joints) -> bool:
+def joints_at(
+    robot: Robot, motion: Motion, limb: LimbMotion, s: float, room: Sweep, q: Joints
+) -> bool:
     """Joint angles of a limb at a share `s` of a motion, into `q`; whether it can be there."""
     if limb.kind == SWINGS:
         for k in range(6):
@@ -253,7 +255,12 @@ def _first_interval(robot: Robot, motion: Motion, piece: int, pieces: int, room:
 
 @kernel
 def _place_limb(
-    robot: Robot, motion: Motion, limb: LimbMotion, here: Interval, room: Sweep, placed: Placed,
+    robot: Robot,
+    motion: Motion,
+    limb: LimbMotion,
+    here: Interval,
+    room: Sweep,
+    placed: Placed,
     ends: Ends,
 ) -> bool:
     """Put a limb in place in the middle of an interval; whether it can be there."""
@@ -272,7 +279,11 @@ def _place_limb(
 
 @kernel
 def _compare(
-    robot: Robot, grid: BoxGrid, clearance: float, speed: tuple[float, float], here: Interval,
+    robot: Robot,
+    grid: BoxGrid,
+    clearance: float,
+    speed: tuple[float, float],
+    here: Interval,
     room: Sweep,
 ) -> int:
     """Compare what is left of an interval; what is decided is left out of its sets.
@@ -311,7 +322,11 @@ def _compare(
 
 @kernel
 def _compare_with_boxes(
-    robot: Robot, grid: BoxGrid, clearance: float, speed: tuple[float, float], here: Interval,
+    robot: Robot,
+    grid: BoxGrid,
+    clearance: float,
+    speed: tuple[float, float],
+    here: Interval,
     room: Sweep,
 ) -> int:
     """Compare the first limb, and a base that moves while it swings, with boxes."""
@@ -326,9 +341,7 @@ def _compare_with_boxes(
         seen_from_grasp(limb, first)
         # The hand stands still in the world and was compared when the point was chosen.
         todo &= below(limb.hand)
-    answer, undecided = against_boxes(
-        limb, first.in_world, todo, grid, clearance, room.behind
-    )
+    answer, undecided = against_boxes(limb, first.in_world, todo, grid, clearance, room.behind)
     if answer > UNDECIDED:
         return answer
     if motion.first.kind == SWINGS and motion.begin != motion.finish and here.boxes & on_base:
@@ -360,7 +373,7 @@ def _compare_with_resting(
 
 @part
 def _halve(top: int, room: Sweep) -> None:
-    """Put both halves of interval `top` in its place and the next; in its middle the limbs are now."""
+    """Put both halves of interval `top`, where the limbs are now, in its place and the next."""
     first, second = room.intervals[top], room.intervals[top + 1]
     half = 0.5 * first.half
     second.middle, second.half = first.middle + half, half

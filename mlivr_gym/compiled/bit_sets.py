@@ -7,11 +7,19 @@ wrist choices are a class, `2 * shoulder + wrist`: for those reach and `w_m` are
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from mlivr_gym.compiled.kernels import kernel
 
-EVERY = np.int64(-1)
+EMPTY, NONE = cast(int, np.int64(0)), cast(int, np.int64(-1))
+"""The empty set, and an index that is none.
+
+As 64-bit numbers: what begins with a literal is compiled once more for its type.
+"""
+
+EVERY = cast(int, np.int64(-1))
 """The set of all items."""
 
 LAST = 62
@@ -20,7 +28,7 @@ LAST = 62
 BRANCHES = 8
 """Number of branches of a limb."""
 
-ALL = np.int64(0xFFFF)
+ALL = cast(int, np.int64(0xFFFF))
 """Every branch and flip."""
 
 CLASSES = 4
@@ -102,7 +110,7 @@ def whole_class(choice: int) -> int:
 @kernel
 def first_branch(mask: int) -> int:
     """The least branch of a set that is not empty."""
-    branch = np.int64(0)
+    branch = EMPTY
     while branch < BRANCHES - 1 and not has_branch(mask, branch):
         branch += 1
     return branch

@@ -32,19 +32,23 @@ OPTIONS: dict[str, Any] = {
 needs to be counted; with counts, which are atomic, all postures of the JEM take 1.16 times as long.
 """
 
+_compile: Any = njit  # it is typed for some of its options
+
 _told: set[str] = set()
 """Folders of which it was said that they cannot be written."""
 
 
 def kernel(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
     """Compile a function that only kernels call."""
-    compiled: Callable[Parameters, Returned] = njit(no_cpython_wrapper=True, **OPTIONS)(function)
+    compiled: Callable[Parameters, Returned] = _compile(no_cpython_wrapper=True, **OPTIONS)(
+        function
+    )
     return compiled
 
 
 def part(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
     """A part of one kernel, written apart to be read; it is compiled with that."""
-    compiled: Callable[Parameters, Returned] = njit(
+    compiled: Callable[Parameters, Returned] = _compile(
         no_cpython_wrapper=True, inline="always", **OPTIONS
     )(function)
     return compiled
@@ -61,8 +65,8 @@ def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retu
     folder = given or str(kernel_folder(function.__code__.co_filename))
     settings.CACHE_DIR = folder
     try:
-        cached = not config.DISABLE_JIT and _writable(folder)
-        compiled: Callable[Parameters, Returned] = njit(cache=cached, **OPTIONS)(function)
+        cached = not settings.DISABLE_JIT and _writable(folder)
+        compiled: Callable[Parameters, Returned] = _compile(cache=cached, **OPTIONS)(function)
     finally:
         settings.CACHE_DIR = given
     return compiled
@@ -109,8 +113,7 @@ def in_parallel(
     edges = [count * w // used for w in range(used + 1)]
     with ThreadPoolExecutor(used) as pool:
         jobs = [
-            pool.submit(kernel, edges[w], edges[w + 1], *args, room[w : w + 1])
-            for w in range(used)
+            pool.submit(kernel, edges[w], edges[w + 1], *args, room[w : w + 1]) for w in range(used)
         ]
         for job in jobs:
             job.result()

@@ -8,12 +8,36 @@ both ways serve.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Generic,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 from numba import config
 
 from mlivr_gym.arrays import Array
+
+_settings: Any = config  # its attributes are set as it is loaded
+
+Item = TypeVar("Item")
+
+
+class Rows(Generic[Item]):
+    """Several records of a type, by one index or more."""
+
+    if TYPE_CHECKING:
+
+        def __getitem__(self, index: Any) -> Item:
+            """One of them."""
+
 
 Vector = Annotated[Array, (3,)]
 """Three numbers."""
@@ -29,7 +53,7 @@ class Record:
     """Base of records.
 
     A field is a `float`, `int` or `bool`, another record, or annotated with its shape: an array of
-    numbers, of another type if that is annotated too, or a tuple of records. An `int` may be
+    numbers, of another type if that is annotated too, or `Rows`. An `int` may be
     annotated with a smaller type.
 
     Example:
@@ -62,10 +86,10 @@ class Record:
             alignment = _alignment(kind)
             offsets.append(-(-size // alignment) * alignment)
             size, widest = offsets[-1] + kind.itemsize, max(widest, alignment)
-        layout = {"names": list(fields), "formats": list(fields.values()), "offsets": offsets}
+        layout: Any = {"names": list(fields), "formats": list(fields.values()), "offsets": offsets}
         layout["itemsize"] = -(-size // widest) * widest
         # Attributes of NumPy's own records take a microsecond each.
-        cls.dtype = np.dtype((np.record if config.DISABLE_JIT else np.void, np.dtype(layout)))
+        cls.dtype = np.dtype((np.record if _settings.DISABLE_JIT else np.void, np.dtype(layout)))
 
     @classmethod
     def rows(cls, *shape: int) -> Any:
@@ -93,6 +117,6 @@ def _kind(hint: Any) -> Any:
     kind, *given = get_args(hint)
     if kind is int:
         return given[0]
-    if get_origin(kind) is tuple:
+    if get_origin(kind) is Rows:
         return get_args(kind)[0].dtype, given[0]
     return (given[1] if len(given) > 1 else np.float64), given[0]

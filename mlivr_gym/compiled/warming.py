@@ -56,8 +56,9 @@ class _Bar(event.Listener):
             self._told = True
             print(
                 "mlivr-gym: compiling for this machine, once for this version",
-                file=sys.stderr, flush=True,
-            )  # fmt: skip
+                file=sys.stderr,
+                flush=True,
+            )
         filled = min(30 * self.done // EXPECTED, 29)
         if sys.stderr.isatty() and filled != self._shown:
             self._shown = filled
@@ -119,7 +120,7 @@ def _second(module: str, bar: _Bar) -> subprocess.Popen[bytes] | None:
 
     def listen() -> None:
         assert process.stdout is not None
-        while more := process.stdout.read1(64):
+        while more := os.read(process.stdout.fileno(), 64):
             bar.count(len(more))
 
     threading.Thread(target=listen, daemon=True).start()

@@ -15,13 +15,23 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.kinematics.ur import (
     SINGULAR as SINGULAR,
+)
+from mlivr_gym.kinematics.ur import (
     SINGULAR_TOO as SINGULAR_TOO,
 )
 from mlivr_gym.kinematics.ur import (
     branch_angles as branch_angles,
+)
+from mlivr_gym.kinematics.ur import (
     branch_frames as branch_frames,
+)
+from mlivr_gym.kinematics.ur import (
     branch_terms as branch_terms,
+)
+from mlivr_gym.kinematics.ur import (
     joint_axes as joint_axes,
+)
+from mlivr_gym.kinematics.ur import (
     link_frames as link_frames,
 )
 

@@ -7,7 +7,7 @@ the distance to the pivot changes linearly while the direction turns by slerp.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from mlivr_gym.kinematics.poses import (
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
 
-STRAIGHT, ARC = 0, 1
+STRAIGHT, ARC = (cast(int, k) for k in np.arange(2))
 PATH_KINDS = ("straight", "arc")
 """Names of the path kinds, by number."""
 
@@ -95,7 +95,7 @@ def set_path(path: BasePath, first: Pose, last: Pose, kind: int, pivot: Triple) 
 @kernel
 def resting(path: BasePath, base: Pose) -> None:
     """Fill `path` with that of a base that stays."""
-    set_path(path, base, base, np.int64(STRAIGHT), (0.0, 0.0, 0.0))
+    set_path(path, base, base, STRAIGHT, (0.0, 0.0, 0.0))
 
 
 @kernel
@@ -108,7 +108,7 @@ def lift_path(path: BasePath, base: Pose, grasp: Grasp, lift: float) -> None:
         grasp: The point that is left.
         lift: How far [m].
     """
-    set_path(path, base, base, np.int64(STRAIGHT), (0.0, 0.0, 0.0))
+    set_path(path, base, base, STRAIGHT, (0.0, 0.0, 0.0))
     for k in range(3):
         path.last.position[k] -= lift * grasp.normal[k]
     path.speed = lift

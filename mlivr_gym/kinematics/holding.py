@@ -6,7 +6,7 @@ to the second posture, on a straight line or on an arc about the held grasps, se
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,7 +25,7 @@ LIMIT_TOLERANCE = 1e-6
 Postures are rounded, and a joint often lies exactly on a half turn.
 """
 
-SAMPLES = np.int64(16)
+SAMPLES = cast(int, np.int64(16))
 """Intervals over which joint angles are followed along a path."""
 
 
@@ -112,9 +112,7 @@ def next_angles(limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Join
 
 
 @kernel
-def within_limits(
-    limb: MountedArm, flange: Pose, path: BasePath, mask: int, track: Track
-) -> int:
+def within_limits(limb: MountedArm, flange: Pose, path: BasePath, mask: int, track: Track) -> int:
     """Branches and flips in `mask` on which the joint angles stay inside the limits along a path.
 
     A joint may start on any winding; the flip is a half turn of joint 6.

@@ -162,7 +162,11 @@ class _Draft:
         self.points: IntArray = np.array([state.stance for state in states])
         self.postures = graph.postures_of(states)
         count, limbs, solver = len(states), graph.limbs, graph.solver
-        held, self._tried, self._room = HeldStance.rows(count), Tried.rows(count), PostureRoom.rows(1)
+        held, self._tried, self._room = (
+            HeldStance.rows(count),
+            Tried.rows(count),
+            PostureRoom.rows(1),
+        )
         held["grasps"][:, :limbs] = solver.grasps[self.points]
         self._tried["base"] = self.postures.base_rows
         reach_all(graph.checks.robots, held, self._tried, self._room)
@@ -280,7 +284,9 @@ class _Draft:
             self.joints[k, limb] = track["first"]
             # Where the limb grasps and where it leaves, it also moves along the normal.
             if self.edges and (k == first > 0 or k == last < len(self.points) - 1):
-                lifted = pose(here["position"] - self.graph.robot.lift * grasp["normal"], here["rotation"])
+                lifted = pose(
+                    here["position"] - self.graph.robot.lift * grasp["normal"], here["rotation"]
+                )
                 away, there = base_path(here, lifted, STRAIGHT, here["position"]), track["q"].copy()
                 track["q"][:] = track["first"]
                 follow_limb(robots, limb, grasp["flange"], away, branch, SAMPLES, track)

@@ -167,9 +167,12 @@ class RegraspPath:
         grasps = above[0] + share[:, None] * (above[1] - above[0])
         flanges = grasps - graph.robot.tool_length * rotations[:, :, 2]
         return self._follow(
-            step.limb, step.branches[step.limb], (flanges, rotations), self.base(share),
+            step.limb,
+            step.branches[step.limb],
+            (flanges, rotations),
+            self.base(share),
             self._knots[0, 1:],
-        )  # fmt: skip
+        )
 
     def base(self, u: Array) -> tuple[Array, Array]:
         """Base positions (k, 3) [m] and rotations (k, 3, 3) at base parameters."""
@@ -192,9 +195,13 @@ class RegraspPath:
         return joints
 
     def _follow(
-        self, limb: int, branch: int, flange: tuple[Array, Array], base: tuple[Array, Array],
+        self,
+        limb: int,
+        branch: int,
+        flange: tuple[Array, Array],
+        base: tuple[Array, Array],
         start: Array,
-    ) -> Array:  # fmt: skip
+    ) -> Array:
         """Joint angles of a limb on a branch at flange and base poses, continuous from `start`."""
         bases, flanges = poses(*base), poses(*flange)
         out, reference = Angles.rows(max(len(bases), len(flanges))), Angles.row()

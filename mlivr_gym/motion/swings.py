@@ -88,9 +88,13 @@ class SwingFinder:
         return cls(graph, regrasp.limb, regrasp.base_path, holds)
 
     def find(
-        self, start: Array, end: Array, turns: tuple[Array, Array], fold: int,
+        self,
+        start: Array,
+        end: Array,
+        turns: tuple[Array, Array],
+        fold: int,
         line: tuple[Array, Array] | None,
-    ) -> Swing | None:  # fmt: skip
+    ) -> Swing | None:
         """The shortest swing between lifted postures.
 
         Args:
@@ -227,7 +231,10 @@ def line_of_edge(graph: StanceGraph, regrasp: Regrasp, pair: int) -> tuple[Array
     out, robots = Angles.rows(2), graph.checks.robots
     points = regrasp.before[regrasp.limb], regrasp.to_point
     for side, (point, branch) in enumerate(zip(points, divmod(pair, 8), strict=True)):
-        base, grasp = pose(regrasp.positions[side], regrasp.rotations[side]), graph.solver.grasps[point]
+        base, grasp = (
+            pose(regrasp.positions[side], regrasp.rotations[side]),
+            graph.solver.grasps[point],
+        )
         angles_above(robots, regrasp.limb, base, grasp, branch, out[side])
     return out["q"][0], out["q"][1]
 

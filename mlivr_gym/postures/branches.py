@@ -21,6 +21,7 @@ from mlivr_gym.collisions.placing import Shapes, axis_of, capsule_axis, place, t
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     CLASSES,
+    EMPTY,
     EVERY,
     below,
     both_flips,
@@ -66,7 +67,13 @@ def forget(count: int, room: PostureRoom) -> None:
 
 @kernel
 def limb_status(
-    robot: Robot, held: HeldStance, tried: Tried, i: int, b: int, grid: BoxGrid, clearance: float,
+    robot: Robot,
+    held: HeldStance,
+    tried: Tried,
+    i: int,
+    b: int,
+    grid: BoxGrid,
+    clearance: float,
     room: PostureRoom,
 ) -> int:
     """What limb `i` on branch `b` touches at `room.base`, other limbs apart.
@@ -125,9 +132,13 @@ def pair_status(
     """
     if room.pairs[i, b, j, c] < 0:
         found, _ = against_limb(
-            robot.limbs[i], room.in_body[i, b], robot.limbs[j], room.in_body[j, c],
-            EVERY, clearance,
-        )  # fmt: skip
+            robot.limbs[i],
+            room.in_body[i, b],
+            robot.limbs[j],
+            room.in_body[j, c],
+            EVERY,
+            clearance,
+        )
         room.pairs[i, b, j, c] = room.pairs[j, c, i, b] = found
     return int(room.pairs[i, b, j, c])
 
@@ -208,8 +219,14 @@ def self_clearance(robot: Robot, least: float, room: PostureRoom) -> float:
 
 @part
 def hold_masks(
-    robot: Robot, held: HeldStance, tried: Tried, rule: PostureRule, grid: BoxGrid,
-    clearance: float, room: PostureRoom, out: Posture,
+    robot: Robot,
+    held: HeldStance,
+    tried: Tried,
+    rule: PostureRule,
+    grid: BoxGrid,
+    clearance: float,
+    room: PostureRoom,
+    out: Posture,
 ) -> None:
     """Branches and flips on which each limb may hold at a posture, a product set, into `out.mask`.
 
@@ -221,7 +238,7 @@ def hold_masks(
     limits, l_c = rule.thresholds, robot.characteristic_length
     for i in range(robot.limb_count):
         limb, reached, grasp = robot.limbs[i], tried.limbs[i], held.grasps[i]
-        mask = np.int64(0)
+        mask = EMPTY
         for c in range(CLASSES):
             w = reached.w[c]
             if w >= limits.w_m and w >= limits.floor and w > 0.0:
@@ -238,12 +255,17 @@ def hold_masks(
             )
             if room.allowed[i, b]:
                 limb_information(
-                    limb, vector(reached.p), vector(reached.z), b, l_c, room.inversion,
+                    limb,
+                    vector(reached.p),
+                    vector(reached.z),
+                    b,
+                    l_c,
+                    room.inversion,
                     room.information[i, b],
-                )  # fmt: skip
+                )
     _grow(robot, out, limits.w_b, clearance, room)
     for i in range(robot.limb_count):
-        kept = np.int64(0)
+        kept = EMPTY
         for b in range(BRANCHES):
             if room.kept[i, b]:
                 kept |= both_flips(b)
@@ -251,9 +273,7 @@ def hold_masks(
 
 
 @kernel
-def _grow(
-    robot: Robot, posture: Posture, w_b: float, clearance: float, room: PostureRoom
-) -> None:
+def _grow(robot: Robot, posture: Posture, w_b: float, clearance: float, room: PostureRoom) -> None:
     """Product set reached from the branches of a posture by adding branches one at a time.
 
     Every combination reaches `w_b` and is clear. `room.kept` says which branches are in it.

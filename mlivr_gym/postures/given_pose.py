@@ -34,9 +34,12 @@ def given_pose(pose: Any) -> tuple[float, ...]:
     """
     pair = isinstance(pose, tuple) and len(pose) == 2 and not any(map(np.isscalar, pose))
     given = numbers(
-        [*pose[0], *pose[1]] if pair else pose, (7,),
-        "start_pose (x, y, z [m], quaternion w, x, y, z)", SettingError, LONGEST
-    )  # fmt: skip
+        [*pose[0], *pose[1]] if pair else pose,
+        (7,),
+        "start_pose (x, y, z [m], quaternion w, x, y, z)",
+        SettingError,
+        LONGEST,
+    )
     length = float(np.linalg.norm(given[3:]))
     if abs(length - 1.0) > 0.01:
         raise SettingError(

@@ -10,7 +10,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import Behind
 from mlivr_gym.collisions.placing import Placed, Shapes
 from mlivr_gym.compiled.bit_sets import BRANCHES, CLASSES
-from mlivr_gym.compiled.records import Matrix, Record, Vector
+from mlivr_gym.compiled.records import Matrix, Record, Rows, Vector
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.holding import Holding
@@ -71,12 +71,11 @@ class PostureRule(Record):
 
 
 class HeldStance(Record):
-    """The grasps of a stance, and what its base poses are counted from; in a frame about their
-    centroid."""
+    """The grasps of a stance, in a frame about their centroid, and what base poses count from."""
 
     centre: Vector
     """Centroid of the grasps in the world of the boxes [m]."""
-    grasps: Annotated[tuple[Grasp, ...], (MOST_LIMBS,)]
+    grasps: Annotated[Rows[Grasp], (MOST_LIMBS,)]
     """The grasp of each limb."""
     frame: Matrix
     """Unrolled body axes, in columns."""
@@ -104,7 +103,7 @@ class Tried(Record):
 
     base: Pose
     """The base, in the frame of the stance's grasps."""
-    limbs: Annotated[tuple[Reached, ...], (MOST_LIMBS,)]
+    limbs: Annotated[Rows[Reached], (MOST_LIMBS,)]
     """How each limb reaches its grasp."""
     bound: float
     """Upper bound of the margin: the least over the limbs of the best class."""
@@ -132,7 +131,7 @@ class Posture(Record):
 class PostureRoom(Record):
     """Room for the selection of one posture."""
 
-    tried: Annotated[tuple[Tried, ...], (MOST_POSES * MOST_POSES,)]
+    tried: Annotated[Rows[Tried], (MOST_POSES * MOST_POSES,)]
     """Base poses that are tried."""
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
     """`K^-1` of each branch of each limb."""
@@ -149,7 +148,7 @@ class PostureRoom(Record):
     """What a limb touches on a branch, other limbs apart, -1 where unknown."""
     pairs: Annotated[IntArray, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES), np.int64]
     """What two limbs on their branches do to each other, -1 where unknown."""
-    in_body: Annotated[tuple[Shapes, ...], (MOST_LIMBS, BRANCHES)]
+    in_body: Annotated[Rows[Shapes], (MOST_LIMBS, BRANCHES)]
     """Each limb on each branch in the body frame, where its status is known."""
     in_world: Shapes
     placed: Placed

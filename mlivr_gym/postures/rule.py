@@ -10,7 +10,7 @@ from mlivr_gym.collisions.against_boxes import base_against_boxes
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import Robot
-from mlivr_gym.compiled.bit_sets import BRANCHES
+from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.manipulability import limb_information
 from mlivr_gym.kinematics.poses import vector
@@ -42,7 +42,7 @@ class Search(NamedTuple):
     """The boxes."""
     clearance: float
     """Least distance [m]; 0 where only what penetrates counts."""
-    count: int
+    poses: int
     """Number of base poses tried."""
 
 
@@ -96,9 +96,14 @@ def enter(search: Search, c: int, floor: float, look: bool, room: PostureRoom) -
                 room.options[i, room.option_count[i]] = b
                 room.option_count[i] += 1
                 limb_information(
-                    robot.limbs[i], vector(reached.p), vector(reached.z), b,
-                    robot.characteristic_length, room.inversion, room.information[i, b],
-                )  # fmt: skip
+                    robot.limbs[i],
+                    vector(reached.p),
+                    vector(reached.z),
+                    b,
+                    robot.characteristic_length,
+                    room.inversion,
+                    room.information[i, b],
+                )
     return True
 
 
@@ -133,11 +138,11 @@ def _largest_margin(search: Search, floor: float, look: bool, room: PostureRoom)
     largest. `w_b` is formed only where `w_m` leaves room for a larger margin.
     """
     limbs, margin = search.robot.limb_count, floor
-    for c in range(search.count):
+    for c in range(search.poses):
         room.tried[c].left = room.tried[c].bound
     while True:
-        c = np.int64(0)
-        for other in range(1, search.count):
+        c = EMPTY
+        for other in range(1, search.poses):
             if room.tried[other].left > room.tried[c].left:
                 c = other
         tried = room.tried[c]
@@ -169,9 +174,9 @@ def _choose(search: Search, margin: float, room: PostureRoom, branch: Limbs) -> 
     base poses and then of branch labels. `branch` is filled.
     """
     limbs, least = search.robot.limb_count, margin * (1.0 - TIE)
-    chosen, gap, best_wb = np.int64(-1), -np.inf, 0.0
+    chosen, gap, best_wb = NONE, -np.inf, 0.0
     look = margin == margin
-    for c in range(search.count):
+    for c in range(search.poses):
         tried = room.tried[c]
         if tried.bound < least or not enter(search, c, least * (1.0 - TIE), look, room):
             continue
@@ -198,7 +203,7 @@ def best_posture(
     With `lazily` shapes are compared only where the margin is the largest of all, touching or not;
     what is found is the same. `branch` is filled.
     """
-    chosen, w_b, seen = np.int64(-1), 0.0, floor
+    chosen, w_b, seen = NONE, 0.0, floor
     for turn in range(2):
         look = turn > 0
         if not look and not lazily:

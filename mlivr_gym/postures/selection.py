@@ -10,7 +10,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR, SELF
 from mlivr_gym.collisions.limb_shapes import Robot
-from mlivr_gym.compiled.bit_sets import ALL, CLASSES
+from mlivr_gym.compiled.bit_sets import ALL, CLASSES, NONE
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.arm import SINGULAR, branch_terms
 from mlivr_gym.kinematics.limb import flange_seen
@@ -56,16 +56,15 @@ def reach(robot: Robot, held: HeldStance, tried: Tried, room: PostureRoom) -> fl
 def reach_all(robots: Any, held: Any, tried: Any, rooms: Any) -> None:
     """`reach` of K stances, each at one base pose.
 
-    Rows of `Robot`, shape (1,), `HeldStance` and `Tried`, shape (K,), and `PostureRoom`, shape (1,).
+    Rows of `Robot`, shape (1,), `HeldStance` and `Tried`, shape (K,), and `PostureRoom`, shape
+    (1,).
     """
     for k in range(len(held)):
         tried[k].bound = reach(robots[0], held[k], tried[k], rooms[0])
 
 
 @entry
-def base_along(
-    robots: Any, tried: Any, branches: IntArray, rooms: Any, w_b: Array
-) -> None:
+def base_along(robots: Any, tried: Any, branches: IntArray, rooms: Any, w_b: Array) -> None:
     """`w_b` of K stances on given branches, shape (K, N), from what `reach_all` has found."""
     robot, room = robots[0], rooms[0]
     count = robot.limb_count
@@ -74,15 +73,26 @@ def base_along(
             reached, b = tried[k].limbs[i], branches[k, i]
             room.trial[i] = b
             limb_information(
-                robot.limbs[i], vector(reached.p), vector(reached.z), b,
-                robot.characteristic_length, room.inversion, room.information[i, b],
-            )  # fmt: skip
+                robot.limbs[i],
+                vector(reached.p),
+                vector(reached.z),
+                b,
+                robot.characteristic_length,
+                room.inversion,
+                room.information[i, b],
+            )
         w_b[k] = combined(count, room)
 
 
 @entry
 def solve_postures(
-    start: int, stop: int, stances: Any, robots: Any, rules: Any, grid: BoxGrid, out: Any,
+    start: int,
+    stop: int,
+    stances: Any,
+    robots: Any,
+    rules: Any,
+    grid: BoxGrid,
+    out: Any,
     rooms: Any,
 ) -> None:
     """Best posture of each stance from `start` to `stop`.
@@ -106,7 +116,11 @@ def solve_postures(
 
 @part
 def _solve(
-    held: HeldStance, robot: Robot, rule: PostureRule, grid: BoxGrid, out: Posture,
+    held: HeldStance,
+    robot: Robot,
+    rule: PostureRule,
+    grid: BoxGrid,
+    out: Posture,
     room: PostureRoom,
 ) -> None:
     """The best posture of one stance, see `solve_postures`."""
@@ -114,7 +128,7 @@ def _solve(
     limits = rule.thresholds
     # First the best posture that does not penetrate the robot itself; only if that comes too close
     # to something, the best of those that keep the clearance.
-    chosen, node, touches = np.int64(-1), False, CLEAR
+    chosen, node, touches = NONE, False, CLEAR
     loose = Search(robot, held, rule, grid, 0.0, count)
     strict = Search(robot, held, rule, grid, limits.clearance, count)
     for avoid in range(2):

@@ -43,9 +43,9 @@ from mlivr_gym.collisions.queries import (
     hands_clear,
 )
 from mlivr_gym.compiled.kernels import in_parallel
-from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.postures.geometries import Grasps, grasps_of_geometries, relative_geometries
 from mlivr_gym.postures.records import HeldStance, Posture, PostureRoom, PostureRule, Thresholds
 from mlivr_gym.postures.rule import TIE
@@ -386,10 +386,14 @@ class _Table:
 
     def __init__(self, limbs: int) -> None:
         shapes: list[tuple[tuple[int, ...], type]] = [
-            ((3,), float), ((3, 3), float), ((limbs,), float), ((), float), ((limbs,), np.int64),
+            ((3,), float),
+            ((3, 3), float),
+            ((limbs,), float),
+            ((), float),
+            ((limbs,), np.int64),
             ((limbs,), np.int64),
             ((), np.int64),
-        ]  # fmt: skip
+        ]
         self._arrays: list[NDArray[Any]] = [
             np.zeros((0, *shape), dtype=kind) for shape, kind in shapes
         ]

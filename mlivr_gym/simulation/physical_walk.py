@@ -205,9 +205,8 @@ class PhysicalWalk:
         limb, branches = moving_limb(state.stance, after), [_branch(mask) for mask in state.masks]
         regrasp = Regrasp(
             limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
-            edge.kind,
-            graph.pivot(state.stance, after), (*branches, branches[limb]), self.joints, self.joints[limb],
-            UNCHECKED_KNOTS,
+            edge.kind, graph.pivot(state.stance, after), (*branches, branches[limb]), self.joints,
+            self.joints[limb], UNCHECKED_KNOTS,
         )  # fmt: skip
         return regrasp, edge
 

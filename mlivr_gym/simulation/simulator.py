@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import FLUSH
-from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.errors import SimulationError
+from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.specification import RobotSpec
@@ -84,9 +84,7 @@ class Simulation:
         self.time = 0.0
         self._steps = 0
         rails = grasp_map.rotations[:, :, 0]
-        grasps = grasp_rows(
-            grasp_map.positions, grasp_map.normals, rails, robot.tool_length
-        )
+        grasps = grasp_rows(grasp_map.positions, grasp_map.normals, rails, robot.tool_length)
         self._tools: Array = grasps["flange"]["rotation"]
         model = self.model
         self._instruments = Instruments(model, robot.limbs)

@@ -12,7 +12,6 @@ from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
-
 SECOND = Path(__file__).parent.parent / "planners" / "warmup.py"
 """What compiles the kernels of steps beside those of the stance set, on the first use."""
 

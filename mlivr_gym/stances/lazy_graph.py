@@ -46,7 +46,9 @@ class LazyGraph(StanceGraph):
                 new.append((row, limb, key))
             else:
                 stances.released[row, limb] = found
-        super()._know_released(stances, np.array([k[:2] for k in new], dtype=np.int64).reshape(-1, 2))
+        super()._know_released(
+            stances, np.array([k[:2] for k in new], dtype=np.int64).reshape(-1, 2)
+        )
         for row, limb, key in new:
             self._released[key] = stances.released[row, limb].copy()
 

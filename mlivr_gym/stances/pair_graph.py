@@ -225,9 +225,14 @@ class PairGraph(StanceGraph):
         """Postures of stances given by index."""
         position = self.base_in_world[chosen]
         return Postures(
-            position, self.base_axes_in_world[chosen], self.w_m[chosen], self.w_b[chosen],
-            self.branch[chosen], self.mask[chosen], np.zeros(len(position), dtype=np.int64),
-        )  # fmt: skip
+            position,
+            self.base_axes_in_world[chosen],
+            self.w_m[chosen],
+            self.w_b[chosen],
+            self.branch[chosen],
+            self.mask[chosen],
+            np.zeros(len(position), dtype=np.int64),
+        )
 
     def _fault(
         self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None
@@ -311,7 +316,8 @@ class PairGraph(StanceGraph):
         known = self._known
         which, before = np.full(len(row), held, dtype=np.int64), np.full(len(row), s)
         known.know_steps(which, before, row)
-        return known.table.edges["kept"][known.index(which, before, row)].astype(np.int64)
+        kept: IntArray = known.table.edges["kept"][known.index(which, before, row)].astype(np.int64)
+        return kept
 
     @contextmanager
     def without(self, steps: Collection[tuple[State, tuple[int, ...]]]) -> Iterator[None]:
@@ -344,12 +350,13 @@ class PairGraph(StanceGraph):
         size = int(self.degree[0, state.stance[0]] + self.degree[1, state.stance[1]])
         limb, stance = (np.empty(size, dtype=np.int64) for _ in range(2))
         masks = np.empty((size, 2), dtype=np.int64)
+        first, second = state.masks
         if self.settings.transitions and not self.complete:
             self._known.know_released(np.array([[s, 0], [s, 1]]))
-            count = unknown_steps(s, *state.masks, self.steps, masks)
+            count = unknown_steps(s, first, second, self.steps, masks)
             held, after = masks[:count].T.copy()
             self.know_steps(held, np.full(count, s), after)
-        count = pair_successors(s, *state.masks, self.steps, limb, stance, masks)
+        count = pair_successors(s, first, second, self.steps, limb, stance, masks)
         limb, stance = limb[:count], stance[:count]
         return Successors(
             limb, self.points[stance, limb], self.base_in_world[stance], masks[:count]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
@@ -66,6 +67,13 @@ class PairTable(NamedTuple):
 
 
 @kernel
+def branches_kept(edge: PairEdge) -> int:
+    """Branches and flips on which the limb that holds can follow a step."""
+    kept: Any = np.int64(edge.kept)
+    return kept  # type: ignore[no-any-return]
+
+
+@kernel
 def edge_index(held: int, before: int, after: int, table: PairTable) -> int:
     """Index of the step from one stance to another of a row in which limb `held` holds."""
     point, local = table.points[before, held], table.local
@@ -103,16 +111,22 @@ def unknown_steps(s: int, mask0: int, mask1: int, table: PairTable, out: IntArra
         point = table.points[s, held]
         for k in range(table.row_start[held, point], table.row_start[held, point + 1]):
             s2 = table.rows[held, k]
-            if s2 != s and kept_on_edge(of_held, table.mask[s2, held]):
-                if not table.edges[edge_index(held, s, s2, table)].known:
-                    out[count, 0], out[count, 1] = held, s2
-                    count += 1
+            if s2 == s or not kept_on_edge(of_held, table.mask[s2, held]):
+                continue
+            if not table.edges[edge_index(held, s, s2, table)].known:
+                out[count, 0], out[count, 1] = held, s2
+                count += 1
     return count
 
 
 @entry
 def pair_successors(
-    s: int, mask0: int, mask1: int, table: PairTable, limb: IntArray, stance: IntArray,
+    s: int,
+    mask0: int,
+    mask1: int,
+    table: PairTable,
+    limb: IntArray,
+    stance: IntArray,
     masks: IntArray,
 ) -> int:
     """Steps that leave stance `s`, by the rule of `transitions.rule`; returns their number k.
@@ -140,7 +154,7 @@ def pair_successors(
             kept, grasped = kept_on_edge(of_held, table.mask[s2, held]), table.mask[s2, moving]
             if table.check and kept:
                 edge = table.edges[edge_index(held, s, s2, table)]
-                kept = kept_on_edge(kept, np.int64(edge.kept))
+                kept = kept_on_edge(kept, branches_kept(edge))
                 grasped = releasable(table, s2, moving)
             if kept and grasped:
                 limb[count], stance[count] = moving, s2
@@ -150,12 +164,11 @@ def pair_successors(
 
 
 @entry
-def longest_step(
-    held: int, rows: IntArray, row_start: IntArray, base: Array, out: Array
-) -> None:
+def longest_step(held: int, rows: IntArray, row_start: IntArray, base: Array, out: Array) -> None:
     """Largest squared base displacement within each row of limb `held`, into `out` [m^2].
 
-    Rows as in `PairTable`, base positions of stances, shape (n, 3) [m], `out` of points, shape (m,).
+    Rows as in `PairTable`, base positions of stances, shape (n, 3) [m], `out` of points, shape
+    (m,).
     """
     for point in range(len(out)):
         for i in range(row_start[held, point], row_start[held, point + 1]):
@@ -169,7 +182,7 @@ def longest_step(
 
 @entry
 def gather_steps(
-    table: PairTable, fill: bool, start: IntArray, after: IntArray, kept: IntArray
+    table: PairTable, fill: bool, start: IntArray, after: NDArray[np.int32], kept: NDArray[np.int32]
 ) -> None:
     """Count the steps that leave each stance, or with `fill` write them where `start` says.
 
@@ -192,7 +205,7 @@ def gather_steps(
                 branches = kept_on_edge(mask[s, held], mask[s2, held])
                 if table.check:
                     edge = table.edges[edge_index(held, s, s2, table)]
-                    branches = kept_on_edge(branches, np.int64(edge.kept))
+                    branches = kept_on_edge(branches, branches_kept(edge))
                 if branches:
                     if fill:
                         after[start[2 * s + moving] + count] = s2

@@ -25,9 +25,7 @@ class KnownSteps:
         table: The steps.
     """
 
-    def __init__(
-        self, graph: PairGraph, checks: StepChecks, mask: IntArray, edges: Any
-    ) -> None:
+    def __init__(self, graph: PairGraph, checks: StepChecks, mask: IntArray, edges: Any) -> None:
         """Know nothing yet of the stances of `graph`, whose limbs may hold on `mask`."""
         self.checks, self.collisions = checks, graph.settings.collisions
         base = Pose.rows(len(mask))
@@ -138,7 +136,11 @@ class StepsAmongObstacles(KnownSteps):
     """
 
     def __init__(
-        self, free: KnownSteps, mask: IntArray, gone: BoolArray, close: BoolArray,
+        self,
+        free: KnownSteps,
+        mask: IntArray,
+        gone: BoolArray,
+        close: BoolArray,
         obstacles: BoxGrid | None,
     ) -> None:
         """See `KnownSteps.among_obstacles`."""

@@ -40,9 +40,12 @@ MOST_PAIRS = 2_000_000
 """Most ordered pairs of points: those of the JEM with points every 0.03 m take gigabytes."""
 
 TOUCHED = {
-    UNDECIDED: "something", SELF: "the robot itself", CABIN: "the cabin", HANDRAIL: "a handrail",
+    UNDECIDED: "something",
+    SELF: "the robot itself",
+    CABIN: "the cabin",
+    HANDRAIL: "a handrail",
     OBSTACLE: "an obstacle",
-}  # fmt: skip
+}
 """What a cause of a collision is called in a sentence."""
 
 
@@ -335,7 +338,8 @@ class StanceGraph(ChangingWorld):
             released = stances.released["branches"][row, limb[able]]
             if first:
                 wanted = np.array(state.masks)[limb[able]]
-                able = able[[can_release(a, b) for a, b in zip(wanted.tolist(), released.tolist())]]
+                both = zip(wanted.tolist(), released.tolist(), strict=True)
+                able = able[np.array([can_release(*pair) for pair in both], dtype=np.bool_)]
             else:
                 able = able[released != 0]
         rows = np.unique(np.concatenate([[0], after[able]])) if len(able) else np.zeros(0, int)

@@ -170,9 +170,14 @@ def _write(graph: PairGraph, path: Path) -> None:
     """Keep a filled graph; a cache that cannot be written is no error."""
     steps, buffer = graph.steps, io.BytesIO()
     np.savez_compressed(
-        buffer, format=FORMAT, rules=GRAPH_RULES, points=steps.points, edges=steps.edges,
-        mask=steps.mask, released=steps.released,
-    )  # fmt: skip
+        buffer,
+        format=FORMAT,
+        rules=GRAPH_RULES,
+        points=steps.points,
+        edges=steps.edges,
+        mask=steps.mask,
+        released=steps.released,
+    )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, buffer.getvalue())
@@ -192,8 +197,11 @@ def _read(graph: PairGraph, path: Path) -> bool:
                 logging.getLogger(__name__).warning(
                     "step tables %s are of format %d and rules %d, this version needs "
                     "format %d and rules %d: they are worked out anew",
-                    path, *made, FORMAT, GRAPH_RULES,
-                )  # fmt: skip
+                    path,
+                    *made,
+                    FORMAT,
+                    GRAPH_RULES,
+                )
                 return False
             found = {name: data[name] for name in (*into, "points")}
     except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):

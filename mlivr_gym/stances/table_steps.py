@@ -68,7 +68,11 @@ def legal_actions(stances: IntArray, masks: IntArray, tables: Any, out: NDArray[
 
 @entry
 def legal_positions(
-    stances: IntArray, masks: IntArray, tables: Any, out: NDArray[np.int8], position: Array,
+    stances: IntArray,
+    masks: IntArray,
+    tables: Any,
+    out: NDArray[np.int8],
+    position: Array,
     releasable_after: NDArray[np.int8],
 ) -> None:
     """Mark the actions that states allow and write where the base is after each.

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.collisions.limb_shapes import Limb, Robot
-from mlivr_gym.compiled.bit_sets import BRANCHES, both_flips, has_branch
+from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, both_flips, has_branch
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.arm import Arm, branch_angles
+from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles, flange_seen, wrap
 from mlivr_gym.kinematics.poses import Pose, along
 from mlivr_gym.transitions.records import StepRoom
@@ -115,11 +115,11 @@ def lifted_branches(
     Returns:
         The branches and flips of the mask that exist there.
     """
-    found = np.int64(0)
+    found = EMPTY
     for b in range(BRANCHES):
-        if has_branch(mask, b):
-            if lifted_angles(limb, base, grasp, b, robot.lift, room.q[side, b]):
-                found |= both_flips(b)
+        q = room.q[side, b]
+        if has_branch(mask, b) and lifted_angles(limb, base, grasp, b, robot.lift, q):
+            found |= both_flips(b)
     return found & mask
 
 
@@ -136,8 +136,6 @@ def line_of_limb(robots: Any, i: int, first: Angles, last: Angles, to: Angles) -
 
 
 @entry
-def angles_above(
-    robots: Any, i: int, base: Pose, grasp: Grasp, branch: int, to: Angles
-) -> bool:
+def angles_above(robots: Any, i: int, base: Pose, grasp: Grasp, branch: int, to: Angles) -> bool:
     """`lifted_angles` of limb `i` of a row of `Robot`, shape (1,)."""
     return lifted_angles(robots[0].limbs[i], base, grasp, branch, robots[0].lift, to)

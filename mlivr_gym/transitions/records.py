@@ -10,7 +10,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.sweep import Sweep
 from mlivr_gym.compiled.bit_sets import BRANCHES
-from mlivr_gym.compiled.records import Record, Vector
+from mlivr_gym.compiled.records import Record, Rows, Vector
 from mlivr_gym.kinematics.arm import JointAxes
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.holding import Holding
@@ -122,7 +122,7 @@ class StepRoom(Record):
     """Those of them that do not touch what does not depend on the swing."""
     now_on_line: Limbs
     """Those of these that do not touch the limb that swings."""
-    q: Annotated[tuple[Angles, ...], (2, BRANCHES)]
+    q: Annotated[Rows[Angles], (2, BRANCHES)]
     """Joint angles above both points on each branch."""
     lifted: Annotated[IntArray, (2,), np.int64]
     """Branches that exist there."""

@@ -22,6 +22,7 @@ from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.placing import axis_of, place
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
+    EMPTY,
     both_flips,
     has,
     has_branch,
@@ -33,14 +34,18 @@ from mlivr_gym.kinematics.arm import branch_frames
 from mlivr_gym.kinematics.base_path import resting
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.transitions.grasp_poses import fold_nearest_to, lifted_branches, line_end
-from mlivr_gym.transitions.motions import compare_with, follow_path, is_clear, let_depart, swing_clear
+from mlivr_gym.transitions.motions import (
+    compare_with,
+    follow_path,
+    is_clear,
+    let_depart,
+    swing_clear,
+)
 from mlivr_gym.transitions.records import Release, Scene, StepRoom
 
 
 @entry
-def release_all(
-    start: int, stop: int, todo: IntArray, scene: Scene, rooms: Any
-) -> None:
+def release_all(start: int, stop: int, todo: IntArray, scene: Scene, rooms: Any) -> None:
     """Work out `StanceSet.released` of some limbs at some stances.
 
     Args:
@@ -71,9 +76,7 @@ def release_all(
 
 
 @part
-def release(
-    s: int, limb: int, mask: int, scene: Scene, layer: int, room: StepRoom
-) -> None:
+def release(s: int, limb: int, mask: int, scene: Scene, layer: int, room: StepRoom) -> None:
     """On which branches a limb can be released at a stance and change from one to the other.
 
     All else is at rest. Branches with the elbow up are preferred: of twins that differ in the elbow
@@ -100,7 +103,7 @@ def release(
             if other != limb:
                 _add_resting(s, other, scene, room)
         first = _elbow_up(s, limb, mask, scene, room)
-    known_folds, free = answer.folds, np.int64(0)
+    known_folds, free = answer.folds, EMPTY
     answer.branches = 0
     for turn in range(2):
         rest = first if turn == 0 else mask & ~first
@@ -123,9 +126,7 @@ def release(
 
 
 @kernel
-def _depart(
-    limb: int, branch: int, point: int, scene: Scene, layer: int, room: StepRoom
-) -> None:
+def _depart(limb: int, branch: int, point: int, scene: Scene, layer: int, room: StepRoom) -> None:
     """Set up the departure of a limb from a point."""
     grasp, inside, sweep = scene.world.grasps[point], layer == 0, room.sweep
     let_depart(sweep.motion.first, limb, branch, grasp)
@@ -181,13 +182,11 @@ def _elbow_up(s: int, limb: int, mask: int, scene: Scene, room: StepRoom) -> int
 
 
 @kernel
-def _fold(
-    limb: int, free: int, scene: Scene, layer: int, room: StepRoom, answer: Release
-) -> None:
-    """The most of the branches `free` that a limb can fold from, through one fold and those that it
-    can change to from there, into `answer`; none if it cannot fold.
+def _fold(limb: int, free: int, scene: Scene, layer: int, room: StepRoom, answer: Release) -> None:
+    """Branches of `free` from which a limb can fold, into `answer`; none if it cannot.
 
-    The limb is above its point, with the joint angles `room.q[0]`.
+    It folds through one fold or those that it can change to from there. The limb is above its
+    point, with the joint angles `room.q[0]`.
     """
     robot, world = scene.robots[0], scene.world
     again, arm, sweep = layer > 0, robot.limbs[limb].arm, room.sweep
@@ -206,7 +205,7 @@ def _fold(
                 robot, world, layer, limb, room.start, room.end, sweep
             ):
                 changeable |= only(other)
-        folded = np.int64(0)
+        folded = EMPTY
         for b in range(BRANCHES):
             if not has_branch(free, b):
                 continue
@@ -226,9 +225,7 @@ def _fold(
 
 
 @kernel
-def _joined_by_lines(
-    limb: int, free: int, scene: Scene, layer: int, room: StepRoom
-) -> int:
+def _joined_by_lines(limb: int, free: int, scene: Scene, layer: int, room: StepRoom) -> int:
     """The most branches of `free` among which a limb can change along lines at rest.
 
     Among obstacles the first branch alone.
@@ -254,9 +251,9 @@ def _joined_by_lines(
                 for c in range(BRANCHES):
                     if group[c] == gone:
                         group[c] = group[a]
-    best, most = np.int64(0), 0
+    best, most = EMPTY, 0
     for a in range(BRANCHES):
-        here, count = np.int64(0), 0
+        here, count = EMPTY, 0
         for b in range(BRANCHES):
             if group[b] == group[a] and has_branch(free, b):
                 here |= both_flips(b)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from mlivr_gym.compiled.kernels import entry
 
+
 @entry
 def can_release(mask: int, releasable: int) -> bool:
     """Whether a limb may move that may be on `mask` and can be released on `releasable`."""

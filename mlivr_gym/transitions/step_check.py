@@ -47,16 +47,12 @@ class StepChecks:
         solver = self.solver
         stop = 0 if not solver.settings.collisions else 1 if obstacles is None else 2
         boxes = solver.boxes
-        return World(
-            solver.grasps, boxes, obstacles or boxes, solver.thresholds, int(again), stop
-        )
+        return World(solver.grasps, boxes, obstacles or boxes, solver.thresholds, int(again), stop)
 
     def stances(self, points: IntArray, postures: Postures) -> StanceSet:
         """Stances with their postures, of which it is not known yet what can be released there."""
         points = np.ascontiguousarray(points, dtype=np.int64)
-        return StanceSet(
-            points, postures.base_rows, postures.mask, self.released(postures.mask)
-        )
+        return StanceSet(points, postures.base_rows, postures.mask, self.released(postures.mask))
 
     def released(self, mask: IntArray) -> Any:
         """Rows of `Release`, unknown; without collisions every branch is released."""
@@ -82,9 +78,7 @@ class StepChecks:
     def hold(self, steps: Any, stances: StanceSet, world: World) -> Any:
         """Which steps the limbs that hold can follow on some base path, shape (k,)."""
         scene = Scene(stances, self.robots, world)
-        in_parallel(
-            len(steps), hold_all, steps, scene, rooms=StepRoom.rows, least=LEAST_IN_THREADS
-        )
+        in_parallel(len(steps), hold_all, steps, scene, rooms=StepRoom.rows, least=LEAST_IN_THREADS)
         return steps["kept"].any(axis=1)
 
     def check(self, steps: Any, stances: StanceSet, world: World) -> None:

@@ -1,14 +1,15 @@
 """The check of a step, for any number of limbs (compiled).
 
 Where a limb cannot stay folded while the base moves, see `release`, the line in joint space from
-above one point to above the other is checked instead, for pairs of branches in order of travel. Both
-branches come from those on which the limb can be released at the two stances, among which it can
-change at rest: one pair that is free serves them all, and the search need not know which it was.
+above one point to above the other is checked instead, for pairs of branches in order of travel.
+Both branches come from those on which the limb can be released at the two stances, among which it
+can change at rest: one pair that is free serves them all, and the search need not know which it
+was.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.compiled.bit_sets import (
     ALL,
     BRANCHES,
+    EMPTY,
+    NONE,
     both_flips,
     first_branch,
     has,
@@ -44,17 +47,15 @@ TRIES = 8
 """Pairs of branches that are checked for one base path."""
 
 TIE = 1e-9
-"""Lines whose lengths differ by this or less count as equally long [rad]: the first pair is taken."""
+"""Lines whose lengths differ by this or less count as equal [rad]: the first pair is taken."""
 
-STANDING, MOVER, BOTH = np.arange(3)
-"""Parts of what a limb that holds is checked against: boxes, body, itself and other limbs that hold;
-the limb that moves; and both."""
+STANDING, MOVER, BOTH = (cast(int, k) for k in np.arange(3))
+"""Parts of what a limb that holds is checked against: boxes, body, itself and other limbs that
+hold; the limb that moves; and both."""
 
 
 @entry
-def hold_all(
-    start: int, stop: int, steps: Any, scene: Scene, rooms: Any
-) -> None:
+def hold_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> None:
     """Whether every limb that holds can follow some base path, for steps from `start` to `stop`.
 
     This is quick; `Step.kept` is then not empty, and says no more.
@@ -70,9 +71,7 @@ def hold_all(
 
 
 @entry
-def check_all(
-    start: int, stop: int, steps: Any, scene: Scene, rooms: Any
-) -> None:
+def check_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> None:
     """Check steps from `start` to `stop`.
 
     Args:
@@ -106,10 +105,8 @@ def _forget(step: Step, robot: Robot, room: StepRoom) -> None:
 
 
 @kernel
-def _holds(
-    kind: int, step: Step, scene: Scene, room: StepRoom
-) -> bool:
-    """Work out `room.holds` for a kind of path, once; whether every limb that holds can follow it."""
+def _holds(kind: int, step: Step, scene: Scene, room: StepRoom) -> bool:
+    """Work out `room.holds` for a kind of path, once; whether all limbs that hold can follow it."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     if not room.holds_known[kind]:
         room.holds_known[kind] = True
@@ -161,7 +158,7 @@ def check(step: Step, scene: Scene, room: StepRoom) -> None:
     if not able:
         return
     if world.stop == 0:
-        _folded(step, scene, np.int64(0), room)
+        _folded(step, scene, EMPTY, room)
         return
     before = stances.released[step.before, step.limb]
     after = stances.released[step.after, step.limb]
@@ -186,16 +183,14 @@ def check(step: Step, scene: Scene, room: StepRoom) -> None:
 @kernel
 def _any_kept(step: Step, robot: Robot) -> bool:
     """Whether limbs keep a branch."""
+    kept = EMPTY
     for i in range(robot.limb_count):
-        if step.kept[i]:
-            return True
-    return False
+        kept |= step.kept[i]
+    return bool(kept != 0)
 
 
 @kernel
-def _set_stage(
-    stage: int, step: Step, scene: Scene, room: StepRoom
-) -> None:
+def _set_stage(stage: int, step: Step, scene: Scene, room: StepRoom) -> None:
     """Which branches of the limbs that hold are looked at, in three stages.
 
     First those on which a limb can be released before the step and after it, as one must be that
@@ -215,9 +210,7 @@ def _set_stage(
 
 
 @kernel
-def _folded(
-    step: Step, scene: Scene, folds: int, room: StepRoom
-) -> None:
+def _folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> None:
     """Branches that limbs that hold keep while the other moves folded, in one of some folds.
 
     Without collisions there are no folds. One limb that holds may take some branches along the line
@@ -233,7 +226,7 @@ def _folded(
             continue
         for i in range(robot.limb_count):
             room.standing[i] = room.holds[kind, i] & room.now[i]
-        fold = np.int64(-1)
+        fold = NONE
         if world.stop > 0:
             _set_path(kind, step, scene, room)
             follow_path(room.sweep, room.path, 0.0, 1.0)
@@ -266,9 +259,9 @@ def _stays_folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> int:
     Another fold might serve the obstacles; the first that serves the map must serve all.
     """
     robot, world = scene.robots[0], scene.world
-    fold = np.int64(-1)
+    fold = NONE
     for layer in range(world.first, world.stop):
-        found = np.int64(-1)
+        found = NONE
         for k in range(robot.fold_count):
             if found < 0 and has(folds, k):
                 for joint in range(6):
@@ -284,7 +277,10 @@ def _stays_folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> int:
 
 @kernel
 def _hold_apart(
-    parts: int, step: Step, scene: Scene, masks: Limbs,
+    parts: int,
+    step: Step,
+    scene: Scene,
+    masks: Limbs,
     room: StepRoom,
 ) -> bool:
     """Take out of `masks` the branches on which limbs hold not clear of each other and of a swing.
@@ -340,9 +336,7 @@ def _hold_clear(
 
 
 @part
-def _holds_apart(
-    i: int, b: int, j: int, c: int, step: Step, scene: Scene, room: StepRoom
-) -> bool:
+def _holds_apart(i: int, b: int, j: int, c: int, step: Step, scene: Scene, room: StepRoom) -> bool:
     """Whether limb `i` on branch `b` keeps clear of `j` on `c` while both hold along the path."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     sweep, points = room.sweep, stances.points
@@ -354,7 +348,11 @@ def _holds_apart(
 
 @part
 def _both_apart(
-    i: int, j: int, step: Step, scene: Scene, masks: Limbs,
+    i: int,
+    j: int,
+    step: Step,
+    scene: Scene,
+    masks: Limbs,
     room: StepRoom,
 ) -> None:
     """Branches of two limbs that hold, all of which keep clear of each other along the base path.
@@ -365,9 +363,9 @@ def _both_apart(
     kept = masks[j]
     for c in range(BRANCHES):
         for b in range(BRANCHES):
-            if has_branch(kept, c) and has_branch(masks[i], b):
-                if not _holds_apart(i, b, j, c, step, scene, room):
-                    kept = without_branch(kept, c)
+            wanted = has_branch(kept, c) and has_branch(masks[i], b)
+            if wanted and not _holds_apart(i, b, j, c, step, scene, room):
+                kept = without_branch(kept, c)
     if kept:
         masks[j] = kept
         return
@@ -379,9 +377,7 @@ def _both_apart(
 
 
 @kernel
-def _on_lines(
-    step: Step, scene: Scene, room: StepRoom
-) -> None:
+def _on_lines(step: Step, scene: Scene, room: StepRoom) -> None:
     """Branches that limbs that hold keep while the other swings along a line in joint space."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     limb = robot.limbs[step.limb]
@@ -402,9 +398,7 @@ def _on_lines(
         stood = False
         for k in range(count if step.again else min(count, TRIES)):
             pair = room.order[k]
-            if (step.again and pair != step.pair) or not _line_clear(
-                pair, step, scene, room
-            ):
+            if (step.again and pair != step.pair) or not _line_clear(pair, step, scene, room):
                 continue
             if not stood:
                 # Whether the limbs that hold can stay does not depend on the swing, but for the
