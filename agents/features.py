@@ -121,7 +121,7 @@ def reach_of_points(graph: StanceGraph, goal: Array, held: BoolArray | None = No
         away = np.minimum(np.linalg.norm(graph.grasp_map.positions - goal, axis=1), FAR)
         return np.broadcast_to(away[None, :, None], (graph.limbs, len(away), DEPTH)).copy()
     held = (graph.mask != 0).all(axis=1) if held is None else held
-    away = graph.row_position - goal
+    away = graph.steps.row_base - goal
     distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), FAR)
     lost = ~held[graph.rows]
     out = np.full((2, len(graph.grasp_map), DEPTH), FAR)

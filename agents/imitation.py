@@ -23,7 +23,7 @@ from mlivr_gym.agents.features import TableFeatures, reach_of_points
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
 from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.envs.batch import advance, draw_tasks
+from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import observations, stance_observations
 from mlivr_gym.envs.rewards import StepReward
@@ -242,10 +242,9 @@ class Imitation:
         goals = np.zeros((count, 3))
         stances, masks = np.zeros(count, dtype=np.int64), np.zeros((count, 2), dtype=np.int64)
         every, grasp_map = np.ones(count, dtype=np.bool_), env.graph.grasp_map
-        missing = draw_tasks(
-            every, ~every, grasp_map.positions, grasp_map.cabin, env.goal_tolerance, tables,
-            self._streams, stances, masks, goals,
-        )  # fmt: skip
+        draws = Draws(grasp_map.positions, grasp_map.cabin, env.goal_tolerance)
+        robots = Robots(stances, masks, self._streams)
+        missing = draw_tasks(every, ~every, draws, tables, robots, goals)
         if missing >= 0:
             return np.zeros((0, 3))
         if not len(self._held_out):
@@ -284,11 +283,10 @@ class Imitation:
         likely = np.where(noisy[:, None], legal, preferred)
         actions = (rng.random(likely.shape, dtype=np.float32) * likely).argmax(axis=1)
         moved, outcome = np.zeros(count), np.zeros(count, dtype=np.int64)
-        advance(
-            actions, np.zeros(count, np.bool_), self.env.failure_probability, 0.0,
-            self.moves.stance_at, values.tables, walks.streams, walks.stances, walks.masks,
-            moved, outcome,
-        )  # fmt: skip
+        skip, chances = np.zeros(count, np.bool_), Chances(self.env.failure_probability, 0.0)
+        robots = Robots(walks.stances, walks.masks, walks.streams)
+        stance_at, tables = self.moves.stance_at, values.tables
+        advance(actions, skip, chances, stance_at, tables, robots, moved, outcome)
         going = ~values.goals[walks.which, walks.stances]
         return _Walks(
             walks.stances[going], walks.masks[going], walks.which[going], walks.streams[going]

@@ -15,7 +15,7 @@ from mlivr_gym.kinematics.base_path import STRAIGHT, follow
 from mlivr_gym.kinematics.holding import base_path, quaternion
 from mlivr_gym.motion.sampling import sampled_line
 from mlivr_gym.motion.swings import Hold, SwingFinder
-from mlivr_gym.postures.solver import Postures
+from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.transitions.candidate import Candidate
 from mlivr_gym.transitions.grasp_poses import flange_at, lifted_branches, line_end, place_branches

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.compiled.bit_sets import EMPTY, has
+from mlivr_gym.compiled.bit_sets import EMPTY, has, only
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import (
@@ -223,7 +223,7 @@ def _hold_before(
             if has(keep, b) and cost2 < known.best[s2, held, b]:
                 if sure:
                     known.best[s2, held, b] = cost2
-                better |= 1 << b
+                better |= only(b)
         if better:
             push(entries, cost2 + toward[s2], 0.0, cost2, 4 * s2 + 2 * held, s, better)
 

@@ -10,8 +10,9 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.planners.cost_to_go import backward
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.pair_search import distance_to_goal, steps_to_goal, weights_of
+from mlivr_gym.planners.pair_search import weights_of
 from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.unchecked import distance_to_goal, steps_to_goal
 from mlivr_gym.stances.pair_graph import PairGraph
 
 CACHED_TABLES = 16

@@ -15,8 +15,9 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
 from mlivr_gym.planners.query import Search
-from mlivr_gym.postures.solver import Postures
-from mlivr_gym.stances.stance_graph import StanceGraph, join
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.compiled.bit_sets import EMPTY
+from mlivr_gym.compiled.bit_sets import EMPTY, NONE
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners.costs import Cost
@@ -164,43 +164,26 @@ def _search(
 ) -> int:
     """Go on with a search until it ends or stops for a while, see `search`."""
     entries, out = arrays
-    if not progress.seeded:
-        if not has_room(entries, len(seeds.stance)):
-            return NO_ROOM
-        progress.seeded = True
-        for k in range(len(seeds.stance)):
-            s, cost = seeds.stance[k], seeds.cost[k]
-            push(entries, weights.g * cost + h[s], cost, cost, 3 * s + seeds.moved[k], -1 - k, 0)
+    if not (progress.seeded or _seed(seeds, h, weights, entries, progress)):
+        return NO_ROOM
     while entries.filled.size > 0:
         item = first(entries)
         s, moved = entries.node[item] // 3, entries.node[item] % 3
         above, held, full = entries.link[item], 1 - moved, True
         kept = EMPTY
         if moved < NOBODY:
-            kept = table.mask[s, held]
-            if table.check:
-                if closed.mask[s, moved] & kept == kept:
-                    pop(entries)
-                    continue
-                if above < 0:
-                    kept = seeds.mask[-1 - above]
-                else:
-                    before, last = out.stance[above], out.moved[above]
-                    edge = table.edges[edge_index(held, before, s, table)]
-                    if not edge.known:
-                        progress.held, progress.before, progress.after = held, before, s
-                        return UNKNOWN_STEP
-                    kept = kept_on_edge(kept, branches_kept(edge))
-                    if last == moved:
-                        kept = kept_on_edge(out.mask[above], kept)
-                    elif last == held:
-                        kept = kept_on_edge(releasable(table, before, held), kept)
-                        if not can_release(out.mask[above], releasable(table, before, moved)):
-                            kept = EMPTY
+            whole = table.mask[s, held]
+            if table.check and closed.mask[s, moved] & whole == whole:
+                pop(entries)
+                continue
+            kept = _kept(s, moved, above, seeds, table, out)
+            if kept < 0:
+                progress.held, progress.before, progress.after = held, out.stance[above], s
+                return UNKNOWN_STEP
             if kept & ~closed.mask[s, moved] == 0:
                 pop(entries)
                 continue
-            full = kept == table.mask[s, held]
+            full = kept == whole
             if table.check and table.released[s, held].known:
                 full = releasable(table, s, held) & ~kept == 0
         degree = table.degree[0, table.points[s, 0]] + table.degree[1, table.points[s, 1]]
@@ -225,6 +208,41 @@ def _search(
             return LIMIT
         _expand(here, cost, h, weights, table, closed, arrays)
     return EXHAUSTED
+
+
+@kernel
+def _seed(seeds: Seeds, h: Array, weights: Weights, entries: Queue, progress: Progress) -> bool:
+    """Put the seeds into the queue; whether there is room."""
+    if not has_room(entries, len(seeds.stance)):
+        return False
+    progress.seeded = True
+    for k in range(len(seeds.stance)):
+        s, cost = seeds.stance[k], seeds.cost[k]
+        push(entries, weights.g * cost + h[s], cost, cost, 3 * s + seeds.moved[k], -1 - k, 0)
+    return True
+
+
+@kernel
+def _kept(s: int, moved: int, above: int, seeds: Seeds, table: PairTable, out: Expanded) -> int:
+    """Branches of the limb that held on the step to stance `s`; -1 if the step is not known."""
+    held = 1 - moved
+    kept = table.mask[s, held]
+    if not table.check:
+        return int(kept)
+    if above < 0:
+        return int(seeds.mask[-1 - above])
+    before, last = out.stance[above], out.moved[above]
+    edge = table.edges[edge_index(held, before, s, table)]
+    if not edge.known:
+        return NONE
+    kept = kept_on_edge(kept, branches_kept(edge))
+    if last == moved:
+        kept = kept_on_edge(out.mask[above], kept)
+    elif last == held:
+        kept = kept_on_edge(releasable(table, before, held), kept)
+        if not can_release(out.mask[above], releasable(table, before, moved)):
+            kept = EMPTY
+    return int(kept)
 
 
 @kernel
@@ -282,133 +300,3 @@ def _expand(
                 # Without checks it does not matter which limb moved.
                 closed.best[s2, 0] = closed.best[s2, 1] = cost2
             push(entries, weights.g * cost2 + h[s2], cost2, cost2, 3 * s2 + limb, here, 0)
-
-
-@entry
-def steps_to_goal(
-    goal: BoolArray, table: PairTable, value: Array, opened: BoolArray, waiting: IntArray
-) -> None:
-    """Fewest steps from every stance to the goal region when steps are not checked.
-
-    A breadth-first search in which each row is opened once: all its stances are one step from the
-    first of them that was reached.
-
-    Args:
-        goal: Which stances are goals, shape (n,).
-        table: The stances; those without a branch are omitted.
-        value: Infinities, shape (n,), filled with the steps but where no goal can be reached.
-        opened: False, shape (2, m).
-        waiting: Scratch, shape (n,).
-    """
-    n = len(goal)
-    rows, row_start, points, mask = table.rows, table.row_start, table.points, table.mask
-    head = tail = 0
-    for s in range(n):
-        if goal[s] and mask[s, 0]:
-            value[s] = 0.0
-            waiting[tail] = s
-            tail += 1
-    while head < tail:
-        s = waiting[head]
-        head += 1
-        for held in range(2):
-            point = points[s, held]
-            if opened[held, point]:
-                continue
-            opened[held, point] = True
-            for k in range(row_start[held, point], row_start[held, point + 1]):
-                s2 = rows[held, k]
-                if value[s2] == np.inf and mask[s2, 0]:
-                    value[s2] = value[s] + 1.0
-                    waiting[tail] = s2
-                    tail += 1
-
-
-def distance_to_goal(
-    graph: PairGraph,
-    goal: BoolArray,
-    weights: Weights,
-    start: int = -1,
-    toward: Array | None = None,
-) -> Array:
-    """Exact cost from stances to the goal region when steps are not checked, shape (n,).
-
-    It is found by a search backward from the goal. Moving one limb twice in a row never pays, so a
-    stance reached along a row does not open that row again.
-
-    Args:
-        graph: The stance graph; stances without a branch are omitted.
-        goal: Which stances are goals, shape (n,).
-        weights: What is minimised.
-        start: Stance at which to stop, or -1 to go on to the end; infinity is left where the
-            search did not get to.
-        toward: Lower bound of the cost between each stance and the start, shape (n,).
-    """
-    n = len(goal)
-    cost = Costs(np.full(n, np.inf), np.full(n, np.inf), np.full(n, -1))
-    entries, progress = queue(n + 1), Progress.row()
-    progress["after"] = start
-    toward = np.zeros(n) if toward is None else toward
-    while _distance(goal, toward, weights, graph.steps, cost, entries, progress) == NO_ROOM:
-        entries = grown(entries)
-    return cost.closed
-
-
-class Costs(NamedTuple):
-    """Costs from n stances."""
-
-    value: Array
-    """The least found."""
-    closed: Array
-    """Those of stances that were expanded."""
-    along: IntArray
-    """Limb that held when a stance was reached, -1 for none."""
-
-
-@entry
-def _distance(
-    goal: BoolArray,
-    toward: Array,
-    weights: Weights,
-    table: PairTable,
-    cost: Costs,
-    entries: Queue,
-    progress: Progress,
-) -> int:
-    """Go on with a search until it ends or its queue is full, see `distance_to_goal`."""
-    if not progress.seeded:
-        progress.seeded = True
-        for s in range(len(goal)):
-            if goal[s] and table.mask[s, 0]:
-                cost.value[s] = 0.0
-                push(entries, toward[s], 0.0, 0.0, s, -1, 0)
-    while entries.filled.size > 0:
-        item = first(entries)
-        s = entries.node[item]
-        if cost.closed[s] < np.inf:
-            pop(entries)
-            continue
-        degree = table.degree[0, table.points[s, 0]] + table.degree[1, table.points[s, 1]]
-        if not has_room(entries, degree):
-            return NO_ROOM
-        pop(entries)
-        spent = cost.value[s]
-        cost.closed[s] = spent
-        if s == progress.after:
-            return FOUND
-        x, y, z = table.base[s, 0], table.base[s, 1], table.base[s, 2]
-        for held in range(2):
-            if held == cost.along[s]:
-                continue
-            point = table.points[s, held]
-            for k in range(table.row_start[held, point], table.row_start[held, point + 1]):
-                s2 = table.rows[held, k]
-                dx = table.row_base[held, k, 0] - x
-                dy = table.row_base[held, k, 1] - y
-                dz = table.row_base[held, k, 2] - z
-                cost2 = spent + weights.base * np.sqrt(dx * dx + dy * dy + dz * dz) + weights.step
-                if cost2 < cost.value[s2] and table.mask[s2, 0]:
-                    cost.value[s2] = cost2
-                    cost.along[s2] = held
-                    push(entries, cost2 + toward[s2], cost2, cost2, s2, -1, 0)
-    return EXHAUSTED

@@ -93,7 +93,7 @@ def push(entries: Queue, f: float, g: float, cost: float, node: int, link: int, 
     entries.filled.used, entries.filled.size = item + 1, place + 1
     heap = entries.heap
     while place > 0:
-        parent = (place - 1) >> 1
+        parent = (place - 1) // 2
         if _before(heap[parent], item, entries):
             break
         heap[place] = heap[parent]

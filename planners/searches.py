@@ -23,7 +23,7 @@ from mlivr_gym.planners.pair_search import (
     weights_of,
 )
 from mlivr_gym.planners.query import Search
-from mlivr_gym.postures.solver import Postures
+from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State

@@ -8,54 +8,73 @@ needs, and expected costs where grasps may fail.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.compiled.bit_sets import has, only
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
+class Charges(NamedTuple):
+    """What a step to each of m points costs, shape (m,)."""
+
+    step: Array
+    """For the step."""
+    metre: Array
+    """For each metre of base displacement."""
+
+
+class Costs(NamedTuple):
+    """Least costs to g goals from n stances."""
+
+    held: Array
+    """When a limb holds on a branch and the other moves next, shape (g, n, 2, 16)."""
+    grasped: Array
+    """The least when a limb has just grasped and the other moves next, shape (g, n, 2)."""
+
+
 @entry
 def relax(
     goal: BoolArray,
-    step_cost: Array,
-    base_cost: Array,
+    charges: Charges,
     tables: StepTables,
-    value: Array,
-    grasped: Array,
-    queue: IntArray,
+    costs: Costs,
+    g: int,
+    waiting: IntArray,
     queued: NDArray[np.int8],
 ) -> None:
     """Fill the table, label-correcting backward from the goal stances.
 
     Args:
         goal: Which stances are goals, shape (n,).
-        step_cost: Charge for a step to each point, shape (m,).
-        base_cost: Charge for each metre of base displacement on a step to each point, shape (m,).
+        charges: What a step to each point costs.
         tables: `StepTables`.
-        value: Infinities, shape (n, 2, 16), filled.
-        grasped: Infinities, shape (n, 2), filled: least cost when the limb has just grasped and the
-            other moves next.
-        queue: Shape (n,).
+        costs: Infinities, filled for one goal.
+        g: Which goal.
+        waiting: Shape (n,).
         queued: Zeros, shape (n,).
     """
-    n = len(goal)
+    n, value, grasped = len(goal), costs.held[g], costs.grasped[g]
+    step_cost, base_cost = charges.step, charges.metre
     head = size = 0
     for s in range(n):
         if goal[s]:
             grasped[s, 0] = grasped[s, 1] = 0.0
             for limb in range(2):
                 for b in range(16):
-                    if tables.masks[s, limb] >> b & 1:
+                    if has(tables.masks[s, limb], b):
                         value[s, limb, b] = 0.0
-            queue[size] = s
+            waiting[size] = s
             queued[s] = 1
             size += 1
     while size:
-        s2 = queue[head]
+        s2 = waiting[head]
         head = (head + 1) % n
         size -= 1
         queued[s2] = 0
@@ -71,19 +90,19 @@ def relax(
                 cost = step_cost[point] + base_cost[point] * np.sqrt(square)
                 branches, changed = tables.kept[e], False
                 for b in range(16):
-                    if branches >> b & 1:
+                    if has(branches, b):
                         # The limb that holds may move next if it can be released on its branch.
                         rest = np.inf
-                        if can_release(1 << b, tables.releasable[s2, held]):
+                        if can_release(only(b), tables.releasable[s2, held]):
                             rest = grasped[s2, moving]
                         through = cost + min(value[s2, held, b], rest)
                         if through < value[s, held, b] - 1e-9:
                             value[s, held, b] = through
-                            if can_release(1 << b, tables.releasable[s, held]):
+                            if can_release(only(b), tables.releasable[s, held]):
                                 grasped[s, held] = min(grasped[s, held], through)
                             changed = True
                 if changed and not queued[s]:
-                    queue[(head + size) % n] = s
+                    waiting[(head + size) % n] = s
                     queued[s] = 1
                     size += 1
 
@@ -94,11 +113,9 @@ def step_values(
     masks: IntArray,
     which: IntArray,
     goals: BoolArray,
-    step_cost: Array,
-    base_cost: Array,
+    charges: Charges,
     tables: StepTables,
-    values: Array,
-    grasped: Array,
+    costs: Costs,
     out: Array,
 ) -> None:
     """Cost of taking each possible action and going on at the least cost.
@@ -106,16 +123,15 @@ def step_values(
     Args:
         stances: Stance indices, shape (k,).
         masks: Branches, shape (k, 2).
-        which: Row of `values` that belongs to each state, shape (k,).
+        which: Goal of each state, shape (k,).
         goals: Which stances are goals, shape (g, n).
-        step_cost: As in `relax`.
-        base_cost: As in `relax`.
+        charges: As in `relax`.
         tables: `StepTables`.
-        values: Shape (g, n, 2, 16).
-        grasped: Shape (g, n, 2).
+        costs: As `relax` has filled them.
         out: Infinities, shape (k, 2 m), written.
     """
-    m = out.shape[1] // 2
+    m, values, grasped = out.shape[1] // 2, costs.held, costs.grasped
+    step_cost, base_cost = charges.step, charges.metre
     for k in range(len(stances)):
         s, g = stances[k], which[k]
         for moving in range(2):
@@ -134,7 +150,7 @@ def step_values(
                 for axis in range(3):
                     square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
                 for b in range(16):
-                    if branches >> b & 1:
+                    if has(branches, b):
                         rest = min(rest, values[g, s2, held, b])
                 if goals[g, s2]:
                     rest = 0.0
@@ -143,7 +159,7 @@ def step_values(
                 )
 
 
-def expected_charges(cost: Cost, failure: Array) -> tuple[Array, Array]:
+def expected_charges(cost: Cost, failure: Array) -> Charges:
     """Expected charges for a step and for a metre where attempts at points may fail.
 
     A failed attempt costs a step and the path there and back; it is made again until it succeeds,
@@ -154,9 +170,10 @@ def expected_charges(cost: Cost, failure: Array) -> tuple[Array, Array]:
         failure: Probability p that an attempt at each point fails, shape (m,).
 
     Returns:
-        Charge for a step and for a metre to each point, each shape (m,).
+        The charges for each point.
     """
-    return cost.step_weight / (1.0 - failure), cost.base_weight * (1.0 + failure) / (1.0 - failure)
+    step = cost.step_weight / (1.0 - failure)
+    return Charges(step, cost.base_weight * (1.0 + failure) / (1.0 - failure))
 
 
 class TableValues:
@@ -199,13 +216,11 @@ class TableValues:
                 for goal in goals
             ]
         )
-        self.values: Array = np.full((count, n, 2, 16), np.inf)
-        self.grasped: Array = np.full((count, n, 2), np.inf)
+        self._costs = Costs(np.full((count, n, 2, 16), np.inf), np.full((count, n, 2), np.inf))
+        self.values, self.grasped = self._costs
         for g in range(count):
             queue, queued = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int8)
-            relax(
-                self.goals[g], *self.charges, tables, self.values[g], self.grasped[g], queue, queued
-            )
+            relax(self.goals[g], self.charges, tables, self._costs, g, queue, queued)
 
     def of_stances(self, g: int) -> Array:
         """Least cost from each stance to goal `g` with all branches of both limbs, shape (n,)."""
@@ -226,15 +241,5 @@ class TableValues:
             Shape (k, actions), inf where an action is not possible.
         """
         out: Array = np.full((len(stances), actions), np.inf)
-        step_values(
-            stances,
-            masks,
-            which,
-            self.goals,
-            *self.charges,
-            self.tables,
-            self.values,
-            self.grasped,
-            out,
-        )
+        step_values(stances, masks, which, self.goals, self.charges, self.tables, self._costs, out)
         return out

@@ -13,7 +13,8 @@ from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.compiled.warming import reporting
 from mlivr_gym.planners import Planner
 from mlivr_gym.postures.base_frames import base_frames
-from mlivr_gym.postures.solver import Postures, PostureSolver
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.pair_graph import PairGraph

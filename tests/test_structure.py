@@ -41,6 +41,11 @@ AMBIGUOUS = {
 
 LEVEL = {name: len(LAYERS) - k for k, line in enumerate(LAYERS) for name in line}
 MOST_LINES, MOST_FUNCTION_LINES, MOST_PARAMETERS, WIDTH = 400, 60, 6, 100
+MOST_OF_KERNELS, MEAN_OF_KERNELS = 8, 4.2
+"""Parameters of a kernel, at most and on average."""
+
+PRIVATE_OPTION = "mlivr_gym/compiled/kernels.py"
+"""The one file that may use something private of the compiler; it says what and why."""
 
 
 def sources():
@@ -95,7 +100,7 @@ def functions(path):
 
 def is_kernel(node):
     names = {part.id for part in node.decorator_list if isinstance(part, ast.Name)}
-    return bool(names & {"kernel", "allocating_kernel"})
+    return bool(names & {"kernel", "part", "entry"})
 
 
 def names_given(path):
@@ -162,15 +167,68 @@ def test_files_are_short_and_narrow(path):
 
 @pytest.mark.parametrize("path", sources(), ids=module_of)
 def test_functions_are_short_and_take_few_parameters(path):
-    """Kernels excepted, and for parameters constructors; options are keyword-only."""
+    """Constructors excepted for parameters; options are keyword-only."""
     long, many = {}, {}
     for name, node, method in functions(path):
-        if is_kernel(node):
-            continue
         if lines_of(node) > MOST_FUNCTION_LINES:
             long[name] = lines_of(node)
         count = len(node.args.posonlyargs) + len(node.args.args) - method
-        if count > MOST_PARAMETERS and not name.endswith("__init__"):
+        most = MOST_OF_KERNELS if is_kernel(node) else MOST_PARAMETERS
+        if count > most and not name.endswith("__init__"):
             many[name] = count
     assert not long
     assert not many
+
+
+def kernels():
+    """Every kernel with its file."""
+    return [(path, node) for path in sources() for _, node, _ in functions(path) if is_kernel(node)]
+
+
+def test_kernels_take_few_parameters_on_average():
+    counts = [len(node.args.args) for _, node in kernels()]
+    assert len(counts) > 100
+    assert sum(counts) / len(counts) <= MEAN_OF_KERNELS
+
+
+def test_nothing_is_kept_from_the_formatter_where_kernels_are():
+    kept = [
+        path.name
+        for path in sorted({path for path, _ in kernels()})
+        if "fmt: " in path.read_text(encoding="utf-8")
+    ]
+    assert not kept
+
+
+def test_kernels_read_by_name():
+    """Whole numbers as indices are coordinates, or the one row of an array of records."""
+    by_position = []
+    for path, node in kernels():
+        for inner in ast.walk(node):
+            if isinstance(inner, ast.Subscript) and isinstance(inner.slice, ast.Constant):
+                number = inner.slice.value
+                if isinstance(number, int) and number > 5:
+                    by_position.append((path.name, node.name, ast.unparse(inner)))
+    assert not by_position
+
+
+def test_nothing_private_of_the_compiler_is_used():
+    private = re.compile(r"_nrt|llvmlite|numba\.core\.(?!event)|\._cache\b|\._compile_for_args")
+    found = [
+        module_of(path)
+        for path in sources()
+        if private.search(path.read_text(encoding="utf-8")) and path != ROOT / PRIVATE_OPTION
+    ]
+    assert not found
+
+
+def test_bits_are_taken_apart_in_one_module():
+    """Shifts and literals of bits stand in `bit_sets` alone."""
+    allowed = {"compiled.bit_sets", "envs.batch"}
+    shifting = {
+        module_of(path)
+        for path, node in kernels()
+        for inner in ast.walk(node)
+        if isinstance(inner, ast.LShift | ast.RShift)
+    }
+    assert shifting <= allowed

@@ -26,7 +26,8 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import Limb, LimbCapsule
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
-from mlivr_gym.kinematics.arm import Arm, link_frames
+from mlivr_gym.kinematics.arm import Arm
+from mlivr_gym.kinematics.families import link_frames
 from mlivr_gym.kinematics.limb import wrap
 from mlivr_gym.kinematics.poses import Pose, length, out_of
 from mlivr_gym.robot.specification import MOST_CAPSULES

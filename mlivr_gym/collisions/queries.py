@@ -18,7 +18,8 @@ from mlivr_gym.collisions.placing import Placed, capsule_axis, place, to_world
 from mlivr_gym.compiled.bit_sets import BRANCHES, below, has_branch, without_branch
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.kinematics.arm import JointAxes, branch_frames
+from mlivr_gym.kinematics.arm import JointAxes
+from mlivr_gym.kinematics.families import branch_frames
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.poses import along, vector

@@ -220,7 +220,7 @@ def _pieces(robot: Robot, motion: Motion, travel: float, room: Sweep) -> int:
     _whole_motion(robot, motion.second, room.second)
     if motion.first.kind == SWINGS:
         travel += room.first.shift[0, WRIST_POINT]
-    return min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), 1 << DEPTH)
+    return min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), 2**DEPTH)
 
 
 @kernel

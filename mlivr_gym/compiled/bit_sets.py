@@ -108,6 +108,12 @@ def whole_class(choice: int) -> int:
 
 
 @kernel
+def class_of(branch: int) -> int:
+    """The class of a branch."""
+    return branch >> 1
+
+
+@kernel
 def first_branch(mask: int) -> int:
     """The least branch of a set that is not empty."""
     branch = EMPTY

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.compiled.kernels import entry
+from mlivr_gym.compiled.bit_sets import NONE
+from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.envs.tasks import MOST_STEPS
 from mlivr_gym.stances.table_steps import any_step, find_step
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
@@ -19,6 +20,37 @@ if TYPE_CHECKING:
 
 TRIES = 1000
 """Draws after which drawing a start and goal gives up."""
+
+
+class Robots(NamedTuple):
+    """States of k robots, one a copy of the environment."""
+
+    stances: IntArray
+    """Stance indices, shape (k,)."""
+    masks: IntArray
+    """Branches each limb may be on, shape (k, 2)."""
+    streams: NDArray[np.uint64]
+    """States of the random numbers, shape (k,)."""
+
+
+class Chances(NamedTuple):
+    """What an action may come to."""
+
+    failure: Array
+    """Probability that an attempt at each point fails, shape (m,)."""
+    max_step: float
+    """Displacement charged for an action that is masked out [m]."""
+
+
+class Draws(NamedTuple):
+    """What starts and goals are drawn from."""
+
+    targets: Array
+    """Positions of the points [m], shape (m, 3)."""
+    cabin: Array
+    """Lower and upper corner of where goals may lie [m], shape (2, 3)."""
+    tolerance: float
+    """Goals nearer to the start than this are drawn again [m]."""
 
 
 @entry
@@ -42,13 +74,10 @@ def random_below(streams: NDArray[np.uint64], k: int, bound: int) -> int:
 def advance(
     actions: IntArray,
     skip: BoolArray,
-    failure: Array,
-    max_step: float,
+    chances: Chances,
     stance_at: NDArray[np.int32],
     tables: StepTables,
-    streams: NDArray[np.uint64],
-    stances: IntArray,
-    masks: IntArray,
+    robots: Robots,
     moved: Array,
     outcome: IntArray,
 ) -> None:
@@ -57,17 +86,16 @@ def advance(
     Args:
         actions: Limb times m plus point, shape (k,).
         skip: States that take none, shape (k,).
-        failure: Probability that an attempt at each point fails, shape (m,).
-        max_step: Displacement charged for an action that is masked out [m].
+        chances: What an action may come to.
         stance_at: Stance index by points, -1 where there is none, shape (m, m).
         tables: `StepTables`.
-        streams: States of the random numbers, shape (k,).
-        stances: Stance indices, shape (k,), changed.
-        masks: Branches, shape (k, 2), changed.
+        robots: The states, changed.
         moved: Base displacement of each step [m], shape (k,), written.
         outcome: 0 done, 1 masked out, 2 the grasp failed and the limb went back; shape (k,),
             written.
     """
+    stances, masks, failure = robots.stances, robots.masks, chances.failure
+    streams, max_step = robots.streams, chances.max_step
     m = len(stance_at)
     for k in range(len(actions)):
         if skip[k]:
@@ -96,17 +124,54 @@ def advance(
         stances[k] = s2
 
 
+@kernel
+def _walk_towards(
+    s: int, mask0: int, mask1: int, target: Array, position: Array, tables: StepTables
+) -> int:
+    """Stance at which a walk ends that goes nearer to a target with every step.
+
+    Args:
+        s: Stance at which it begins.
+        mask0: Branches that limb 0 may be on.
+        mask1: Branches that limb 1 may be on.
+        target: Where it goes [m], shape (3,).
+        position: Base positions of the stances [m], shape (n, 3).
+        tables: `StepTables`.
+    """
+    start, after, kept, here, nearest = tables.start, tables.after, tables.kept, s, 0.0
+    for axis in range(3):
+        nearest += (position[s, axis] - target[axis]) ** 2
+    for _ in range(MOST_STEPS):
+        best = NONE
+        for moving in range(2):
+            of_held, of_moving = (mask0, mask1) if moving else (mask1, mask0)
+            if not can_release(of_moving, tables.releasable[here, moving]):
+                continue
+            for e in range(start[2 * here + moving], start[2 * here + moving + 1]):
+                if kept_on_edge(of_held, kept[e]):
+                    square = 0.0
+                    for axis in range(3):
+                        square += (position[after[e], axis] - target[axis]) ** 2
+                    if square < nearest:
+                        nearest, best = square, e
+        if best < 0:
+            break
+        second = best >= start[2 * here + 1]
+        here = after[best]
+        if second:
+            mask0, mask1 = kept_on_edge(mask0, kept[best]), int(tables.releasable[here, 1])
+        else:
+            mask1, mask0 = kept_on_edge(mask1, kept[best]), int(tables.releasable[here, 0])
+    return here
+
+
 @entry
 def draw_tasks(
     which: BoolArray,
     given: BoolArray,
-    targets: Array,
-    cabin: Array,
-    tolerance: float,
+    draws: Draws,
     tables: StepTables,
-    streams: NDArray[np.uint64],
-    stances: IntArray,
-    masks: IntArray,
+    robots: Robots,
     goals: Array,
 ) -> int:
     """Draw starts and goals as `tasks.sample_task` does, number for number of the same stream.
@@ -115,17 +180,15 @@ def draw_tasks(
 
     Args:
         which: States to draw, shape (k,).
-        given: Those of them whose start is given by `stances` and `masks`, shape (k,).
-        targets: Positions of the points [m], shape (m, 3).
-        cabin: Lower and upper corner of where goals may lie [m], shape (2, 3).
-        tolerance: Goals nearer to the start than this are drawn again [m].
+        given: Those of them whose start is given by `robots`, shape (k,).
+        draws: What they are drawn from.
         tables: `StepTables`.
-        streams: States of the random numbers, shape (k,).
-        stances: Shape (k,), written where not given.
-        masks: Shape (k, 2), written where not given.
+        robots: Stances and masks are written where not given.
         goals: Shape (k, 3) [m], written.
     """
-    start, after, kept, position = tables.start, tables.after, tables.kept, tables.base_in_world
+    targets, cabin, tolerance = draws.targets, draws.cabin, draws.tolerance
+    stances, masks, streams = robots.stances, robots.masks, robots.streams
+    position = tables.base_in_world
     n = len(position)
     for k in range(len(which)):
         if not which[k]:
@@ -139,36 +202,8 @@ def draw_tasks(
                     continue
                 stances[k], masks[k, 0], masks[k, 1] = s, mask0, mask1
             s, mask0, mask1 = stances[k], masks[k, 0], masks[k, 1]
-            here = s
             target = targets[random_below(streams, k, len(targets))]
-            nearest = 0.0
-            for axis in range(3):
-                nearest += (position[s, axis] - target[axis]) ** 2
-            for _ in range(MOST_STEPS):
-                best = -1
-                for moving in range(2):
-                    of_held, of_moving = (mask0, mask1) if moving else (mask1, mask0)
-                    if not can_release(of_moving, tables.releasable[here, moving]):
-                        continue
-                    for e in range(start[2 * here + moving], start[2 * here + moving + 1]):
-                        if kept_on_edge(of_held, kept[e]):
-                            square = 0.0
-                            for axis in range(3):
-                                square += (position[after[e], axis] - target[axis]) ** 2
-                            if square < nearest:
-                                nearest, best = square, e
-                if best < 0:
-                    break
-                second = best >= start[2 * here + 1]
-                here = after[best]
-                if second:
-                    mask0, mask1 = (
-                        kept_on_edge(mask0, kept[best]),
-                        np.int64(tables.releasable[here, 1]),
-                    )
-                else:
-                    mask0 = np.int64(tables.releasable[here, 0])
-                    mask1 = kept_on_edge(mask1, kept[best])
+            here = _walk_towards(s, mask0, mask1, target, position, tables)
             away, inside = 0.0, True
             for axis in range(3):
                 away += (position[here, axis] - position[s, axis]) ** 2

@@ -18,7 +18,7 @@ from gymnasium.vector.utils import batch_space
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.actions import action_numbers
-from mlivr_gym.envs.batch import advance, draw_tasks
+from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, observations, stance_observations
 from mlivr_gym.envs.plain_spec import PlainSpec
@@ -218,10 +218,9 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             self._begin(restart)
         before = self._away
         moved, outcome = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=np.int64)
-        advance(
-            actions, restart, env.failure_probability, env.graph.max_step, self._stance_at,
-            self.tables, self._streams, self.stances, self.masks, moved, outcome,
-        )  # fmt: skip
+        chances = Chances(env.failure_probability, env.graph.max_step)
+        robots = Robots(self.stances, self.masks, self._streams)
+        advance(actions, restart, chances, self._stance_at, self.tables, robots, moved, outcome)
         invalid, failed = outcome == 1, outcome == 2
         self.steps += ~restart
         self.base_translation += np.where(invalid, 0.0, moved)
@@ -273,10 +272,9 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         if not isinstance(self.env.tasks, WalkTasks):
             self._draw_one_by_one(which, given, stances, masks, goals)
             return
-        missing = draw_tasks(
-            which, which & given, grasp_map.positions, grasp_map.cabin, self.env.goal_tolerance,
-            self.tables, self._streams, stances, masks, goals,
-        )  # fmt: skip
+        draws = Draws(grasp_map.positions, grasp_map.cabin, self.env.goal_tolerance)
+        robots = Robots(stances, masks, self._streams)
+        missing = draw_tasks(which, which & given, draws, self.tables, robots, goals)
         if missing >= 0:
             what = f"goal that a walk joins with start {tuple(self._ids[stances[missing]])} was"
             what = what if given else "start and goal that a walk joins were"

@@ -1,9 +1,4 @@
-"""The arm of a limb: what every family of arms can do, each behind one function (compiled).
-
-A family says which branches reach a flange pose and how far they are from singular, which joint
-angles they have, and where the links are. All else in this package asks the functions below; they
-choose by `Arm.family`.
-"""
+"""An arm as compiled code reads it; what it can do stands in `families`."""
 
 from __future__ import annotations
 
@@ -13,27 +8,6 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.kinematics.ur import (
-    SINGULAR as SINGULAR,
-)
-from mlivr_gym.kinematics.ur import (
-    SINGULAR_TOO as SINGULAR_TOO,
-)
-from mlivr_gym.kinematics.ur import (
-    branch_angles as branch_angles,
-)
-from mlivr_gym.kinematics.ur import (
-    branch_frames as branch_frames,
-)
-from mlivr_gym.kinematics.ur import (
-    branch_terms as branch_terms,
-)
-from mlivr_gym.kinematics.ur import (
-    joint_axes as joint_axes,
-)
-from mlivr_gym.kinematics.ur import (
-    link_frames as link_frames,
-)
 
 UR = 0
 """Arms of the UR family, see `ur`."""

@@ -27,8 +27,9 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.bit_sets import CLASSES, has_class, without_class
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.kinematics.arm import Arm, branch_terms
+from mlivr_gym.kinematics.arm import Arm
 from mlivr_gym.kinematics.base_path import CLOSEST_PIVOT, STRAIGHT, BasePath, pose_on_path
+from mlivr_gym.kinematics.families import branch_terms
 from mlivr_gym.kinematics.limb import MountedArm, flange_seen
 from mlivr_gym.kinematics.poses import Pose, along, columns, length, minus, vector
 
@@ -75,7 +76,7 @@ def certify(
     sigma = path.speed + path.angle * _farthest(arm, flange, path)
     square_floor = (floor / (arm.a2 * arm.a3)) ** 2
     # The first intervals are about as long as the bounds can usually decide.
-    pieces = min(max(int(np.ceil(sigma / FIRST_INTERVAL)), 1), 1 << DEPTH)
+    pieces = min(max(int(np.ceil(sigma / FIRST_INTERVAL)), 1), 2**DEPTH)
     shortest = 0.5 ** (DEPTH + 1)
     piece = top = 0
     while mask and (top > 0 or piece < pieces):

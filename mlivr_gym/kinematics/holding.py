@@ -13,9 +13,10 @@ import numpy as np
 from mlivr_gym.compiled.bit_sets import BRANCHES, has_branch, without_branch, without_flip
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
-from mlivr_gym.kinematics.arm import SINGULAR_TOO, Arm
+from mlivr_gym.kinematics.arm import Arm
 from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
 from mlivr_gym.kinematics.certificate import Proof, certify
+from mlivr_gym.kinematics.families import SINGULAR_TOO
 from mlivr_gym.kinematics.limb import MountedArm, angles_at
 from mlivr_gym.kinematics.poses import Pose
 
@@ -106,8 +107,8 @@ def next_angles(limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Join
     if not angles_at(limb, base, flange, branch, SINGULAR_TOO, q):
         return False
     for joint, before in enumerate((q0, q1, q2, q3, q4, q5)):
-        near = before if before == before else 0.0
-        q[joint] += 2.0 * np.pi * np.round((near - q[joint]) / (2.0 * np.pi))
+        wanted = before if before == before else 0.0
+        q[joint] += 2.0 * np.pi * np.round((wanted - q[joint]) / (2.0 * np.pi))
     return True
 
 

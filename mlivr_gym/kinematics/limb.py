@@ -9,7 +9,8 @@ import numpy as np
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
-from mlivr_gym.kinematics.arm import SINGULAR_TOO, Arm, branch_angles
+from mlivr_gym.kinematics.arm import Arm
+from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
 from mlivr_gym.kinematics.poses import Pose, columns, into, seen_from, vector
 
 if TYPE_CHECKING:

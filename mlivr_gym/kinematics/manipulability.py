@@ -21,7 +21,8 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.kinematics.arm import JointAxes, joint_axes
+from mlivr_gym.kinematics.arm import JointAxes
+from mlivr_gym.kinematics.families import joint_axes
 from mlivr_gym.kinematics.limb import MountedArm
 
 if TYPE_CHECKING:

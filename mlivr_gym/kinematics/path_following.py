@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import entry
-from mlivr_gym.kinematics.arm import SINGULAR_TOO
+from mlivr_gym.kinematics.families import SINGULAR_TOO
 from mlivr_gym.kinematics.holding import next_angles
 from mlivr_gym.kinematics.limb import Angles, angles_at
 from mlivr_gym.kinematics.poses import Pose

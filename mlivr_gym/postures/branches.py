@@ -29,8 +29,8 @@ from mlivr_gym.compiled.bit_sets import (
     whole_class,
 )
 from mlivr_gym.compiled.kernels import kernel, part
-from mlivr_gym.kinematics.arm import branch_frames
 from mlivr_gym.kinematics.base_path import lift_path
+from mlivr_gym.kinematics.families import branch_frames
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import minus, vector

@@ -13,7 +13,8 @@ from mlivr_gym.collisions.contacts import Contact, contacts
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
-from mlivr_gym.postures.solver import Postures, PostureSolver
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import LONGEST, numbers
 from mlivr_gym.world.boxes import Box

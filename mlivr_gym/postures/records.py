@@ -107,7 +107,7 @@ class Tried(Record):
     """How each limb reaches its grasp."""
     bound: float
     """Upper bound of the margin: the least over the limbs of the best class."""
-    left: float
+    waiting: float
     """The same as long as it is to be looked at, then 0."""
 
 

@@ -10,7 +10,7 @@ from mlivr_gym.collisions.against_boxes import base_against_boxes
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import Robot
-from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE
+from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, class_of
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.manipulability import limb_information
 from mlivr_gym.kinematics.poses import vector
@@ -92,7 +92,7 @@ def enter(search: Search, c: int, floor: float, look: bool, room: PostureRoom) -
         reached = tried.limbs[i]
         room.option_count[i] = 0
         for b in range(BRANCHES):
-            if reached.w[b >> 1] > floor * rule.scale_m:
+            if reached.w[class_of(b)] > floor * rule.scale_m:
                 room.options[i, room.option_count[i]] = b
                 room.option_count[i] += 1
                 limb_information(
@@ -126,7 +126,7 @@ def _trial_bound(search: Search, tried: Tried, room: PostureRoom) -> float:
     bound = np.inf
     for i in range(search.robot.limb_count):
         b = room.trial[i]
-        bound = min(bound, tried.limbs[i].w[b >> 1] if room.status[i, b] <= CLEAR else 0.0)
+        bound = min(bound, tried.limbs[i].w[class_of(b)] if room.status[i, b] <= CLEAR else 0.0)
     return bound / search.rule.scale_m
 
 
@@ -139,17 +139,17 @@ def _largest_margin(search: Search, floor: float, look: bool, room: PostureRoom)
     """
     limbs, margin = search.robot.limb_count, floor
     for c in range(search.poses):
-        room.tried[c].left = room.tried[c].bound
+        room.tried[c].waiting = room.tried[c].bound
     while True:
         c = EMPTY
         for other in range(1, search.poses):
-            if room.tried[other].left > room.tried[c].left:
+            if room.tried[other].waiting > room.tried[c].waiting:
                 c = other
         tried = room.tried[c]
-        top = tried.left
+        top = tried.waiting
         if top <= margin or top <= 0.0:
             return margin
-        tried.left = 0.0
+        tried.waiting = 0.0
         if not enter(search, c, margin, look, room):
             continue
         for turn in range(2):

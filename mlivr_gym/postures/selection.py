@@ -10,9 +10,9 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR, SELF
 from mlivr_gym.collisions.limb_shapes import Robot
-from mlivr_gym.compiled.bit_sets import ALL, CLASSES, NONE
+from mlivr_gym.compiled.bit_sets import ALL, CLASSES, NONE, class_of
 from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.arm import SINGULAR, branch_terms
+from mlivr_gym.kinematics.families import SINGULAR, branch_terms
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.manipulability import limb_information
 from mlivr_gym.kinematics.poses import columns, turn, vector
@@ -192,7 +192,7 @@ def _take(
     for i in range(robot.limb_count):
         out.w_m[i] = 0.0
         if chosen >= 0:
-            out.w_m[i] = room.tried[chosen].limbs[i].w[out.branch[i] >> 1]
+            out.w_m[i] = room.tried[chosen].limbs[i].w[class_of(out.branch[i])]
         node = node and out.w_m[i] >= rule.thresholds.w_m
     if chosen >= 0:
         base = room.tried[chosen].base

@@ -26,11 +26,9 @@ geometry; where that posture touches the surroundings, the candidates are tried 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
@@ -44,9 +42,9 @@ from mlivr_gym.collisions.queries import (
 )
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.grasps import grasp_rows
-from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.postures.geometries import Grasps, grasps_of_geometries, relative_geometries
+from mlivr_gym.postures.postures import FIELDS, Postures, PostureTable
 from mlivr_gym.postures.records import HeldStance, Posture, PostureRoom, PostureRule, Thresholds
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_postures
@@ -59,51 +57,6 @@ OPPOSED_HEIGHTS = (0.15, 0.25, 0.35, 0.45)
 
 OPPOSED_ROLLS = 12
 """Rolls over the full circle tried there."""
-
-
-@dataclass(frozen=True)
-class Postures:
-    """Postures of k stances.
-
-    Attributes:
-        base_position: Base positions in the world [m], shape (k, 3).
-        base_rotation: Base rotations in the world, shape (k, 3, 3).
-        w_m: Limb manipulability, shape (k, N); 0 where the stance cannot be held.
-        w_b: Base manipulability, shape (k,).
-        branch: Branch of each limb that gives the margin, shape (k, N).
-        mask: Branches and flips each limb may hold on, 16-bit masks, shape (k, N).
-        cause: What the best posture touches where that alone keeps the stance from being held,
-            shape (k,); one of the causes in `distances`.
-    """
-
-    base_position: Array
-    base_rotation: Array
-    w_m: Array
-    w_b: Array
-    branch: IntArray
-    mask: IntArray
-    cause: IntArray
-
-    @property
-    def reachable(self) -> BoolArray:
-        """Whether inverse kinematics has a solution, shape (k,)."""
-        reachable: BoolArray = (self.w_b > 0.0) | (self.cause > 0)
-        return reachable
-
-    @property
-    def base_rows(self) -> Any:
-        """The bases as compiled code reads them: rows of `Pose`, shape (k,)."""
-        rows = Pose.rows(len(self.w_b))
-        rows["position"], rows["rotation"] = self.base_position, self.base_rotation
-        return rows
-
-    def take(self, index: NDArray[np.intp] | BoolArray | slice) -> Postures:
-        """Postures of the chosen stances."""
-        return Postures(*(getattr(self, name)[index] for name in FIELDS))
-
-
-FIELDS = tuple(field.name for field in fields(Postures))
-"""Names of a posture's arrays."""
 
 
 class _Candidates(NamedTuple):
@@ -148,7 +101,7 @@ class PostureSolver:
         if settings.collisions:
             self.point_cause = self.hands_touch(self.boxes)
         self._rows: dict[bytes, int] = {}
-        self._solved = _Table(robot.limbs)
+        self._solved = PostureTable(robot.limbs)
 
     def _thresholds(self, least: tuple[float, float]) -> Any:
         """What stances and steps must meet, by the least `w_m` and `w_b`: a row of `Thresholds`."""
@@ -379,38 +332,3 @@ class PostureSolver:
             out["mask"][:, :count].copy(),
             out["cause"].copy(),
         )
-
-
-class _Table:
-    """Solved postures in arrays that grow by doubling."""
-
-    def __init__(self, limbs: int) -> None:
-        shapes: list[tuple[tuple[int, ...], type]] = [
-            ((3,), float),
-            ((3, 3), float),
-            ((limbs,), float),
-            ((), float),
-            ((limbs,), np.int64),
-            ((limbs,), np.int64),
-            ((), np.int64),
-        ]
-        self._arrays: list[NDArray[Any]] = [
-            np.zeros((0, *shape), dtype=kind) for shape, kind in shapes
-        ]
-        self._used = 0
-
-    def append(self, new: Postures) -> None:
-        parts = [getattr(new, name) for name in FIELDS]
-        end = self._used + len(new.w_b)
-        for i, part in enumerate(parts):
-            if end > len(self._arrays[i]):
-                grown = np.zeros(
-                    (max(end, 2 * len(self._arrays[i])), *part.shape[1:]), dtype=part.dtype
-                )
-                grown[: self._used] = self._arrays[i][: self._used]
-                self._arrays[i] = grown
-            self._arrays[i][self._used : end] = part
-        self._used = end
-
-    def take(self, index: IntArray) -> Postures:
-        return Postures(*(array[index] for array in self._arrays))

@@ -24,7 +24,8 @@ from mlivr_gym.postures.given_pose import given_joints
 from mlivr_gym.simulation.dynamics import Physics, check_masses
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
-from mlivr_gym.stances.stance_graph import StanceGraph, join
+from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, Successors, moving_limb
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.postures.solver import OPPOSED_HEIGHTS, Postures
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.solver import OPPOSED_HEIGHTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.stance_graph import StanceGraph

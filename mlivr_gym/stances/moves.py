@@ -13,7 +13,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.kinematics.poses import quaternion
-from mlivr_gym.postures.solver import Postures
+from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
 from mlivr_gym.errors import SettingError, ShapeError
-from mlivr_gym.postures.solver import Postures, PostureSolver
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.transitions.step_check import StepChecks

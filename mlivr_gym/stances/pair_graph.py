@@ -15,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
-from mlivr_gym.postures.solver import Postures
+from mlivr_gym.postures.postures import Postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.pair_rows import connected_parts, rows_of
 from mlivr_gym.stances.pair_steps import (
-    PairEdge,
     PairTable,
     longest_step,
     pair_successors,
@@ -104,14 +103,13 @@ class PairGraph(StanceGraph):
         self.w_m, self.w_b = chosen.w_m, chosen.w_b
         self.branch, self.mask = chosen.branch, chosen.mask
         m = len(grasp_map)
-        self.rows, self.row_start, self.degree, self.offset, self.local = rows_of(self.points, m)
-        self.row_position: Array = self.base_in_world[self.rows]
-        """Base positions in the order of `rows` [m], shape (2, n, 3)."""
+        rows = rows_of(self.points, m)
+        self.rows, self.row_start, self.degree, self.offset, self.local = rows
         self.complete = False
         """Whether every step is known."""
         self._keys = self.points[:, 0] * m + self.points[:, 1]
-        edges = PairEdge.rows(int((self.degree**2).sum()) if settings.transitions else 1)
-        self._free = KnownSteps(self, self.checks, self.mask, edges)
+        stances = self.checks.stances(self.points, chosen)
+        self._free = KnownSteps(self.checks, stances, rows, self.base_in_world)
         self._known = self._free
 
     @property

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import BoolArray, IntArray
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.stances.pair_rows import Rows
 from mlivr_gym.stances.pair_steps import PairEdge, PairTable
 from mlivr_gym.transitions.records import StanceSet
 from mlivr_gym.transitions.step_check import StepChecks
-
-if TYPE_CHECKING:
-    from mlivr_gym.stances.pair_graph import PairGraph
 
 
 class KnownSteps:
@@ -25,24 +22,23 @@ class KnownSteps:
         table: The steps.
     """
 
-    def __init__(self, graph: PairGraph, checks: StepChecks, mask: IntArray, edges: Any) -> None:
-        """Know nothing yet of the stances of `graph`, whose limbs may hold on `mask`."""
-        self.checks, self.collisions = checks, graph.settings.collisions
-        base = Pose.rows(len(mask))
-        base["position"], base["rotation"] = graph.base_in_world, graph.base_axes_in_world
-        self.stances = StanceSet(graph.points, base, mask, checks.released(mask))
+    def __init__(self, checks: StepChecks, stances: StanceSet, rows: Rows, base: Array) -> None:
+        """Know nothing yet of the steps between stances in rows, at base positions (n, 3) [m]."""
+        self.checks, settings = checks, checks.solver.settings
+        self.collisions, self.stances = settings.collisions, stances
+        edges = PairEdge.rows(int((rows.degree**2).sum()) if settings.transitions else 1)
         self.table = PairTable(
-            graph.settings.transitions,
-            graph.points,
-            graph.base_in_world,
-            mask,
-            self.stances.released,
-            graph.rows,
-            graph.row_start,
-            graph.row_position,
-            graph.degree,
-            graph.offset,
-            graph.local,
+            settings.transitions,
+            stances.points,
+            base,
+            stances.mask,
+            stances.released,
+            rows.rows,
+            rows.row_start,
+            base[rows.rows],
+            rows.degree,
+            rows.offset,
+            rows.local,
             edges,
         )
 
@@ -151,7 +147,7 @@ class StepsAmongObstacles(KnownSteps):
         released["known"][gone] = True
         released["known"][close & ~gone] = False
         self.stances = free.stances._replace(mask=mask, released=released)
-        # Where no obstacle is near only the masks tell a difference.
+        # Where no obstacle is close only the masks tell a difference.
         edges = PairEdge.rows(len(free.table.edges)) if close.any() else free.table.edges
         self.table = free.table._replace(mask=mask, released=released, edges=edges)
 
@@ -192,9 +188,9 @@ class StepsAmongObstacles(KnownSteps):
         steps["kept"][rows, held] = np.where(able, known["kept"] & steps["wanted"][rows, held], 0)
         steps["on_arc"], steps["pair"] = known["on_arc"], known["pair"]
         steps["folds"][:, 0], steps["folds"][:, 1] = known["fold_on_line"], known["fold_on_arc"]
-        near = self.close[before] | self.close[after]
-        close = steps[near]
-        self.checks.check(close, self.stances, self.checks.world(self.obstacles, again=True))
-        steps[near] = close
+        close = self.close[before] | self.close[after]
+        checked = steps[close]
+        self.checks.check(checked, self.stances, self.checks.world(self.obstacles, again=True))
+        steps[close] = checked
         steps["on_arc"] &= steps["kept"][rows, held]
         self._keep(held, before, after, steps)

@@ -26,14 +26,12 @@ from mlivr_gym.postures.given_pose import (
     masks_of_joints,
     rotation_of,
 )
-from mlivr_gym.postures.solver import FIELDS, Postures, PostureSolver
+from mlivr_gym.postures.postures import FIELDS, Postures
+from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.obstacles import ChangingWorld
-from mlivr_gym.transitions.edge import Edge, edge_of
-from mlivr_gym.transitions.records import StanceSet
-from mlivr_gym.transitions.rule import can_release
-from mlivr_gym.transitions.state import State, Successors, moving_limb
+from mlivr_gym.stances.checked_steps import CheckedSteps, join
+from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.grasp_map import GraspMap
 
 MOST_PAIRS = 2_000_000
@@ -49,7 +47,7 @@ TOUCHED = {
 """What a cause of a collision is called in a sentence."""
 
 
-class StanceGraph(ChangingWorld):
+class StanceGraph(CheckedSteps):
     """Stances and steps of one robot on one map under one set of thresholds."""
 
     solver_class: type[PostureSolver] = PostureSolver
@@ -257,96 +255,6 @@ class StanceGraph(ChangingWorld):
         finally:
             self._barred = kept
 
-    @property
-    def limbs(self) -> int:
-        """Number of limbs."""
-        return self.robot.limbs
-
-    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can be released at a stance, 0 if on none."""
-        stances = self.checks.stances(np.array([stance]), posture)
-        self._know_released(stances, np.array([[0, limb]]))
-        return int(stances.released["branches"][0, limb])
-
-    def _know_released(self, stances: StanceSet, todo: IntArray) -> None:
-        """Work out on which branches limbs can be released: rows and limbs, shape (k, 2)."""
-        todo = todo[~stances.released["known"][todo[:, 0], todo[:, 1]]]
-        self.checks.release(stances, todo, self.checks.world(self.obstacle_grid))
-
-    def mask_after_grasp(self, state: State, limb: int) -> int:
-        """Branches and flips on which a limb may be that has just grasped, in a state's posture."""
-        posture = self.posture_of(state)
-        if not self.settings.transitions:
-            return int(posture.mask[0, limb])
-        return self.released(state.stance, posture, limb)
-
-    def pivot(self, before: tuple[int, ...], after: tuple[int, ...]) -> Array:
-        """Centre of a base path that is an arc: the centroid of the held points [m], shape (3,)."""
-        limb = moving_limb(before, after)
-        held = [point for i, point in enumerate(after) if i != limb]
-        centre: Array = self.grasp_map.positions[held].mean(axis=0)
-        return centre
-
-    def _step_rows(self, state: State, points: IntArray) -> Any:
-        """Rows of `Step` from a state to the stances after it, rows 1 to k of `points`."""
-        steps = self.checks.steps(len(points) - 1)
-        moves = points[1:] != points[0]
-        steps["limb"], steps["after"] = moves.argmax(axis=1), np.arange(1, len(points))
-        held = self.grasp_map.positions[points[1:]] * ~moves[..., None]
-        steps["pivot"] = held.sum(axis=1) / (self.limbs - 1)
-        steps["wanted"][:, : self.limbs] = state.masks
-        return steps
-
-    def masks_after(self, state: State, here: Postures, stances: IntArray, after: Postures) -> Any:
-        """Masks of all limbs after steps that may leave a state, shape (k, N); 0 where none does.
-
-        Args:
-            state: The state before the steps.
-            here: Its posture.
-            stances: Point index of each limb after each step, shape (k, N).
-            after: The postures after them.
-        """
-        masks: IntArray = after.mask.copy()
-        if not self.settings.transitions or not len(stances):
-            return masks
-        points = np.concatenate([np.array([state.stance], dtype=np.int64), stances])
-        found = self.checks.stances(points, join(here, after))
-        steps, world = self._step_rows(state, points), self.checks.world(self.obstacle_grid)
-        able = np.flatnonzero(self.checks.hold(steps, found, world))
-        if self.settings.collisions:
-            able = self._releasable_steps(state, found, steps, able)
-        chosen = steps[able]
-        self.checks.check(chosen, found, world)
-        kept, rows, limb = chosen["kept"][:, : self.limbs], np.arange(len(able)), chosen["limb"]
-        masks[:] = 0
-        masks[able] = kept
-        grasped = found.released["branches"] if self.settings.collisions else found.mask
-        masks[able[rows], limb] = grasped[chosen["after"], limb] * kept.any(axis=1)
-        return masks
-
-    def _releasable_steps(
-        self, state: State, stances: StanceSet, steps: Any, able: IntArray
-    ) -> IntArray:
-        """Which of some steps move a limb that can be released before and after, by index.
-
-        What can be released at their stances is then known, for the limbs that hold too.
-        """
-        limb, after = steps["limb"], steps["after"]
-        for first in (True, False):
-            row = np.zeros_like(able) if first else after[able]
-            self._know_released(stances, np.unique(np.stack([row, limb[able]], axis=1), axis=0))
-            released = stances.released["branches"][row, limb[able]]
-            if first:
-                wanted = np.array(state.masks)[limb[able]]
-                both = zip(wanted.tolist(), released.tolist(), strict=True)
-                able = able[np.array([can_release(*pair) for pair in both], dtype=np.bool_)]
-            else:
-                able = able[released != 0]
-        rows = np.unique(np.concatenate([[0], after[able]])) if len(able) else np.zeros(0, int)
-        every = np.stack(np.meshgrid(rows, np.arange(self.limbs), indexing="ij"), axis=-1)
-        self._know_released(stances, every.reshape(-1, 2))
-        return able
-
     def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
         """The state after a step, or None if no such step leaves the state.
 
@@ -361,24 +269,6 @@ class StanceGraph(ChangingWorld):
         here, there = (posture.take(slice(k, k + 1)) for k in range(2))
         masks = self.masks_after(state, here, np.array([stance]), there)[0]
         return State(stance, tuple(masks.tolist())) if masks.all() else None
-
-    def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
-        """The edge that a step is: its base path, its swing and the branches kept.
-
-        Args:
-            state: Stance before the step, and the branch and flip each limb is on, as masks.
-            after: Point index of each limb after it.
-            posture: Postures of the two stances.
-        """
-        points = np.array([state.stance, tuple(after)], dtype=np.int64)
-        stances = self.checks.stances(points, posture)
-        steps = self._step_rows(state, points)
-        steps["given"] = True
-        if self.settings.collisions:
-            limb = int(steps["limb"][0])
-            self._know_released(stances, np.array([[0, limb], [1, limb]]))
-        self.checks.check(steps, stances, self.checks.world(self.obstacle_grid))
-        return edge_of(steps[0])
 
     @abstractmethod
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
@@ -416,10 +306,3 @@ class StanceGraph(ChangingWorld):
     @abstractmethod
     def max_step(self) -> float:
         """An upper bound of the base displacement of one step [m]."""
-
-
-def join(first: Postures, second: Postures) -> Postures:
-    """Postures of two groups one after the other."""
-    return Postures(
-        *(np.concatenate([getattr(first, name), getattr(second, name)]) for name in FIELDS)
-    )

@@ -9,7 +9,8 @@ import numpy as np
 from mlivr_gym.collisions.limb_shapes import Limb, Robot
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, both_flips, has_branch
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.kinematics.arm import Arm, branch_angles
+from mlivr_gym.kinematics.arm import Arm
+from mlivr_gym.kinematics.families import branch_angles
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles, flange_seen, wrap
 from mlivr_gym.kinematics.poses import Pose, along
@@ -28,12 +29,12 @@ def nearest_turn(angle: float, q: float, low: float, high: float) -> float:
 
 
 @kernel
-def fold_nearest_to(robot: Robot, fold: int, arm: Arm, near: Angles, to: Angles) -> bool:
-    """A fold on the windings nearest to `near`, into `to`; whether it lies inside the limits.
+def fold_nearest_to(robot: Robot, fold: int, arm: Arm, reference: Angles, to: Angles) -> bool:
+    """A fold on the windings nearest to `reference`, into `to`; whether it lies inside the limits.
 
-    Joint 6 is as in `near`.
+    Joint 6 is as in `reference`.
     """
-    inside, q, out, limits = True, near.q, to.q, arm.limits
+    inside, q, out, limits = True, reference.q, to.q, arm.limits
     out[5] = q[5]
     for joint in range(5):
         angle = robot.folds[fold, joint]
@@ -124,9 +125,9 @@ def lifted_branches(
 
 
 @entry
-def fold_of_limb(robots: Any, i: int, fold: int, near: Angles, to: Angles) -> bool:
+def fold_of_limb(robots: Any, i: int, fold: int, reference: Angles, to: Angles) -> bool:
     """`fold_nearest_to` of limb `i` of a row of `Robot`, shape (1,)."""
-    return fold_nearest_to(robots[0], fold, robots[0].limbs[i].arm, near, to)
+    return fold_nearest_to(robots[0], fold, robots[0].limbs[i].arm, reference, to)
 
 
 @entry

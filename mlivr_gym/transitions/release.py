@@ -30,8 +30,8 @@ from mlivr_gym.compiled.bit_sets import (
     without_branch,
 )
 from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.arm import branch_frames
 from mlivr_gym.kinematics.base_path import resting
+from mlivr_gym.kinematics.families import branch_frames
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.transitions.grasp_poses import fold_nearest_to, lifted_branches, line_end
 from mlivr_gym.transitions.motions import (

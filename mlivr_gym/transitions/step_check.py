@@ -14,7 +14,8 @@ from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.compiled.kernels import in_parallel
-from mlivr_gym.postures.solver import Postures, PostureSolver
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.transitions.records import Release, Scene, StanceSet, Step, StepRoom, World
 from mlivr_gym.transitions.release import release_all
 from mlivr_gym.transitions.steps import check_all, hold_all

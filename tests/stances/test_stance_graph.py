@@ -10,7 +10,7 @@ from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.kinematics.holding import base_path
 from mlivr_gym.kinematics.ur import inverse_kinematics, jacobian
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.stance_graph import join
+from mlivr_gym.stances.checked_steps import join
 
 
 def steps_of(graph, state):

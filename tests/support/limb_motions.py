@@ -17,7 +17,7 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.swept_hold import hold_free
 from mlivr_gym.kinematics.holding import base_path
 from mlivr_gym.kinematics.path_following import joints_along
-from mlivr_gym.stances.stance_graph import join
+from mlivr_gym.stances.checked_steps import join
 
 ROBOT = robot_spec("mlivr2")
 
