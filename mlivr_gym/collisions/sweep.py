@@ -49,6 +49,9 @@ from mlivr_gym.robot.specification import MOST_LIMBS
 DEPTH = 9
 """Halvings after which an interval counts as blocked."""
 
+MOST_PIECES = 512
+"""Most intervals of the first division."""
+
 FIRST_INTERVAL = 0.6
 """Travel that an interval of the first division covers [m]; a matter of speed only."""
 
@@ -220,7 +223,7 @@ def _pieces(robot: Robot, motion: Motion, travel: float, room: Sweep) -> int:
     _whole_motion(robot, motion.second, room.second)
     if motion.first.kind == SWINGS:
         travel += room.first.shift[0, WRIST_POINT]
-    return min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), 2**DEPTH)
+    return min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), MOST_PIECES)
 
 
 @kernel

@@ -2,9 +2,9 @@
 
 A family says which branches reach a flange pose and how far they are from singular, which joint
 angles they have, where their joints are and where the links are. All other modules ask for these
-functions here. There is one family, that of the UR arms; arms of seven joints whose first is locked,
-as those of space stations, are of its form. A second one is a module with the same functions, and a
-choice by `Arm.family` here.
+functions here. There is one family, that of the UR arms; arms of seven joints whose first is
+locked, as those of space stations, are of its form. A second one is a module with the same
+functions, and a choice by `Arm.family` here.
 """
 
 from mlivr_gym.kinematics.ur import SINGULAR as SINGULAR

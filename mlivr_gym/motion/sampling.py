@@ -1,77 +1,116 @@
-"""Swings by a sampling planner (OMPL's RRT-Connect), where no simple swing serves."""
+"""Swings by a sampling planner (RRT-Connect), where no simple swing serves.
+
+Two trees grow towards each other in joint space, each line of them checked as a whole (Kuffner and
+LaValle, ICRA 2000); the chain that joins them is then shortened. The random numbers are seeded: the
+same question has the same answer.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE
 
-TIME_LIMIT = 0.5
-"""Longest search for one line [s]."""
+MOST_CHECKS = 3000
+"""Most lines that are checked in one search."""
 
-MOST_CHECKS = 4000
-"""Most postures looked at in one search.
+LONGEST_LINE = 1.0
+"""Longest line that is added to a tree [rad], by the joint that turns farthest."""
 
-It ends a search before the time does on all but slow machines.
-"""
+ROUND = np.pi
+"""How far beyond both ends a joint is looked for [rad]."""
 
-RESOLUTION = 0.01
-"""Spacing of the postures that the planner looks at, as a share of the joint space's extent."""
+SHORTCUTS = 60
+"""Pairs of knots between which a direct line is tried."""
 
 SEED = 20251121
-"""Seed of the sampling planner."""
+"""Seed of the random numbers."""
 
 
 def sampled_line(
     clear: Callable[[Array], bool], limits: Array, start: Array, end: Array
 ) -> Array | None:
-    """Knots from one knot to another, shape (k, 7), or None if none are found.
+    """Knots from one knot to another while the base rests, shape (k, 7), or None if none are found.
 
     Args:
         clear: Whether the robot touches nothing along a chain of knots, shape (k, 7).
         limits: Joint limits [rad], shape (6, 2).
         start: Base parameter and joint angles [rad] of the first knot, shape (7,).
-        end: Those of the last. If both have the same base parameter, the base rests.
+        end: Those of the last, with the same base parameter.
     """
-    from ompl import base, geometric, util
+    low = np.maximum(np.minimum(start[1:], end[1:]) - ROUND, limits[:, 0])
+    high = np.minimum(np.maximum(start[1:], end[1:]) + ROUND, limits[:, 1])
+    rng, checks = np.random.default_rng(SEED), _Checks(clear)
+    trees = _Tree(start), _Tree(end)
+    while checks.left > 0:
+        target = np.concatenate([start[:1], rng.uniform(low, high)])
+        here = trees[0].grow(target, checks)
+        if here is not None:
+            there = trees[1].reach(trees[0].knots[here], checks)
+            if there is not None:
+                chain = [*trees[0].chain(here), *trees[1].chain(there)[-2::-1]]
+                knots = np.array(chain if trees[0].knots[0] is start else chain[::-1])
+                return _shortened(knots, rng, checks)
+        trees = trees[1], trees[0]
+    return None
 
-    util.setLogLevel(util.LOG_NONE)
-    util.RNG.setSeed(SEED)
-    rest = float(start[0]) if start[0] == end[0] else None
-    first = 0 if rest is None else 1
-    size = len(start) - first
-    space = base.RealVectorStateSpace(size)
-    bounds = base.RealVectorBounds(size)
-    for axis in range(size):
-        low, high = (0.0, 1.0) if axis + first == 0 else limits[axis + first - 1]
-        bounds.setLow(axis, float(low) - LIMIT_TOLERANCE)
-        bounds.setHigh(axis, float(high) + LIMIT_TOLERANCE)
-    space.setBounds(bounds)
-    setup = geometric.SimpleSetup(space)
-    checks = 0
 
-    def knot(state: Any) -> Array:
-        return np.array(([] if rest is None else [rest]) + [state[axis] for axis in range(size)])
+class _Checks:
+    """Lines that may still be checked."""
 
-    def valid(state: Any) -> bool:
-        nonlocal checks
-        checks += 1
-        here = knot(state)
-        return checks <= MOST_CHECKS and clear(np.stack([here, here]))
+    def __init__(self, clear: Callable[[Array], bool]) -> None:
+        self._clear, self.left = clear, MOST_CHECKS
 
-    setup.setStateValidityChecker(valid)
-    setup.getSpaceInformation().setStateValidityCheckingResolution(RESOLUTION)
-    ends = space.allocState(), space.allocState()
-    for axis in range(size):
-        ends[0][axis], ends[1][axis] = float(start[axis + first]), float(end[axis + first])
-    setup.setStartAndGoalStates(*ends)
-    setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
-    setup.solve(TIME_LIMIT)
-    if not setup.haveExactSolutionPath():
-        return None
-    setup.simplifySolution(TIME_LIMIT)
-    return np.array([knot(state) for state in setup.getSolutionPath().getStates()])
+    def line(self, a: Array, b: Array) -> bool:
+        """Whether a line is clear; never if none may be checked any more."""
+        self.left -= 1
+        return self.left >= 0 and self._clear(np.stack([a, b]))
+
+
+class _Tree:
+    """A tree of knots that lines join."""
+
+    def __init__(self, root: Array) -> None:
+        self.knots, self._parents = [root], [-1]
+
+    def grow(self, target: Array, checks: _Checks) -> int | None:
+        """Add a line from the nearest knot towards a target; the new knot, None if blocked."""
+        away = np.abs(np.array(self.knots) - target).max(axis=1)
+        nearest = int(away.argmin())
+        share = min(1.0, LONGEST_LINE / max(float(away[nearest]), 1e-12))
+        here = self.knots[nearest]
+        new = target if share == 1.0 else here + share * (target - here)
+        if not checks.line(here, new):
+            return None
+        self.knots.append(new)
+        self._parents.append(nearest)
+        return len(self.knots) - 1
+
+    def reach(self, target: Array, checks: _Checks) -> int | None:
+        """Add lines until a target is reached; its knot, None if blocked."""
+        while True:
+            new = self.grow(target, checks)
+            if new is None or self.knots[new] is target:
+                return new
+
+    def chain(self, knot: int) -> list[Array]:
+        """Knots from the root to one of the tree."""
+        out = []
+        while knot >= 0:
+            out.append(self.knots[knot])
+            knot = self._parents[knot]
+        return out[::-1]
+
+
+def _shortened(knots: Array, rng: np.random.Generator, checks: _Checks) -> Array:
+    """The chain without knots that a direct line can leave out."""
+    checks.left = SHORTCUTS
+    while len(knots) > 2 and checks.left > 0:
+        i, j = np.sort(rng.choice(len(knots), 2, replace=False))
+        if j - i > 1 and checks.line(knots[i], knots[j]):
+            knots = np.concatenate([knots[: i + 1], knots[j:]])
+        elif j - i <= 1:
+            checks.left -= 1
+    return knots
