@@ -223,7 +223,7 @@ def _pieces(robot: Robot, motion: Motion, travel: float, room: Sweep) -> int:
     _whole_motion(robot, motion.second, room.second)
     if motion.first.kind == SWINGS:
         travel += room.first.shift[0, WRIST_POINT]
-    return min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), MOST_PIECES)
+    return int(min(max(np.ceil(travel / FIRST_INTERVAL), 1.0), MOST_PIECES))
 
 
 @kernel

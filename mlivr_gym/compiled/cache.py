@@ -33,8 +33,12 @@ def kernel_folder(source: str) -> Path:
     There is one folder for each state of that file and of those that it imports. It lies where step
     tables are kept, or in the user's cache folder if they are not.
     """
-    folder = cache_folder() or _default_folder()
-    return folder / "kernels" / source_digest(Path(source))
+    return kernel_root() / source_digest(Path(source))
+
+
+def kernel_root() -> Path:
+    """The folder in which those folders lie."""
+    return (cache_folder() or _default_folder()) / "kernels"
 
 
 def _default_folder() -> Path:

@@ -1,0 +1,35 @@
+"""The command `mlivr-gym warmup`."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.compiled.cache import cache_folder, kernel_root
+from mlivr_gym.planners import Planner
+from mlivr_gym.stances.build import stance_graph
+
+START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser's."""
+    parser = commands.add_parser(
+        "warmup",
+        help="compile for this machine what a first plan needs, and say where it is kept",
+        description="Compile for this machine what a first plan needs, once for each version. "
+        "The first plan does the same; an image or an installation can do it beforehand.",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Plan once, so that all is compiled."""
+    began = time.perf_counter()
+    Planner(stance_graph()).plan(START, GOAL, "steps").unwrap()
+    print(f"ready after {time.perf_counter() - began:.1f} s")
+    print(f"machine code: {kernel_root()}")
+    tables = cache_folder()
+    print(f"step tables: {'not kept' if tables is None else tables}")
+    return SUCCESS
