@@ -31,6 +31,10 @@ SHAPES = LimbShapes(ROBOT)
 RADII = SHAPES.radii
 
 
+HAND = int(SHAPES.limb["hand"])
+"""First of the capsules that lie on the flange axis."""
+
+
 REST = path_between((np.zeros(3), np.eye(3)) * 2)
 """The path of a base that stays at the origin."""
 
