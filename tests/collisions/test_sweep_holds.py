@@ -57,8 +57,8 @@ def test_a_limb_that_holds_keeps_the_clearance_to_boxes_and_no_more(small_checke
     rng = np.random.default_rng(1)
     for n in range(30):
         hold = Hold.random(small_checked_graph, rng)
-        ends, direction = hold.world()[:, : HAND], draw(rng)
-        spheres = Spheres(ends.reshape(len(ends), -1, 3), np.repeat(RADII[: HAND], 2))
+        ends, direction = hold.world()[:, :HAND], draw(rng)
+        spheres = Spheres(ends.reshape(len(ends), -1, 3), np.repeat(RADII[:HAND], 2))
         point, k, _ = spheres.farthest(direction)
         for gap in (NEAR, FAR):
             box = in_front(point, direction, gap, (PLATE, ROD)[n % 2])
