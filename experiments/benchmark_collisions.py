@@ -16,16 +16,14 @@ from stopwatch import timed
 
 from mlivr_gym import Box, GraspMap, Settings, State, stance_graph
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.collisions.against_boxes import Behind, against_boxes, base_against_boxes
+from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
+from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.link_capsules import (
-    EVERY,
-    against_body,
-    against_boxes,
-    against_limb,
-    body_against_boxes,
-)
-from mlivr_gym.collisions.link_frames import frames_of_angles, place, to_world
+from mlivr_gym.collisions.placing import Placed, place_by_angles, to_world
+from mlivr_gym.compiled.bit_sets import EVERY
+from mlivr_gym.kinematics.path_following import poses
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import scene_spec
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -33,11 +31,12 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 @njit(nogil=True, error_model="numpy")
 def check_all(
-    positions: Array,
-    rotations: Array,
+    bases: Any,
     joints: Array,
-    limbs: tuple[Array, Array, Array],
-    collision_model: Any,
+    robots: Any,
+    grid: BoxGrid,
+    clearance: float,
+    rooms: tuple[Any, Any],
     out: IntArray,
 ) -> None:
     """Whether each of many configurations of a two-limb robot touches something.
@@ -45,49 +44,34 @@ def check_all(
     Grippers are compared with all boxes.
 
     Args:
-        positions: Base positions, shape (k, 3) [m].
-        rotations: Base rotations, shape (k, 3, 3).
+        bases: Bases in the world, rows of `Pose`, shape (k,).
         joints: Joint angles, shape (k, 2, 6) [rad].
-        limbs: d1, a2, a3, d4, d5, d6 of a limb [m], and rotations, shape (2, 3, 3), and positions,
-            shape (2, 3) [m], of the limbs' bases in the body.
-        collision_model: Arrays of the collision model.
+        robots: A row of `Robot`, shape (1,).
+        grid: The boxes.
+        clearance: Least distance [m].
+        rooms: Rows of `Placed`, shape (2,), and of `Behind`, shape (1,), of zeros.
         out: Filled with the kind of contact of each, 0 where there is none, shape (k,).
     """
-    lengths, mount_rotations, mount_positions = limbs
-    shapes, _, _, fixed, world, clearance, body = collision_model
-    count = len(shapes[0])
-    ends, moved, still = np.empty((2, count, 2, 3)), np.empty((count, 2, 3)), np.zeros((count, 2))
-    frames, shift, spin = np.empty((7, 4, 3)), np.zeros((5, 4)), np.zeros((5, 7))
-    for k in range(len(positions)):
-        found = body_against_boxes(positions[k], rotations[k], 0.0, 0.0, body, world, clearance)
+    robot, placed, nothing = robots[0], rooms[0], rooms[1][0]
+    for k in range(len(bases)):
+        base = bases[k]
+        found = base_against_boxes(robot, base, (0.0, 0.0), grid, clearance, nothing)
         for i in range(2):
-            frames_of_angles(joints[k, i], lengths, frames)
-            place(frames, shapes, mount_rotations[i], mount_positions[i], ends[i])
+            limb, here = robot.limbs[i], placed[i]
+            for joint in range(6):
+                here.q[joint] = joints[k, i, joint]
+            place_by_angles(limb, here)
+            to_world(limb, base, here.in_body, here.in_world)
             found = max(
                 found,
-                against_body(i, ends[i], still, EVERY, shift, spin, 0.0, shapes, fixed, clearance)[
-                    0
-                ],
+                against_itself(limb, here.in_body, here, EVERY, clearance)[0],
+                against_body(robot, limb, here.in_body, EVERY, clearance)[0],
+                against_boxes(limb, here.in_world, EVERY, grid, clearance, nothing)[0],
             )
-            to_world(ends[i], positions[k], rotations[k], moved)
-            found = max(
-                found,
-                against_boxes(
-                    moved,
-                    still,
-                    EVERY,
-                    count,
-                    shapes[2],
-                    world,
-                    count,
-                    positions[k],
-                    positions[k],
-                    clearance,
-                )[0],
-            )
-        out[k] = max(
-            found, against_limb(ends[0], still, EVERY, ends[1], still, shapes, clearance)[0]
-        )
+        first, second = placed[0].in_body, placed[1].in_body
+        limbs = robot.limbs[0], robot.limbs[1]
+        found = max(found, against_limb(limbs[0], first, limbs[1], second, EVERY, clearance)[0])
+        out[k] = found
 
 
 def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
@@ -119,8 +103,9 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
     positions, rotations, joints = configurations(graph, count)
     robot, solver = graph.robot, graph.solver
     out = np.empty(count, dtype=np.int64)
-    limbs = (solver.lengths, solver.mount_rotations, solver.mount_positions)
-    given = (positions, rotations, joints, limbs, solver.collision_model.arrays, out)
+    clearance, rooms = graph.settings.clearance, (Placed.rows(2), Behind.rows(1))
+    bases, robots = poses(positions, rotations), solver.shapes.rows
+    given = (bases, joints, robots, solver.boxes, clearance, rooms, out)
     check_all(*given)
     began = time.perf_counter()
     check_all(*given)
@@ -200,10 +185,10 @@ def _tree(objects: list[Any]) -> Any:
 
 def _capsules(shapes: LimbShapes) -> list[Any]:
     """The capsules of a limb as collision objects."""
-    lengths = np.linalg.norm(shapes.arrays[1][:, 1] - shapes.arrays[1][:, 0], axis=1)
+    lengths = np.linalg.norm(shapes.ends[:, 1] - shapes.ends[:, 0], axis=1)
     return [
         coal.CollisionObject(coal.Capsule(float(radius), max(float(length), 1e-6)))
-        for radius, length in zip(shapes.arrays[2], lengths, strict=True)
+        for radius, length in zip(shapes.radii, lengths, strict=True)
     ]
 
 

@@ -12,13 +12,13 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from blocked_steps import SAMPLES, follow_to
+from blocked_steps import grasps_at, held_along
 
 from mlivr_gym import Settings, State, jem_map, stance_graph
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.contacts import Configuration, Contact, contacts
-from mlivr_gym.kinematics.base_path import STRAIGHT
-from mlivr_gym.kinematics.holding import base_path, quaternion
+from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
+from mlivr_gym.kinematics.poses import pose, quaternion
 from mlivr_gym.pictures.blocked_figure import blocked_figure
 from mlivr_gym.stances.pair_graph import PairGraph
 
@@ -35,7 +35,7 @@ def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
         if not checked.postures(stance).cause[0]:
             continue
         here = free.configuration(State(tuple(stance.tolist()), tuple(free.mask[s].tolist())))
-        grasps = [(i, free.solver.points[p], free.solver.normals[p]) for i, p in enumerate(stance)]
+        grasps = grasps_at(free, enumerate(stance))
         found = contacts(free.robot, free.grasp_map.boxes, here, checked.settings.clearance, grasps)
         if found and (best is None or len(found) < len(best[2])):
             best = f"Stance {' '.join(free.ids(stance))}: its best posture", [here], found
@@ -67,28 +67,22 @@ def _indices(free: PairGraph, checked: PairGraph, stances: IntArray) -> IntArray
 
 def _along(graph: PairGraph, held: int, s0: int, s1: int) -> Panel | None:
     """The worst configuration of a step, one limb holding on its first branch, the other folded."""
-    point, solver, mover = int(graph.points[s0, held]), graph.solver, 1 - held
+    point, mover = int(graph.points[s0, held]), 1 - held
     mask = int(graph.mask[s0, held] & graph.mask[s1, held])
     if not mask:
         return None
     branch = (mask & -mask).bit_length() - 1 & 7
-    ends = (
-        graph.base_in_world[s0],
-        graph.base_axes_in_world[s0],
-        graph.base_in_world[s1],
-        graph.base_axes_in_world[s1],
-    )
-    path = (*ends, STRAIGHT, solver.points[point])
-    where, turned = base_path(path, np.linspace(0.0, 1.0, SAMPLES))
-    q = np.full(6, np.nan)
+    ends = (pose(graph.base_in_world[s], graph.base_axes_in_world[s]) for s in (s0, s1))
+    path = base_path(*ends, STRAIGHT, np.zeros(3))
+    held_at = held_along(graph, held, point, branch, path)
+    if held_at is None:
+        return None
     along: list[Configuration] = []
-    for position, rotation in zip(where, turned, strict=True):
+    for position, rotation, angles in zip(*held_at, strict=True):
         joints = np.empty((2, 6))
-        if not follow_to(graph, held, point, branch, (position, rotation), q):
-            return None
-        joints[held], joints[mover] = q, (*graph.robot.folds[0], 0.0)
+        joints[held], joints[mover] = angles, (*graph.robot.folds[0], 0.0)
         along.append((position, quaternion(rotation), joints))
-    grasps = [(held, solver.points[point], solver.normals[point])]
+    grasps = grasps_at(graph, [(held, point)])
     found = [
         contacts(graph.robot, graph.grasp_map.boxes, c, graph.settings.clearance, grasps)
         for c in along

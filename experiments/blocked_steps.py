@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.swept_swing import departure_free
-from mlivr_gym.kinematics.base_path import STRAIGHT, follow
-from mlivr_gym.kinematics.holding import base_path, quaternion
+from mlivr_gym.collisions.placing import Placed, place_in_body
+from mlivr_gym.collisions.sweep import DEPARTS, Sweep, sweep
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, BasePath, base_path, base_poses
+from mlivr_gym.kinematics.holding import Holding, hold_mask
+from mlivr_gym.kinematics.limb import Angles, all_angles_at
+from mlivr_gym.kinematics.path_following import joints_along, poses
+from mlivr_gym.kinematics.poses import Pose, pose, quaternion
 from mlivr_gym.motion.sampling import sampled_line
 from mlivr_gym.motion.swings import Hold, SwingFinder
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.transitions.candidate import Candidate
-from mlivr_gym.transitions.grasp_poses import flange_at, lifted_branches, line_end, place_branches
+from mlivr_gym.transitions.grasp_poses import angles_above, line_of_limb
 
 DIRECT = "a direct swing exists"
 SAMPLED = "a sampled swing exists"
@@ -73,8 +78,7 @@ def why_blocked(graph: PairGraph, held: int, s0: int, s1: int) -> str:
     point = stances[0][held]
     answers: set[str] = {HOLD}
     candidates: list[SwingEnds] = []
-    step = graph.candidate(*stances, static)
-    for bit, path in _held_paths(graph, held, step):
+    for bit, path in _held_paths(graph, held, point, static):
         finder = SwingFinder(graph, 1 - held, path, [Hold(held, point, bit)])
         ends = [_departures(graph, stances[k], static, k, 1 - held, bit) for k in (0, 1)]
         if not ends[0] or not ends[1]:
@@ -93,14 +97,15 @@ def why_blocked(graph: PairGraph, held: int, s0: int, s1: int) -> str:
 
 
 def _held_paths(
-    graph: PairGraph, held: int, step: Candidate
-) -> Iterator[tuple[int, tuple[Any, ...]]]:
-    """Branches and base paths on which a limb can hold its point."""
-    point, static = step.after[held], step.posture
+    graph: PairGraph, held: int, point: int, static: Postures
+) -> Iterator[tuple[int, BasePath]]:
+    """Branches and base paths on which a limb can hold its point from one posture to the next."""
     masks = int(static.mask[0, held] & static.mask[1, held])
-    for kind in (0, 1):
-        mask = graph.hold(step, kind, held, masks)
-        path = step.path(kind)
+    grasp, room = graph.solver.grasps[point], Holding.row()
+    floor = graph.settings.path_floor * graph.robot.characteristic_length**3
+    for kind in (STRAIGHT, ARC):
+        path = base_path(*static.base_rows, kind, grasp["point"])
+        mask = hold(graph.checks.robots, held, grasp["flange"], path, floor, masks, room)
         for bit in range(8):
             if mask & 0x0101 << bit and _holds(graph, held, point, bit, path):
                 yield bit, path
@@ -110,12 +115,13 @@ def _lines(
     graph: PairGraph, finder: SwingFinder, starts: list[Array], ends: list[Array]
 ) -> Iterator[SwingEnds]:
     """Pairs of lifted postures that a line joins inside the joint limits."""
+    first, last = Angles.rows(2)
     for start in starts:
         for end in ends:
-            last = np.empty(6)
-            length = line_end(start, end, graph.solver.limits, last)
+            first["q"], last["q"] = start, end
+            length = line_of_limb(graph.checks.robots, finder.limb, first, last, last)
             if np.isfinite(length):
-                yield SwingEnds(length, finder, start, last)
+                yield SwingEnds(length, finder, start, last["q"].copy())
 
 
 def _departures(
@@ -131,67 +137,66 @@ def _departures(
         limb: The limb that departs.
         branch: On which the other limb holds.
     """
-    solver, robot, other = graph.solver, graph.robot, 1 - limb
-    point, grasp = stance[limb], stance[other]
-    position, rotation = static.base_position[row], static.base_rotation[row]
-    shapes, gripper, _, fixed, world, clearance, _ = solver.collision_model.arrays
-    placed = np.empty((1, len(shapes[0]), 2, 3))
-    place_branches(
-        other,
-        1 << branch,
-        solver.points[grasp],
-        solver.normals[grasp],
-        robot.tool_length,
-        position,
-        rotation,
-        solver.mount_rotations,
-        solver.mount_positions,
-        solver.lengths,
-        shapes,
-        0,
-        placed,
-    )
-    mount = (solver.mount_rotations[limb], solver.mount_positions[limb])
-    p, x, z, away, q = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((8, 6))
-    flange_at(
-        solver.points[point],
-        solver.normals[point],
-        solver.rails[point],
-        robot.tool_length,
-        position,
-        rotation,
-        *mount,
-        p,
-        x,
-        z,
-        away,
-    )
-    flange = (p, x, z, away, robot.lift, solver.lengths)
-    existing = lifted_branches(limb, int(static.mask[row, limb]), *flange, solver.limits, q)
-    surroundings = (shapes, gripper, fixed, world, solver.points[point], solver.normals[point])
-    free = []
+    solver, robots, other = graph.solver, graph.checks.robots, 1 - limb
+    base, grasp = static.base_rows[row], solver.grasps[stance[limb]]
+    room = Sweep.row()
+    motion, resting, behind = room["motion"], room["resting"], room["behind"]
+    motion["path"] = base_path(base, base, STRAIGHT, np.zeros(3))
+    motion["boxes"] = motion["body"] = motion["resting"] = True
+    behind["applies"], behind["point"], behind["normal"] = True, grasp["point"], grasp["normal"]
+    placed = Placed.rows(1)
+    flange = solver.grasps[stance[other]]["flange"]
+    placed["q"] = _angles(graph, other, base, flange)["q"][branch]
+    place_in_body(robots, other, placed)
+    resting["count"], resting["limb"][0], resting["shapes"][0] = 1, other, placed["in_body"][0]
+    free, lifted = [], Angles.row()
     for b in range(8):
-        if existing & 0x0101 << b:
-            body = (*mount, position, rotation, placed)
-            found = departure_free(limb, *flange, b, *body, *surroundings, clearance, True)
-            if found == CLEAR:
-                free.append(q[b])
+        if static.mask[row, limb] & 0x0101 << b:
+            for part in (motion["first"], motion["second"]):
+                part["limb"], part["kind"], part["branch"] = limb, DEPARTS, b
+                part["flange"] = grasp["flange"]
+            if (
+                angles_above(robots, limb, base, grasp, b, lifted)
+                and keeps_clear(robots, solver.boxes, graph.settings.clearance, room) == CLEAR
+            ):
+                free.append(lifted["q"].copy())
     return free
 
 
-def _holds(graph: PairGraph, held: int, point: int, branch: int, path: tuple[Any, ...]) -> bool:
+@njit(nogil=True, error_model="numpy")
+def hold(
+    robots: Any, i: int, flange: Pose, path: BasePath, floor: float, mask: int, room: Holding
+) -> int:
+    """Branches in `mask` on which limb `i` can hold along a path, see `holding.hold_mask`."""
+    return hold_mask(robots[0].limbs[i], flange, path, floor, mask, room)
+
+
+@njit(nogil=True, error_model="numpy")
+def keeps_clear(robots: Any, grid: BoxGrid, clearance: float, room: Sweep) -> int:
+    """What the check of the motion in `room` says, see `sweep.sweep`."""
+    return sweep(robots[0], grid, clearance, room)
+
+
+def grasps_at(
+    graph: PairGraph, points: Iterable[tuple[int, int]]
+) -> list[tuple[int, Array, Array]]:
+    """Limb, point [m] and normal of limbs at points, given as limb and index of the point."""
+    grasps = graph.solver.grasps
+    return [(limb, grasps["point"][point], grasps["normal"][point]) for limb, point in points]
+
+
+def _holds(graph: PairGraph, held: int, point: int, branch: int, path: BasePath) -> bool:
     """Whether a limb can hold along a path if the other were not there.
 
     Dense samples, each judged one pair of shapes after the other.
     """
-    where, turned = base_path(path, np.linspace(0.0, 1.0, SAMPLES))
-    q = np.full(6, np.nan)
-    for position, rotation in zip(where, turned, strict=True):
-        if not follow_to(graph, held, point, branch, (position, rotation), q):
-            return False
+    along = held_along(graph, held, point, branch, path)
+    if along is None:
+        return False
+    grasps = grasps_at(graph, [(held, point)])
+    for position, rotation, q in zip(*along, strict=True):
         joints = np.zeros((2, 6))
         joints[held] = q
-        grasps = [(held, graph.solver.points[point], graph.solver.normals[point])]
         here = (position, quaternion(rotation), joints)
         for contact in contacts(
             graph.robot, graph.grasp_map.boxes, here, graph.settings.clearance, grasps
@@ -202,36 +207,32 @@ def _holds(graph: PairGraph, held: int, point: int, branch: int, path: tuple[Any
     return True
 
 
-def follow_to(
-    graph: PairGraph, held: int, point: int, branch: int, pose: tuple[Array, Array], q: Array
-) -> bool:
-    """Whether a limb can hold its point at a base pose; its angles continue the given ones.
+def held_along(
+    graph: PairGraph, held: int, point: int, branch: int, path: BasePath
+) -> tuple[Array, Array, Array] | None:
+    """A robot with a limb that holds, at `SAMPLES` places along a base path.
 
     Args:
         graph: The graph.
         held: The limb.
         point: What it holds.
         branch: On which branch.
-        pose: Base position, shape (3,) [m], and rotation, shape (3, 3).
-        q: Joint angles before, shape (6,) [rad], NaN at the first pose; changed in place.
+        path: The base path.
+
+    Returns:
+        Base positions (k, 3) [m], rotations (k, 3, 3) and the limb's joint angles (k, 6) [rad];
+        None if the branch does not exist all along.
     """
-    solver = graph.solver
-    return bool(
-        follow(
-            solver.flanges_in_world[point],
-            solver.flange_axes_in_world[point],
-            *pose,
-            *pose,
-            STRAIGHT,
-            pose[0],
-            solver.mount_rotations[held],
-            solver.mount_positions[held],
-            solver.lengths,
-            branch,
-            0,
-            np.empty(6),
-            q,
-            np.full(6, np.inf),
-            np.full(6, -np.inf),
-        )
-    )
+    where, turned = base_poses(path, np.linspace(0.0, 1.0, SAMPLES))
+    flanges = graph.solver.grasps["flange"][point : point + 1]
+    start = _angles(graph, held, pose(where[0], turned[0]), flanges[0])[branch]
+    out, bases = Angles.rows(SAMPLES), poses(where, turned)
+    there = joints_along(graph.checks.robots, held, bases, flanges, branch, start, out)
+    return (where, turned, out["q"]) if there == SAMPLES else None
+
+
+def _angles(graph: PairGraph, limb: int, base: Pose, flange: Pose) -> Any:
+    """Joint angles of a limb on each branch, rows of `Angles`, shape (8,)."""
+    out = Angles.rows(8)
+    all_angles_at(graph.checks.robots, limb, base, flange, out)
+    return out

@@ -71,8 +71,9 @@ class Judge:
         """
         ends = capsule_ends(self.robot, self.shapes, configuration)
         base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
-        radius = self.shapes.arrays[2]
-        mounts, mount_radius, half, _ = self.shapes.fixed
+        radius, half = self.shapes.radii, self.shapes.robot["half"]
+        mounts, mount_radius = self.shapes.mounts["ends"], self.shapes.mounts["radius"]
+        gripper = int(self.shapes.limb["gripper"])
         at_grasp = {i for i, _ in points}
         limbs = [[_capsule(axis, r) for axis, r in zip(limb, radius, strict=True)] for limb in ends]
         with_boxes = [
@@ -81,7 +82,7 @@ class Judge:
         ]
         with_boxes.append((coal.Box(*(2.0 * half)), coal.Transform3s(base, configuration[0])))
         for i, limb in enumerate(limbs):
-            with_boxes += limb[: self.shapes.first_gripper] if i in at_grasp else limb
+            with_boxes += limb[:gripper] if i in at_grasp else limb
         least = min(
             (
                 _distance(a, b)

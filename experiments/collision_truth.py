@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from blocked_steps import DIRECT, SAMPLED, why_blocked
+from blocked_steps import DIRECT, SAMPLED, grasps_at, why_blocked
 from collision_judge import Judge
 from tqdm import tqdm
 
@@ -31,7 +31,6 @@ from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_steps import edge_entry
 
 
 def configuration_of(
@@ -63,7 +62,7 @@ def study_stances(
         a, b = free.points[s].tolist()
         posture = int(free.branch[s, 0]), int(free.branch[s, 1])
         here = free.configuration(State((a, b), (1 << posture[0], 1 << posture[1])))
-        grasps = [(i, free.solver.points[p], free.solver.normals[p]) for i, p in ((0, a), (1, b))]
+        grasps = grasps_at(free, enumerate((a, b)))
         close += bool(
             contacts(free.robot, free.grasp_map.boxes, here, graph.settings.clearance, grasps)
         )
@@ -80,7 +79,7 @@ def study_stances(
 
 def one_step(graph: PairGraph, s0: int, s1: int, held: int) -> Plan | None:
     """The plan of a single step, put together as any plan is."""
-    entry = int(edge_entry(held, s0, s1, graph.edges)) & 0xFFFF
+    entry = int(graph.edge_masks(held, s0, np.array([s1]))[0])
     stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
     masks = [graph.mask[s].tolist() for s in (s0, s1)]
     masks[0][held] = masks[1][held] = entry
@@ -142,7 +141,7 @@ def study_steps(
     while done < count or len(blocked) < most_blocked:
         held, s0, s1 = random_step(graph, free, rng)
         drawn += 1
-        if not int(edge_entry(held, s0, s1, graph.edges)) & 0xFFFF:
+        if not graph.edge_masks(held, s0, np.array([s1]))[0]:
             blocked.append((held, s0, s1))
             continue
         possible += 1

@@ -1,19 +1,17 @@
 import numpy as np
 import pytest
+from compiled import called
 
 from mlivr_gym import Box
-from mlivr_gym.collisions.box_grid import CELL, MOST_CELLS, MOST_ENTRIES, BoxWorld
-from mlivr_gym.collisions.distances import CLEAR, segment_box_apart
-from mlivr_gym.collisions.link_capsules import EVERY, against_boxes
+from mlivr_gym.collisions.against_boxes import Behind, axis_answer
+from mlivr_gym.collisions.box_grid import CELL, MOST_CELLS, MOST_ENTRIES, box_grid
+from mlivr_gym.collisions.distances import CLEAR, segment_box_distance
 
 
-def touched(world, start, end, radius):
+def touched(grid, start, end, radius):
     """Whether the grid finds that a capsule touches a box."""
-    ends, none = np.array([[start, end]]), np.zeros(3)
-    answer, _ = against_boxes(
-        ends, np.zeros((1, 2)), EVERY, 1, np.array([radius]), world.arrays, 1, none, none, 0.0
-    )  # fmt: skip
-    return answer != CLEAR
+    axis = tuple(start), tuple(end)
+    return called(axis_answer)(axis, radius, (0.0, 0.0), grid, Behind.row(), False) != CLEAR
 
 
 def random_boxes(rng, count):
@@ -29,7 +27,7 @@ def test_the_grid_finds_what_pairwise_distances_find(far):
     """Brute force over the boxes; where some are 2 km apart the cells are large."""
     rng = np.random.default_rng(0)
     boxes = random_boxes(rng, 12) + far
-    world = BoxWorld(boxes)
+    grid = box_grid(boxes)
     found = []
     for _ in range(300):
         start, end, radius = (
@@ -38,14 +36,13 @@ def test_the_grid_finds_what_pairwise_distances_find(far):
             float(rng.uniform(0.01, 0.3)),
         )
         apart = [
-            np.sqrt(segment_box_apart(tuple(start - box.centre), tuple(end - start), box.half))
-            - radius
+            segment_box_distance(tuple(start - box.centre), tuple(end - start), box.half) - radius
             for box in boxes
         ]
-        assert touched(world, start, end, radius) == (min(apart) < 0.0)
+        assert touched(grid, start, end, radius) == (min(apart) < 0.0)
         found.append(min(apart) < 0.0)
     assert 50 < sum(found) < 250
-    assert touched(world, (980.0, 985.0, 990.0), (985.0, 985.0, 985.0), 0.1) == bool(far)
+    assert touched(grid, (980.0, 985.0, 990.0), (985.0, 985.0, 985.0), 0.1) == bool(far)
 
 
 @pytest.mark.parametrize(
@@ -59,12 +56,13 @@ def test_the_grid_finds_what_pairwise_distances_find(far):
     ids=["far", "large", "many", "mote"],
 )
 def test_the_grid_stays_small_however_far_boxes_reach(boxes):
-    _, head, start, items, filled = BoxWorld(boxes).arrays
-    assert head[15] > CELL
-    assert head[16:].prod() <= MOST_CELLS
-    assert len(items) <= MOST_ENTRIES
-    assert len(filled) == len(start) - 1 == head[16:].prod()
+    grid = box_grid(boxes)
+    frame = grid.frames[0]
+    assert frame["edge"] > CELL
+    assert frame["cells"].prod() <= MOST_CELLS
+    assert len(grid.items) <= MOST_ENTRIES
+    assert len(grid.filled) == len(grid.start) - 1 == frame["cells"].prod()
 
 
 def test_the_cells_of_a_module_keep_their_size(jem):
-    assert BoxWorld(jem.boxes).arrays[1][15] == CELL
+    assert box_grid(jem.boxes).frames[0]["edge"] == CELL

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from coal_ruler import Ruler
+from coal_ruler import Ruler, grasps_of
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, robot_spec
@@ -36,7 +36,7 @@ def test_capsules_lie_where_mujoco_has_them(jem):
                 found = np.stack([data.geom_xpos[geom] - axis, data.geom_xpos[geom] + axis])
                 order = np.argsort(np.linalg.norm(found - ends[i, c, 0], axis=1))
                 np.testing.assert_allclose(found[order], ends[i, c], atol=1e-7)
-                assert model.geom_size[geom, 0] == pytest.approx(SHAPES.arrays[2][c])
+                assert model.geom_size[geom, 0] == pytest.approx(SHAPES.radii[c])
 
 
 def test_every_stance_left_out_touches_something(checked_graph, graph):
@@ -48,7 +48,7 @@ def test_every_stance_left_out_touches_something(checked_graph, graph):
         a, b = graph.points[s].tolist()
         masks = tuple(1 << int(branch) for branch in graph.branch[s])
         here = graph.configuration(graph.state((a, b))._replace(masks=masks))
-        grasps = [(i, graph.solver.points[p], graph.solver.normals[p]) for i, p in ((0, a), (1, b))]
+        grasps = grasps_of(graph, enumerate((a, b)))
         assert contacts(graph.robot, graph.grasp_map.boxes, here, 0.02, grasps)
 
 

@@ -4,11 +4,18 @@ import coal
 import numpy as np
 import pytest
 from coal_ruler import apart, capsule
+from compiled import called
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from mlivr_gym.collisions.distances import segment_box_apart, segments_apart, stays_away
+from mlivr_gym.collisions.distances import (
+    BOX,
+    SEGMENT,
+    segment_box_distance,
+    segments_distance,
+    stays_away,
+)
 
 
 def vectors(low=-1.0, high=1.0):
@@ -20,7 +27,7 @@ def vectors(low=-1.0, high=1.0):
 def test_segment_to_box_agrees_with_coal(start, end, half):
     if np.linalg.norm(end - start) < 1e-3:
         return
-    ours = np.sqrt(segment_box_apart(tuple(start), tuple(end - start), tuple(half)))
+    ours = segment_box_distance(tuple(start), tuple(end - start), tuple(half))
     theirs = apart(
         capsule(1e-3, start, end), (coal.Box(*(2.0 * half)), coal.Transform3s.Identity())
     )
@@ -32,7 +39,7 @@ def test_segment_to_box_agrees_with_coal(start, end, half):
 def test_segment_to_segment_agrees_with_coal(a, b, c, d):
     if min(np.linalg.norm(b - a), np.linalg.norm(d - c)) < 1e-3:
         return
-    ours = np.sqrt(segments_apart(tuple(a), tuple(b - a), tuple(c), tuple(d - c)))
+    ours = segments_distance(tuple(a), tuple(b - a), tuple(c), tuple(d - c))
     theirs = apart(capsule(1e-3, a, b), capsule(1e-3, c, d)) + 2e-3
     assert ours == pytest.approx(max(theirs, 0.0), abs=2e-4)
 
@@ -48,8 +55,14 @@ def test_an_axis_is_compared_with_a_length_that_changes_along_it(box, axis, othe
     """Told apart as samples tell it, but for what rounding or the number of places leaves open."""
     (start, end), (first, second), (at_start, at_end) = axis, other, lengths
     shape = np.abs(first) + 0.05 if box else first
-    answer = stays_away(
-        box, tuple(shape), tuple(second - first), tuple(start), tuple(end - start), at_start, at_end
+    answer = called(stays_away)(
+        BOX if box else SEGMENT,
+        tuple(shape),
+        tuple(second - first),
+        tuple(start),
+        tuple(end - start),
+        at_start,
+        at_end,
     )
     t = np.linspace(0.0, 1.0, 2001)
     points = start + t[:, None] * (end - start)

@@ -3,13 +3,15 @@
 import itertools
 
 import numpy as np
+from compiled import called
 
 from mlivr_gym import Box, robot_spec
-from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.collisions.against_boxes import Behind, base_against_boxes
+from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.contacts import capsule_ends
-from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, segments_apart
+from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, segments_distance
 from mlivr_gym.collisions.limb_shapes import NEVER_NEARER, LimbShapes
-from mlivr_gym.collisions.link_capsules import body_against_boxes
+from mlivr_gym.kinematics.poses import pose
 
 ROBOT = robot_spec("mlivr2")
 
@@ -20,24 +22,22 @@ SHAPES = LimbShapes(ROBOT)
 def test_links_that_are_not_compared_never_meet():
     """No posture brings two of those that are two joints apart closer than touching."""
     left_out = {tuple(sorted((a, b))) for a, b in NEVER_NEARER}
-    compared = {tuple(SHAPES.arrays[0][[i, j]].tolist()) for i, j in SHAPES.arrays[3]}
+    compared = {tuple(SHAPES.links[[i, j]].tolist()) for i, j in SHAPES.pairs}
     rng = np.random.default_rng(1)
     least = dict.fromkeys(left_out, np.inf)
     for _ in range(3000):
         here = (np.zeros(3), np.array([1.0, 0, 0, 0]), rng.uniform(-np.pi, np.pi, (2, 6)))
         ends = capsule_ends(ROBOT, SHAPES, here)[0]
         for i, j in itertools.combinations(range(len(SHAPES)), 2):
-            pair = tuple(SHAPES.arrays[0][[i, j]].tolist())
+            pair = tuple(SHAPES.links[[i, j]].tolist())
             if pair in left_out and pair not in compared:
-                gap = np.sqrt(
-                    segments_apart(
-                        tuple(ends[i, 0]),
-                        tuple(ends[i, 1] - ends[i, 0]),
-                        tuple(ends[j, 0]),
-                        tuple(ends[j, 1] - ends[j, 0]),
-                    )
+                gap = segments_distance(
+                    tuple(ends[i, 0]),
+                    tuple(ends[i, 1] - ends[i, 0]),
+                    tuple(ends[j, 0]),
+                    tuple(ends[j, 1] - ends[j, 0]),
                 )
-                least[pair] = min(least[pair], gap - SHAPES.arrays[2][i] - SHAPES.arrays[2][j])
+                least[pair] = min(least[pair], gap - SHAPES.radii[i] - SHAPES.radii[j])
     assert min(least.values()) > 0.0
 
 
@@ -45,14 +45,13 @@ def test_what_moves_with_the_base_contains_body_and_mounts():
     """A millimetre box anywhere in the body or a mount is found, one 22 cm away is not."""
     robot, rng = robot_spec("mlivr3"), np.random.default_rng(0)
     shapes = LimbShapes(robot)
-    mounts, radius, half, _ = shapes.fixed
+    mounts, radius = shapes.mounts["ends"], shapes.mounts["radius"]
+    half, origin, still = shapes.robot["half"], pose(np.zeros(3), np.eye(3)), (0.0, 0.0)
 
     def answer(point):
         speck = Box("speck", "obstacle", tuple(point), (5e-4, 5e-4, 5e-4))
-        collision_model = CollisionModel(shapes, (speck,), 0.0).arrays
-        return body_against_boxes(
-            np.zeros(3), np.eye(3), 0.0, 0.0, collision_model[6], collision_model[4], 0.0
-        )
+        grid, nothing = box_grid((speck,)), Behind.row()
+        return called(base_against_boxes)(shapes.robot, origin, still, grid, 0.0, nothing)
 
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
     inside = [*corners, *rng.uniform(-half, half, (200, 3))]

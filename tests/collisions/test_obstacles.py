@@ -7,18 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from coal_ruler import Ruler, grasps_of
+from held_paths import path_between
 
 from mlivr_gym import Box, Capsule, GraspMap, RobotSpec, Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import SettingError, ShapeError, StanceError
-from mlivr_gym.kinematics.base_path import STRAIGHT
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.motion.sampling import sampled_line
 from mlivr_gym.motion.swings import SwingFinder
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.pair_steps import LINE, PAIR_BITS, edge_entry, turned
 from mlivr_gym.transitions.state import State
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
@@ -113,14 +112,7 @@ def test_occupied_points_are_not_grasped(jem, checked_graph, robot):
 def test_a_sampled_line_is_clear_and_reproducible(checked_graph):
     graph = checked_graph
     s = graph.find(graph.indices(START))
-    path = (
-        graph.base_in_world[s],
-        graph.base_axes_in_world[s],
-        graph.base_in_world[s],
-        graph.base_axes_in_world[s],
-        STRAIGHT,
-        graph.base_in_world[s],
-    )
+    path = path_between((graph.base_in_world[s], graph.base_axes_in_world[s]) * 2)
     finder = SwingFinder(graph, 0, path, [])
     start, end = (np.array([0.0, *fold, 0.0]) for fold in graph.robot.folds[:2])
     line = sampled_line(finder.clear, finder.graph.robot.limb.limits, start, end)
@@ -131,13 +123,26 @@ def test_a_sampled_line_is_clear_and_reproducible(checked_graph):
     assert finder.clear(line)
 
 
+SAME = ("known", "kept", "on_arc", "fold_on_line", "fold_on_arc")
+"""What is known of a step in either direction alike."""
+
+
+def known_step(graph, held, before, after):
+    """What a graph knows of a step: what does not depend on its direction, and its branches."""
+    row = graph._known.step(held, int(before), int(after)).copy()
+    pair = None if row["pair"] < 0 else divmod(int(row["pair"]), 8)
+    return tuple(int(row[name]) for name in SAME), pair
+
+
 def test_edges_serve_both_directions(checked_graph):
     graph, rng = checked_graph, np.random.default_rng(8)
     for s in rng.choice(len(graph), 10, replace=False):
         for held in range(2):
             for other in graph.row(held, int(s))[:5]:
-                back = edge_entry(held, int(other), int(s), graph.edges)
-                assert edge_entry(held, int(s), int(other), graph.edges) == turned(back)
+                same, pair = known_step(graph, held, s, other)
+                back, turned = known_step(graph, held, other, s)
+                assert same == back
+                assert pair == (None if turned is None else turned[::-1])
 
 
 def test_shapes_and_boxes_of_a_user_take_stances_away(ladder, tmp_path):
@@ -178,19 +183,15 @@ def test_a_step_is_the_same_in_both_directions(small_map):
     for _ in range(800):
         s, held = int(rng.integers(len(first))), int(rng.integers(2))
         other = int(rng.choice(first.row(held, s)))
-        forth, back = (
-            edge_entry(held, s, other, first.edges),
-            edge_entry(held, other, s, second.edges),
-        )
-        found["possible" if forth & 0xFFFF else "blocked"] += 1
-        if not forth & LINE:
-            assert forth == back
-            continue
-        # The branches before and after the swing change places.
-        before, after = divmod(forth >> PAIR_BITS & 63, 8)
-        assert forth - (forth >> PAIR_BITS << PAIR_BITS) == back - (back >> PAIR_BITS << PAIR_BITS)
-        assert back >> PAIR_BITS == 8 * after + before
-        found["swapped"] += before != after
+        forth, pair = known_step(first, held, s, other)
+        back, turned = known_step(second, held, other, s)
+        found["possible" if forth[SAME.index("kept")] else "blocked"] += 1
+        assert forth == back
+        assert (pair is None) == (turned is None)
+        if pair is not None:
+            # The branches before and after the swing change places.
+            assert turned == pair[::-1]
+            found["swapped"] += pair[0] != pair[1]
     assert min(found.values()) > 5
     assert len(found) == 3
 

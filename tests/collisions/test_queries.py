@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from coal_ruler import Ruler, grasps_of, obstacles
+from held_paths import path_between
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, Capsule, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
-from mlivr_gym.kinematics.base_path import STRAIGHT
-from mlivr_gym.kinematics.holding import base_path, quaternion
+from mlivr_gym.kinematics.base_path import STRAIGHT, base_poses
+from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.swings import SwingFinder
 from mlivr_gym.transitions.state import State
 
@@ -137,15 +138,13 @@ def moving_base(graph, rng):
         state = State(stances[0], tuple(masks_held))
         edge = graph.edge(state, stances[1], graph.node_postures(np.array([s0, s1])))
         if edge.kind == STRAIGHT and edge.fold >= 0:
-            path = (
+            ends = (
                 graph.base_in_world[s0],
                 graph.base_axes_in_world[s0],
                 graph.base_in_world[s1],
                 graph.base_axes_in_world[s1],
-                STRAIGHT,
-                np.zeros(3),
             )
-            return s0, s1, held, path, np.array([*graph.robot.folds[edge.fold], 0.0])
+            return s0, s1, held, path_between(ends), np.array([*graph.robot.folds[edge.fold], 0.0])
 
 
 def test_a_rod_that_only_a_mount_meets_during_a_step_blocks_it(small_checked_graph):
@@ -157,7 +156,7 @@ def test_a_rod_that_only_a_mount_meets_during_a_step_blocks_it(small_checked_gra
         looked += 1
         assert looked < 400
         s0, s1, held, path, fold = moving_base(graph, rng)
-        where, turned = base_path(path, places)
+        where, turned = base_poses(path, places)
         finder = SwingFinder(graph, 1 - held, path, [])
         knots = np.array([[0.0, *fold], [1.0, *fold]])
         assert finder.clear(knots)
@@ -217,8 +216,8 @@ def test_only_what_is_flush_with_a_surface_lies_behind_a_grasp(small_checked_gra
     """A block under the gripper that stands out by one millimetre, or by four."""
     graph, rng = small_checked_graph, np.random.default_rng(3)
     for point in rng.choice(np.unique(graph.points), 10, replace=False).tolist():
-        turn, middle = graph.grasp_map.rotations[point], graph.solver.points[point]
-        middle = middle + (height - 0.01) * graph.solver.normals[point]
+        turn, middle = graph.grasp_map.rotations[point], graph.solver.grasps["point"][point]
+        middle = middle + (height - 0.01) * graph.solver.grasps["normal"][point]
         block = Box("block", "obstacle", tuple(middle), (0.02, 0.02, 0.01), Box.rows(turn))
         here = (graph.points == point).any(axis=1)
         before = graph.mask[here].copy()

@@ -6,13 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from coal_ruler import mujoco_pairs
+from compiled import called
 
 from mlivr_gym import Box, robot_spec
+from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR, SELF
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.link_capsules import EVERY, against_body, against_limb
+from mlivr_gym.collisions.placing import Placed, Shapes
 from mlivr_gym.collisions.uncompared import ANY, BOXES, NOT_COMPARED, OTHER, SAME, not_compared
+from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.simulation.scene import scene_spec
 
@@ -73,27 +76,29 @@ def compared_by_name(names):
 def compared_by_kernels(robot):
     """Pairs that a kernel reports when they, and nothing else, overlap."""
     shapes = LimbShapes(robot)
-    count, still, shift, spin = (
-        len(shapes),
-        np.zeros((len(shapes), 2)),
-        np.zeros((5, 4)),
-        np.zeros((5, 7)),
-    )
+    count, still = len(shapes), Placed.row()
     lonely = np.empty((count, 2, 3))
     lonely[:] = 10.0 * np.arange(1, count + 1)[:, None, None]
 
-    def against_itself(ends):
-        seen = (shift, spin, 0.0)
-        return against_body(0, ends, still, EVERY, *seen, shapes.arrays, shapes.fixed, 0.0)[0]
+    def at(ends):
+        out = Shapes.row()
+        out["ends"][:count] = ends
+        return out
 
-    assert against_itself(lonely) == CLEAR
+    def against_own(ends, row=shapes.robot):
+        """A limb against itself, the body and the mounts."""
+        limb, here = row["limbs"][0], at(ends)
+        itself, _ = called(against_itself)(limb, here, still, EVERY, 0.0)
+        return max(itself, called(against_body)(row, limb, here, EVERY, 0.0)[0])
+
+    assert against_own(lonely) == CLEAR
     found = set()
     for a, b in itertools.combinations(range(count), 2):
         ends = lonely.copy()
         ends[b] = ends[a]
-        if against_itself(ends) == SELF:
+        if against_own(ends) == SELF:
             found.add((*sorted((shapes.names[a], shapes.names[b])), SAME))
-    mounts, _, half, _ = shapes.fixed
+    mounts, half = shapes.mounts["ends"], shapes.robot["half"]
     for c, name in enumerate(shapes.names):
         places = {("body", SAME): [0.0, 0.0, half[2]]} | {
             ("base", SAME if m == 0 else OTHER): 2.0 * mounts[m, 1] for m in range(robot.limbs)
@@ -101,20 +106,17 @@ def compared_by_kernels(robot):
         for (other, whose), place in places.items():
             ends = lonely.copy()
             ends[c] = np.array(place)
-            thin = (
-                *shapes.arrays[:2],
-                np.full(count, 0.01 if other == "body" else 0.14),
-                *shapes.arrays[3:],
-            )
-            reach = np.array([*shapes.fixed[1]]) if other == "base" else np.full(robot.limbs, 1e-3)
-            fixed = (mounts, reach, half, shapes.fixed[3])
-            answer = against_body(0, ends, still, EVERY, shift, spin, 0.0, thin, fixed, 0.0)[0]
-            if answer == SELF:
+            thin = shapes.rows.copy()[0]
+            thin["limbs"][0]["capsules"]["radius"] = 0.01 if other == "body" else 0.14
+            if other == "body":
+                thin["mounts"]["radius"] = 1e-3
+            if against_own(ends, thin) == SELF:
                 found.add((*sorted((other, name)), whose))
         for d, other in enumerate(shapes.names):
             away = lonely + 1000.0
             away[d] = lonely[c]
-            if against_limb(lonely, still, EVERY, away, still, shapes.arrays, 0.0)[0] == SELF:
+            limbs = shapes.limb, at(lonely), shapes.robot["limbs"][1], at(away)
+            if called(against_limb)(*limbs, EVERY, 0.0)[0] == SELF:
                 found.add((*sorted((name, other)), OTHER))
     return found
 

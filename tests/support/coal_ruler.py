@@ -121,8 +121,8 @@ def behind(box, point, normal):
 
 def grasps_of(graph, points):
     """Limb, point and normal of limbs at grasps; `points` are pairs of limb and point index."""
-    solver = graph.solver
-    return [(limb, solver.points[point], solver.normals[point]) for limb, point in points]
+    grasps = graph.solver.grasps
+    return [(limb, grasps["point"][point], grasps["normal"][point]) for limb, point in points]
 
 
 @contextmanager

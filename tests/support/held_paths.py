@@ -4,6 +4,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, robot_spec
+from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
+from mlivr_gym.kinematics.poses import pose
 
 ROBOT = robot_spec("mlivr2")
 
@@ -24,9 +26,15 @@ GRIP = np.array([0.55, 0.0, -0.6])
 
 
 def random_ends(seed):
+    """Position and rotation of the base at the start and at the end."""
     rng = np.random.default_rng(seed)
     ends = []
     for _ in range(2):
         rotation = Rotation.from_rotvec(rng.normal(size=3) * 0.35).as_matrix()
         ends += [rng.uniform([-0.35, -0.35, -0.15], [0.35, 0.35, 0.25]), rotation]
     return ends
+
+
+def path_between(ends, kind=STRAIGHT, pivot=(0.0, 0.0, 0.0)):
+    """The base path between two places, given as in `random_ends`."""
+    return base_path(pose(*ends[:2]), pose(*ends[2:]), kind, pivot)

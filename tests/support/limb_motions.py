@@ -6,18 +6,21 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from coal_ruler import Ruler, apart, capsule
+from compiled import called
+from held_paths import path_between
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import State, robot_spec
-from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.contacts import capsule_ends
-from mlivr_gym.collisions.distances import CLEAR, segments_apart
+from mlivr_gym.collisions.distances import CLEAR, segments_distance
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.swept_hold import hold_free
-from mlivr_gym.kinematics.holding import base_path
-from mlivr_gym.kinematics.path_following import joints_along
-from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.collisions.sweep import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep, sweep
+from mlivr_gym.kinematics.base_path import base_poses
+from mlivr_gym.kinematics.limb import Angles
+from mlivr_gym.kinematics.path_following import joints_along, poses
+from mlivr_gym.stances.stance_graph import join
 
 ROBOT = robot_spec("mlivr2")
 
@@ -25,17 +28,15 @@ ROBOT = robot_spec("mlivr2")
 SHAPES = LimbShapes(ROBOT)
 
 
-RADII = SHAPES.arrays[2]
+RADII = SHAPES.radii
 
 
-MOUNTS = ROBOT.mount_rotations, ROBOT.mount_positions
+HAND = int(SHAPES.limb["hand"])
+"""First of the capsules that lie on the flange axis."""
 
 
-NO_LIMBS = np.empty((0, len(SHAPES), 2, 3))
-
-
-NOBODY = np.zeros(6), np.zeros(6), MOUNTS[0][0], MOUNTS[1][0]
-"""A mover that does not count."""
+REST = path_between((np.zeros(3), np.eye(3)) * 2)
+"""The path of a base that stays at the origin."""
 
 
 def draw(rng):
@@ -68,7 +69,7 @@ def least_apart(first, second):
             break
         p, q = first[k, i], second[k, j]
         axes = (p[0], p[1] - p[0], q[0], q[1] - q[0])
-        gap = np.sqrt(segments_apart(*(tuple(v) for v in axes)))
+        gap = segments_distance(*(tuple(v) for v in axes))
         best = min(best, (gap - RADII[i] - RADII[j], (int(k), int(i), int(j))))
     return best
 
@@ -101,6 +102,64 @@ def shift_to(first, second, direction, gap):
     return shift
 
 
+def swinging(limb, start, end):
+    """A limb that swings along a line in joint space, a row of `LimbMotion`."""
+    out = LimbMotion.row()
+    out["limb"], out["kind"], out["start"], out["end"] = limb, SWINGS, start, end
+    return out
+
+
+def holding(limb, branch, position, rotation):
+    """A limb that holds with its flange at a place in the world, a row of `LimbMotion`."""
+    out = LimbMotion.row()
+    out["limb"], out["kind"], out["branch"] = limb, HOLDS, branch
+    out["flange"]["position"], out["flange"]["rotation"] = position, rotation
+    return out
+
+
+def departing(limb, branch, position, rotation):
+    """A limb that departs from where its flange is in the world, a row of `LimbMotion`."""
+    out = holding(limb, branch, position, rotation)
+    out["kind"] = DEPARTS
+    return out
+
+
+NOBODY = swinging(1, np.zeros(6), np.zeros(6))
+"""A second limb that does not count."""
+
+
+def motion(path, places, first, second=NOBODY, compared=()):
+    """A motion to be checked, a row of `Sweep`.
+
+    Args:
+        path: Path of the base.
+        places: Where the base is on it at the start and at the end.
+        first: What the limb does that is checked.
+        second: What another limb does meanwhile.
+        compared: Names of what it is compared with: "boxes", "body", "resting" and "meeting".
+    """
+    room = Sweep.row()
+    moves = room["motion"]
+    moves["path"], moves["first"], moves["second"] = path, first, second
+    moves["begin"], moves["finish"] = places
+    for name in compared:
+        moves[name] = True
+    return room
+
+
+def let_rest(room, limb, ends):
+    """Put a limb at rest on each of some branches: ends of its capsules, shape (k, c, 2, 3)."""
+    resting = room["resting"]
+    resting["count"], resting["limb"][: len(ends)] = len(ends), limb
+    for shapes, here in zip(resting["shapes"], ends, strict=False):
+        shapes["ends"][: len(SHAPES)] = here
+
+
+def answer(room, clearance, boxes=(), robot=SHAPES.robot):
+    """What the compiled check says of a motion, among boxes and with a clearance [m]."""
+    return called(sweep)(robot, box_grid(boxes), clearance, room)
+
+
 class Hold(NamedTuple):
     """A limb that holds a point on a branch while the base follows a path, at k moments."""
 
@@ -108,7 +167,7 @@ class Hold(NamedTuple):
     limb: int
     point: int
     branch: int
-    path: tuple
+    path: object
     joints: np.ndarray  # (k, 6)
 
     @classmethod
@@ -126,71 +185,67 @@ class Hold(NamedTuple):
         postures = join(*(graph.posture(stance) for stance in stances))
         edge = graph.edge(State(stances[0], (1 << bit, 1 << bit)), stances[1], postures)
         point = stances[0][limb]
-        path = (
+        ends = (
             graph.base_in_world[s0],
             graph.base_axes_in_world[s0],
             graph.base_in_world[s1],
             graph.base_axes_in_world[s1],
-            edge.kind,
         )
-        path = (*path, graph.solver.points[point])
-        return cls(
-            graph,
-            limb,
-            point,
-            bit & 7,
-            path,
-            held_joints(graph, limb, point, bit & 7, path, samples),
-        )
+        path = path_between(ends, edge.kind, graph.solver.grasps["point"][point])
+        joints = held_joints(graph, limb, point, bit & 7, path, samples)
+        return cls(graph, limb, point, bit & 7, path, joints)
 
     @property
-    def grip(self):
-        return self.graph.solver.flanges_in_world[
-            self.point
-        ], self.graph.solver.flange_axes_in_world[self.point]
+    def moves(self):
+        """What the limb does, a row of `LimbMotion`."""
+        flange = self.graph.solver.grasps["flange"][self.point]
+        return holding(self.limb, self.branch, flange["position"], flange["rotation"])
 
     def world(self):
         """Ends of its capsules in the world, shape (k, c, 2, 3)."""
-        where, turned = base_path(self.path, np.linspace(0.0, 1.0, len(self.joints)))
+        where, turned = base_poses(self.path, np.linspace(0.0, 1.0, len(self.joints)))
         return np.array([
             w + ends @ r.T
             for w, r, ends in zip(where, turned, in_body(self.limb, self.joints), strict=True)
         ])  # fmt: skip
 
-    def answer(self, collision_model, mover, parts):
-        """What the compiled check says of `parts`, given `CollisionModel.arrays`.
+    def standing(self, clearance, boxes=()):
+        """What the compiled check says of it, boxes, body and the limb itself."""
+        room = motion(self.path, (0.0, 1.0), self.moves, compared=("boxes", "body"))
+        return answer(room, clearance, boxes)
 
-        The mover's joint angles at both ends, and its mount.
-        """
-        lengths, mounts = ROBOT.limb.lengths, (MOUNTS[0][self.limb], MOUNTS[1][self.limb])
-        shapes, _, hand, fixed, world, clearance, _ = collision_model
-        return hold_free(
-            self.limb, *self.grip, self.path, 0.0, 1.0, self.branch, lengths, *mounts, *mover,
-            shapes, hand, fixed, world, clearance, True, parts,
-        )  # fmt: skip
+    def meeting(self, clearance, mover, robot=SHAPES.robot):
+        """What the compiled check says of it and another limb that moves meanwhile."""
+        room = motion(self.path, (0.0, 1.0), self.moves, mover, ("meeting",))
+        return answer(room, clearance, robot=robot)
+
+
+def with_shifted_mount(limb, offset):
+    """The robot, a row of `Robot`, with the mount of a limb shifted in the body frame [m]."""
+    robot = SHAPES.rows.copy()[0]
+    robot["limbs"][limb]["mount"]["position"] += offset
+    return robot
 
 
 def held_joints(graph, limb, point, branch, path, samples):
     """Joint angles of a limb that holds along a base path, shape (samples, 6)."""
-    out = np.empty((samples, 6))
-    poses = base_path(path, np.linspace(0.0, 1.0, samples))
-    grip = (
-        graph.solver.flanges_in_world[point][None],
-        graph.solver.flange_axes_in_world[point][None],
-    )
-    mount = MOUNTS[0][limb], MOUNTS[1][limb], ROBOT.limb.lengths
-    assert joints_along(*grip, *poses, *mount, branch, np.zeros(6), out) == samples
-    return out
+    out = Angles.rows(samples)
+    bases = poses(*base_poses(path, np.linspace(0.0, 1.0, samples)))
+    flange = graph.solver.grasps["flange"][point : point + 1]
+    reference = Angles.row()
+    assert joints_along(SHAPES.rows, limb, bases, flange, branch, reference, out) == samples
+    return out["q"]
 
 
 AT_ORIGIN = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def verdicts(check, least):
-    """Whether a motion is called clear whose least distance is 0.8 and 1.2 times the clearance."""
-    return [
-        check(CollisionModel(SHAPES, (), least / share).arrays) == CLEAR for share in (0.8, 1.2)
-    ]
+    """Whether a motion is called clear whose least distance is 0.8 and 1.2 times the clearance.
+
+    The check takes a clearance [m].
+    """
+    return [check(least / share) == CLEAR for share in (0.8, 1.2)]
 
 
 class Limb:
@@ -238,10 +293,12 @@ class Spheres(NamedTuple):
 
         Only the limb if `still`.
         """
-        mounts, mount_radius, half, _ = SHAPES.fixed
+        mounts, mount_radius = SHAPES.mounts["ends"], SHAPES.mounts["radius"]
+        half = SHAPES.robot["half"]
         body, thick = np.array(list(product((-1.0, 1.0), repeat=3))) * half, 0.0
         if containing:
-            body, thick = SHAPES.body[0][:4].reshape(-1, 3), SHAPES.body[1][0]
+            around = SHAPES.robot["around"][:4]
+            body, thick = around["ends"].reshape(-1, 3), around["radius"][0]
         fixed = np.zeros((0, 3)) if still else np.concatenate([mounts.reshape(-1, 3), body])
         centres = []
         for here in moments:

@@ -5,16 +5,16 @@ import json
 import mujoco
 import numpy as np
 import pytest
+from compiled import called
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, GraspMap, robot_spec
-from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.collisions.against_boxes import Behind, axis_answer
+from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE
-from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.link_capsules import EVERY, against_boxes
 from mlivr_gym.errors import ShapeError
 from mlivr_gym.simulation.scene import scene_spec
 from mlivr_gym.world.boxes import load_obstacles
@@ -43,9 +43,6 @@ FLOOR = GraspMap.from_dict(
 )
 
 
-SHAPES = LimbShapes(ROBOT)
-
-
 @given(vectors, halves, vectors, vectors)
 @examples(max_examples=60, deadline=None)
 def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn, point):
@@ -67,11 +64,9 @@ def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn,
     # A speck at a place in the box's axes, inside or outside.
     local = 1.2 * half * np.clip(point, -1.0, 1.0)
     inside = bool((np.abs(local) < half).all())
-    place = np.repeat((centre + rotation @ local)[None, None], 2, axis=1)
-    world = CollisionModel(SHAPES, (loaded,), 0.0).arrays[4]
-    speck, nowhere = np.array([1e-9]), np.zeros(3)
-    still = np.zeros((1, 2))
-    answer, _ = against_boxes(place, still, EVERY, 1, speck, world, 1, nowhere, nowhere, 0.0)
+    place, still = tuple(centre + rotation @ local), (0.0, 0.0)
+    grid, nothing = box_grid((loaded,)), Behind.row()
+    answer = called(axis_answer)((place, place), 1e-9, still, grid, nothing, False)
     assert answer == (OBSTACLE if inside else CLEAR)
 
 

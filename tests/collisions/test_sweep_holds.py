@@ -1,6 +1,6 @@
 """Limbs that hold are called clear at 1.2 times the clearance and never at 0.8 times.
 
-Coal is the ruler; see `test_swept_swing` for how obstacles are placed.
+Coal is the ruler; see `test_sweep_swings` for how obstacles are placed.
 """
 
 from collections import Counter
@@ -8,38 +8,35 @@ from collections import Counter
 import numpy as np
 import pytest
 from coal_ruler import PLATE, ROD, apart, capsule, in_front, solid
+from held_paths import path_between
 from limb_motions import (
     AT_ORIGIN,
-    MOUNTS,
-    NOBODY,
+    HAND,
     RADII,
-    ROBOT,
-    SHAPES,
     Hold,
     Limb,
     Spheres,
+    answer,
     by_coal,
     draw,
     held_joints,
+    holding,
     in_body,
     kind_of,
     least_apart,
+    motion,
     shift_to,
+    swinging,
     verdicts,
+    with_shifted_mount,
 )
 
-from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.swept_hold import MOVER, STANDING, holds_apart
-from mlivr_gym.kinematics.base_path import STRAIGHT
 
 CLEARANCE = 0.02
 
 
 NEAR, FAR = 0.8 * CLEARANCE, 1.2 * CLEARANCE
-
-
-EMPTY = CollisionModel(SHAPES, (), CLEARANCE).arrays
 
 
 def test_a_limb_that_holds_keeps_clear_of_the_robot_and_no_more(small_checked_graph):
@@ -51,10 +48,7 @@ def test_a_limb_that_holds_keeps_clear_of_the_robot_and_no_more(small_checked_gr
             moments = [(*AT_ORIGIN, np.array([q, np.zeros(6)])) for q in hold.joints]
             gap, other = limb.nearest(moments)
             met[kind_of(other)] += 1
-            answers = verdicts(
-                lambda collision_model, h=hold: h.answer(collision_model, NOBODY, STANDING), gap
-            )
-            assert answers == [False, True]
+            assert verdicts(hold.standing, gap) == [False, True]
     assert len(met) > 1
 
 
@@ -63,16 +57,15 @@ def test_a_limb_that_holds_keeps_the_clearance_to_boxes_and_no_more(small_checke
     rng = np.random.default_rng(1)
     for n in range(30):
         hold = Hold.random(small_checked_graph, rng)
-        ends, direction = hold.world()[:, : SHAPES.hand], draw(rng)
-        spheres = Spheres(ends.reshape(len(ends), -1, 3), np.repeat(RADII[: SHAPES.hand], 2))
+        ends, direction = hold.world()[:, :HAND], draw(rng)
+        spheres = Spheres(ends.reshape(len(ends), -1, 3), np.repeat(RADII[:HAND], 2))
         point, k, _ = spheres.farthest(direction)
         for gap in (NEAR, FAR):
             box = in_front(point, direction, gap, (PLATE, ROD)[n % 2])
             arm = [capsule(r, *axis) for r, axis in zip(RADII, ends[k], strict=False)]
             least = min(apart(shape, solid(box)) for shape in arm)
             assert least == pytest.approx(gap, abs=1e-5)
-            collision_model = CollisionModel(SHAPES, (box,), CLEARANCE).arrays
-            assert (hold.answer(collision_model, NOBODY, STANDING) == CLEAR) == (gap == FAR)
+            assert (hold.standing(CLEARANCE, (box,)) == CLEAR) == (gap == FAR)
 
 
 def test_a_limb_that_holds_keeps_the_clearance_to_the_one_that_swings_and_no_more(
@@ -90,8 +83,8 @@ def test_a_limb_that_holds_keeps_the_clearance_to_the_one_that_swings_and_no_mor
         direction = draw(rng)
         for gap in (NEAR, FAR):
             offset = shift_to(ours, theirs, direction, gap)
-            line = start, end, MOUNTS[0][mover], MOUNTS[1][mover] + offset
-            assert (hold.answer(EMPTY, line, MOVER) == CLEAR) == (gap == FAR)
+            line, robot = swinging(mover, start, end), with_shifted_mount(mover, offset)
+            assert (hold.meeting(CLEARANCE, line, robot) == CLEAR) == (gap == FAR)
 
 
 def test_a_line_through_a_limb_that_holds_is_not_clear(small_checked_graph):
@@ -106,8 +99,7 @@ def test_a_line_through_a_limb_that_holds_is_not_clear(small_checked_graph):
         theirs = in_body(mover, start + places[:, None] * (end - start))
         _, at = least_apart(ours, theirs)
         least = by_coal(ours, theirs, at)
-        line = start, end, MOUNTS[0][mover], MOUNTS[1][mover]
-        clear = hold.answer(EMPTY, line, MOVER) == CLEAR
+        clear = hold.meeting(CLEARANCE, swinging(mover, start, end)) == CLEAR
         assert not clear or least >= CLEARANCE - 1e-9
         assert clear or least < 2.0 * CLEARANCE
         answers.append(clear)
@@ -122,14 +114,8 @@ def both_hold(graph, rng):
     while True:
         s = int(rng.integers(len(graph)))
         points, turn = graph.points[s].tolist(), graph.base_axes_in_world[s]
-        path = (
-            graph.base_in_world[s],
-            turn,
-            graph.base_in_world[s] + 0.08 * draw(rng),
-            turn,
-            STRAIGHT,
-            np.zeros(3),
-        )
+        first = graph.base_in_world[s]
+        path = path_between((first, turn, first + 0.08 * draw(rng), turn))
         branches = graph.branch[s].tolist()
         try:
             joints = [held_joints(graph, i, points[i], branches[i], path, 101) for i in range(2)]
@@ -139,16 +125,13 @@ def both_hold(graph, rng):
 
 
 def apart_answer(graph, branches, path, points, offset=(0.0, 0.0, 0.0)):
-    """`holds_apart`, the second limb's mount and grip shifted by an offset in the body frame."""
-    grips, tools = (
-        graph.solver.flanges_in_world[points].copy(),
-        graph.solver.flange_axes_in_world[points],
-    )
-    grips[1] += path[1] @ offset
-    places = MOUNTS[1].copy()
-    places[1] += offset
-    limbs = [(grips[i], tools[i], branches[i], MOUNTS[0][i], places[i]) for i in range(2)]
-    return holds_apart(*limbs[0], *limbs[1], path, ROBOT.limb.lengths, SHAPES.arrays, CLEARANCE)
+    """What the check says; mount and grip of the second limb shifted in the body frame."""
+    flanges = graph.solver.grasps["flange"][points]
+    grips, tools = flanges["position"].copy(), flanges["rotation"]
+    grips[1] += path["first"]["rotation"] @ offset
+    limbs = [holding(i, branches[i], grips[i], tools[i]) for i in range(2)]
+    room = motion(path, (0.0, 1.0), *limbs, ("meeting",))
+    return answer(room, CLEARANCE, robot=with_shifted_mount(1, offset))
 
 
 def test_two_limbs_that_hold_keep_the_clearance_and_no_more(small_checked_graph):

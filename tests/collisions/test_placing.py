@@ -3,6 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
+from compiled import called
+from held_paths import path_between
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
@@ -10,22 +12,21 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, robot_spec
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.link_capsules import seen_from
-from mlivr_gym.collisions.motion_bounds import (
+from mlivr_gym.collisions.placing import (
+    Placed,
     capsule_motion,
     joint_motion,
     moved_by_base,
-    path_speed,
     seen_from_grasp,
+    seen_from_link,
 )
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
-from mlivr_gym.kinematics.holding import base_path
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.simulation.scene import scene_spec
 
 ROBOT = robot_spec("mlivr2")
 SHAPES = LimbShapes(ROBOT)
-LINK, ENDS = SHAPES.arrays[0], SHAPES.arrays[1]
+LINK, ENDS = SHAPES.links, SHAPES.ends
 FLOOR = {"id": "R", "face": "deck", "start": [-0.4, 0, 0], "end": [0.4, 0, 0], "normal": [0, 0, 1]}
 MODEL = scene_spec(GraspMap.from_dict({"segments": [FLOOR]}), ROBOT).compile()
 DATA = mujoco.MjData(MODEL)
@@ -80,24 +81,26 @@ def bounds(minus, plus):
 
     NaN for ends on that link or before.
     """
-    shift, spin = np.empty((5, 4)), np.empty((5, 7))
-    joint_motion(plus, minus, ROBOT.limb.lengths, shift, spin)
+    placed = Placed.row()
+    placed["minus"], placed["plus"], placed["share"] = minus, plus, 1.0
+    called(joint_motion)(SHAPES.limb["arm"], placed)
     out = np.full((5, len(LINK), 2), np.nan)
     for row in range(5):
         for c in np.flatnonzero(row < LINK):
-            for e in range(2):
-                out[row, c, e] = seen_from(row, int(c), e, SHAPES.arrays, shift, spin)
-    whole = np.empty((len(LINK), 2))
-    capsule_motion(SHAPES.arrays, shift, spin, 0.5, whole)
-    np.testing.assert_allclose(whole, 0.5 * out[0], rtol=1e-12)
+            out[row, c] = called(seen_from_link)(row, SHAPES.limb["capsules"][c], placed)
+    placed["share"] = 0.5
+    called(capsule_motion)(SHAPES.limb, placed)
+    np.testing.assert_allclose(placed["in_body"]["motion"][: len(LINK)], 0.5 * out[0], rtol=1e-12)
     return out
 
 
 def from_grasp(minus, plus):
     """Bound of each end's motion seen from the flange, infinite where there is none, (c, 2) [m]."""
-    out = np.full((len(LINK), 2), np.inf)
-    seen_from_grasp(plus, minus, ROBOT.limb.lengths, SHAPES.arrays, out)
-    return out
+    placed = Placed.row()
+    placed["minus"], placed["plus"] = minus, plus
+    placed["in_world"]["motion"] = np.inf
+    called(seen_from_grasp)(SHAPES.limb, placed)
+    return placed["in_world"]["motion"][: len(LINK)]
 
 
 @given(numbers(-np.pi, np.pi), turns(), turns(), st.booleans())
@@ -152,8 +155,10 @@ def test_bounds_are_no_more_than_three_times_what_some_posture_needs(plus):
 def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, moved, seed):
     """An end that moves by `moved` in the body frame while the base travels and turns."""
     rng = np.random.default_rng(seed)
-    ends, motion, out = np.array([[place, -place]]), np.full((1, 2), moved), np.empty((1, 2))
-    moved_by_base(ends, motion, travel, swing, out)
+    placed = Placed.row()
+    placed["in_body"]["ends"], placed["in_body"]["motion"] = (place, -place), moved
+    called(moved_by_base)(SHAPES.limb, travel, swing, placed)
+    out = placed["in_world"]["motion"][: len(SHAPES)]
     across = np.cross(place, rng.normal(size=3))
     farthest = 0.0
     for axis in (across, rng.normal(size=3)):
@@ -180,8 +185,8 @@ def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, moved, 
 @examples(max_examples=60, deadline=None)
 def test_the_base_is_no_faster_than_its_bound(start, end, pivot, kind):
     pivot = pivot + 0.5
-    path = (start, np.eye(3), end, np.eye(3), kind, pivot)
-    where, _ = base_path(path, np.linspace(0.0, 1.0, 201))
+    path = path_between((start, np.eye(3), end, np.eye(3)), kind, pivot)
+    where, _ = base_poses(path, np.linspace(0.0, 1.0, 201))
     fastest = np.linalg.norm(np.diff(where, axis=0), axis=1).max() * 200.0
-    assert fastest <= path_speed(path) + 1e-9
-    assert path_speed(path) <= LOOSE * fastest + 1e-9
+    assert fastest <= path["speed"] + 1e-9
+    assert path["speed"] <= LOOSE * fastest + 1e-9

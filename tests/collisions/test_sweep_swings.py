@@ -12,35 +12,39 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from coal_ruler import PLATE, ROD, Ruler, apart, capsule, grasps_of, in_front, solid
+from compiled import called
+from held_paths import path_between
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from limb_motions import (
     AT_ORIGIN,
-    MOUNTS,
-    NO_LIMBS,
+    HAND,
     RADII,
+    REST,
     ROBOT,
     SHAPES,
     Limb,
     Spheres,
+    answer,
+    departing,
     draw,
     in_body,
     kind_of,
+    let_rest,
+    motion,
     shift_to,
+    swinging,
     verdicts,
 )
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box
-from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.contacts import capsule_ends, contacts
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.swept_swing import departure_free, swing_free
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
-from mlivr_gym.kinematics.holding import base_path, quaternion
-from mlivr_gym.kinematics.ur import branch_angles
-from mlivr_gym.transitions.grasp_poses import flange_at
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
+from mlivr_gym.kinematics.limb import angles_at
+from mlivr_gym.kinematics.poses import pose, quaternion
 from mlivr_gym.transitions.state import State
 
 CLEARANCE = 0.02
@@ -52,20 +56,17 @@ NEAR, FAR = 0.8 * CLEARANCE, 1.2 * CLEARANCE
 SPLINTER = (0.0005, 0.01, 0.0005)
 
 
-REST = (np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), STRAIGHT, np.zeros(3))
+EVERYTHING = ("boxes", "body", "resting")
 
 
-def swing_check(start, end, others):
-    """The check of a line of limb 0 while the base rests, given `CollisionModel.arrays`."""
+def swing_check(start, end, others=()):
+    """The check of a line of limb 0 while the base rests, given a clearance.
 
-    def check(collision_model):
-        shapes, _, _, fixed, world, clearance, body = collision_model
-        return swing_free(
-            0, REST, 0.0, 0.0, start, end, ROBOT.limb.lengths, MOUNTS[0][0], MOUNTS[1][0], others,
-            shapes, fixed, world, clearance, True, body,
-        )  # fmt: skip
-
-    return check
+    On each of some branches limb 1 rests: ends of its capsules, shape (k, c, 2, 3).
+    """
+    room = motion(REST, (0.0, 0.0), swinging(0, start, end), compared=EVERYTHING)
+    let_rest(room, 1, others)
+    return lambda clearance: answer(room, clearance)
 
 
 def test_a_swing_keeps_clear_of_the_robot_itself_and_no_more():
@@ -82,7 +83,7 @@ def test_a_swing_keeps_clear_of_the_robot_itself_and_no_more():
         gap, other = limb.nearest(lines)
         if 0.01 < gap < 0.1:
             met[kind_of(other)] += 1
-            assert verdicts(swing_check(start, end, NO_LIMBS), gap) == [False, True]
+            assert verdicts(swing_check(start, end), gap) == [False, True]
 
 
 def test_a_swing_keeps_clear_of_a_limb_at_rest_and_no_more():
@@ -91,7 +92,7 @@ def test_a_swing_keeps_clear_of_a_limb_at_rest_and_no_more():
     while met < 8:
         start, rest = rng.uniform(-np.pi, np.pi, (2, 6))
         end = start + rng.uniform(-0.6, 0.6, 6)
-        if swing_check(start, end, NO_LIMBS)(CollisionModel(SHAPES, (), CLEARANCE).arrays) != CLEAR:
+        if swing_check(start, end)(CLEARANCE) != CLEAR:
             continue
         met += 1
         ours, theirs, direction = (
@@ -103,8 +104,8 @@ def test_a_swing_keeps_clear_of_a_limb_at_rest_and_no_more():
             branches = np.repeat(theirs + 9.0, 3, axis=0)
             shift = shift_to(ours, np.repeat(theirs, 101, axis=0), direction, gap)
             branches[rng.integers(3)] = theirs[0] + shift
-            answer = swing_check(start, end, branches)(CollisionModel(SHAPES, (), CLEARANCE).arrays)
-            assert (answer == CLEAR) == (gap > CLEARANCE)
+            found = swing_check(start, end, branches)(CLEARANCE)
+            assert (found == CLEAR) == (gap > CLEARANCE)
 
 
 class Departure:
@@ -112,50 +113,35 @@ class Departure:
 
     def __init__(self, graph, rng, samples=41):
         s = int(rng.integers(len(graph)))
-        stance, solver = graph.points[s].tolist(), graph.solver
+        stance = graph.points[s].tolist()
         allowed = ([b for b in range(16) if mask >> b & 1] for mask in graph.mask[s].tolist())
         bits = [int(rng.choice(some)) for some in allowed]
         here = graph.configuration(State(tuple(stance), tuple(1 << bit for bit in bits)))
-        self.base, self.branch, self.grasps = (
-            here[:2],
-            bits[0] & 7,
-            grasps_of(graph, enumerate(stance)),
-        )
-        self.pose, self.at = (
-            [np.empty(3) for _ in range(4)],
-            (graph.base_in_world[s], graph.base_axes_in_world[s]),
-        )
-        mount = MOUNTS[0][0], MOUNTS[1][0]
-        flange_at(
-            *self.grasps[0][1:],
-            solver.rails[stance[0]],
-            ROBOT.tool_length,
-            *self.at,
-            *mount,
-            *self.pose,
-        )
-        p, x, z, away = self.pose
+        branch, self.grasps = bits[0] & 7, grasps_of(graph, enumerate(stance))
+        at = graph.base_in_world[s], graph.base_axes_in_world[s]
+        _, point, normal = self.grasps[0]
+        # The flange's x axis lies along the rail and its z axis points into the surface.
+        rail = graph.grasp_map.rotations[stance[0]][:, 0]
+        turned = np.column_stack([rail, np.cross(-normal, rail), -normal])
+        place = point + ROBOT.tool_length * normal
+        self.path, self.moves = path_between(at * 2), departing(0, branch, place, turned)
         self.joints = np.empty((samples, 6))
         for q, height in zip(self.joints, np.linspace(0.0, ROBOT.lift, samples), strict=True):
-            assert branch_angles(p + height * away, x, z, ROBOT.limb.lengths, self.branch, q)
-        self.moments = [(*self.base, np.array([q, here[2][1]])) for q in self.joints]
+            lifted = pose(place + height * normal, turned)
+            assert called(angles_at)(SHAPES.limb, pose(*at), lifted, branch, 0.0, q)
+        self.moments = [(*here[:2], np.array([q, here[2][1]])) for q in self.joints]
 
     def others(self, offset=(0.0, 0.0, 0.0)):
         """Capsule ends of limb 1, shifted."""
         return in_body(1, [self.moments[0][2][1]]) + np.array(offset)
 
-    def check(self, others, inside=True):
-        """The compiled check, as a function of `CollisionModel.arrays`."""
-
-        def check(collision_model):
-            shapes, gripper, _, fixed, world, clearance, _ = collision_model
-            return departure_free(
-                0, *self.pose, ROBOT.lift, ROBOT.limb.lengths, self.branch, MOUNTS[0][0],
-                MOUNTS[1][0], *self.at, others, shapes, gripper, fixed, world, *self.grasps[0][1:],
-                clearance, inside,
-            )  # fmt: skip
-
-        return check
+    def check(self, others=(), compared=EVERYTHING):
+        """The compiled check, given a clearance and boxes; limb 1 rests as in `swing_check`."""
+        room = motion(self.path, (0.0, 0.0), self.moves, self.moves, compared)
+        let_rest(room, 1, others)
+        behind = room["behind"]
+        behind["applies"], (_, behind["point"], behind["normal"]) = True, self.grasps[0]
+        return lambda clearance, boxes=(): answer(room, clearance, boxes)
 
 
 def test_a_departure_keeps_clear_of_the_robot_and_no_more(small_checked_graph):
@@ -164,15 +150,13 @@ def test_a_departure_keeps_clear_of_the_robot_and_no_more(small_checked_graph):
     for n in range(16):
         lift = Departure(small_checked_graph, rng)
         gap, _ = limb.nearest(lift.moments)
-        assert verdicts(lift.check(NO_LIMBS), gap) == [False, True]
+        assert verdicts(lift.check(), gap) == [False, True]
         if n < 5:
             ours, direction = in_body(0, lift.joints), draw(rng)
             for gap in (0.8 * CLEARANCE, 1.2 * CLEARANCE):
                 offset = shift_to(ours, np.repeat(lift.others(), len(ours), axis=0), direction, gap)
-                answer = lift.check(lift.others(offset))(
-                    CollisionModel(SHAPES, (), CLEARANCE).arrays
-                )
-                assert (answer == CLEAR) == (gap > CLEARANCE)
+                found = lift.check(lift.others(offset))(CLEARANCE)
+                assert (found == CLEAR) == (gap > CLEARANCE)
 
 
 def test_a_departure_keeps_clear_of_boxes_and_no_more(small_checked_graph):
@@ -181,7 +165,7 @@ def test_a_departure_keeps_clear_of_boxes_and_no_more(small_checked_graph):
     for n in range(40):
         lift = Departure(small_checked_graph, rng)
         ends = np.array([capsule_ends(ROBOT, SHAPES, here)[0] for here in lift.moments])
-        first, half = ((0, PLATE), (SHAPES.hand, SPLINTER))[n % 2]
+        first, half = ((0, PLATE), (HAND, SPLINTER))[n % 2]
         direction, normal = draw(rng), lift.grasps[0][2]
         # Boxes behind the surface do not count for a gripper.
         direction -= min(2.0 * direction @ normal, 0.0) * normal
@@ -191,45 +175,36 @@ def test_a_departure_keeps_clear_of_boxes_and_no_more(small_checked_graph):
         boxes = [in_front(point, direction, share * CLEARANCE, half) for share in (0.8, 1.2)]
         gap = apart(capsule(RADII[first + c], *ends[k, first + c]), solid(boxes[0]))
         assert gap == pytest.approx(0.8 * CLEARANCE, abs=1e-5)
-        assert (
-            lift.check(NO_LIMBS, False)(CollisionModel(SHAPES, boxes[:1], CLEARANCE).arrays)
-            != CLEAR
-        )
+        check = lift.check(compared=("boxes",))
+        assert check(CLEARANCE, boxes[:1]) != CLEAR
         everywhere = ((r, axis) for limb in ends for r, axis in zip(RADII, limb, strict=True))
         least = min(apart(capsule(r, *axis), solid(boxes[1])) for r, axis in everywhere)
         if least > 1.2 * CLEARANCE - 1e-5:
             hand += n % 2
-            assert (
-                lift.check(NO_LIMBS, False)(CollisionModel(SHAPES, boxes[1:], CLEARANCE).arrays)
-                == CLEAR
-            )
+            assert check(CLEARANCE, boxes[1:]) == CLEAR
     assert hand > 5
 
 
 class Swing(NamedTuple):
     """A line in joint space of limb 0 while the base follows a path, or stands where it starts."""
 
-    path: tuple
+    path: object
     last: float
     start: np.ndarray
     end: np.ndarray
 
     def moments(self, places):
         """Where the robot is at some places along the swing; limb 1 does not count."""
-        where, turned = base_path(self.path, places * self.last)
+        where, turned = base_poses(self.path, places * self.last)
         moving_limb = self.start + places[:, None] * (self.end - self.start)
         joints = np.stack([moving_limb, np.zeros_like(moving_limb)], axis=1)
         return [(w, quaternion(r), q) for w, r, q in zip(where, turned, joints, strict=True)]
 
     def answer(self, box):
         """What the compiled check says, boxes alone."""
-        shapes, _, _, fixed, world, clearance, body = CollisionModel(
-            SHAPES, (box,), CLEARANCE
-        ).arrays
-        return swing_free(
-            0, self.path, 0.0, self.last, self.start, self.end, ROBOT.limb.lengths, MOUNTS[0][0],
-            MOUNTS[1][0], NO_LIMBS, shapes, fixed, world, clearance, False, body,
-        )  # fmt: skip
+        line = swinging(0, self.start, self.end)
+        room = motion(self.path, (0.0, self.last), line, compared=("boxes",))
+        return answer(room, CLEARANCE, (box,))
 
 
 CASES = (
@@ -245,7 +220,8 @@ def random_swing(rng, kind, joints, travel, swing):
     first, more = rng.uniform(-1.0, 1.0, 3), travel * draw(rng)
     after = (turn * Rotation.from_rotvec(swing * draw(rng))).as_matrix()
     pivot = first + rng.uniform(-0.3, 0.3, 3) + (0.0, 0.0, -0.8)
-    path = (first, turn.as_matrix(), first + more, after, kind or STRAIGHT, pivot)
+    ends = first, turn.as_matrix(), first + more, after
+    path = path_between(ends, kind or STRAIGHT, pivot)
     return Swing(path, float(kind is not None), start, start + joints * rng.uniform(-1.0, 1.0, 6))
 
 
@@ -305,22 +281,17 @@ angles = st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6).map(np.array)
 def test_no_thin_plate_is_skipped(q0, q1, centre, half):
     """A swing called clear of a plate of a millimetre keeps its clearance at many samples."""
     plate = Box("plate", "obstacle", tuple(centre), (0.2, half, 0.2))
-    shapes, _, _, fixed, world, clearance, body = CollisionModel(SHAPES, (plate,), 0.02).arrays
-    here = (
+    ends = (
         np.zeros(3),
         np.eye(3),
         np.array([0.3, 0.1, -0.2]),
         Rotation.from_rotvec([0.3, -0.2, 0.4]).as_matrix(),
     )
-    path = (*here, STRAIGHT, np.zeros(3))
-    mount = ROBOT.mount_rotations[0], ROBOT.mount_positions[0]
-    answer = swing_free(
-        0, path, 0.0, 1.0, q0, q1, ROBOT.limb.lengths, *mount, np.empty((0, len(SHAPES), 2, 3)),
-        shapes, fixed, world, clearance,
-        True, body,
-    )  # fmt: skip
+    path = path_between(ends)
+    room = motion(path, (0.0, 1.0), swinging(0, q0, q1), compared=EVERYTHING)
+    clear = answer(room, 0.02, (plate,)) == CLEAR
     least = np.inf
-    where, turned = base_path(path, np.linspace(0.0, 1.0, 80))
+    where, turned = base_poses(path, np.linspace(0.0, 1.0, 80))
     for k, s in enumerate(np.linspace(0.0, 1.0, 80)):
         joints = np.array([q0 + s * (q1 - q0), np.zeros(6)])
         found = contacts(ROBOT, (plate,), (where[k], quaternion(turned[k]), joints), 0.02)
@@ -328,5 +299,5 @@ def test_no_thin_plate_is_skipped(q0, q1, centre, half):
             c for c in found if c.first.startswith("limb0") and c.second[:6] not in ("limb1/",)
         ]
         least = min([least, *(c.distance for c in counted)])
-    if answer == CLEAR:
+    if clear:
         assert least >= 0.02 - 1e-9
