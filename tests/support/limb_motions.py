@@ -6,15 +6,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from coal_ruler import Ruler, apart, capsule
+from mlivr_gym.collisions.collision_model import CollisionModel
+from mlivr_gym.collisions.swept_hold import hold_free
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import State, robot_spec
-from mlivr_gym.collisions.collision_model import CollisionModel
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR, segments_apart
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.swept_hold import hold_free
 from mlivr_gym.kinematics.holding import base_path
 from mlivr_gym.kinematics.path_following import joints_along
 from mlivr_gym.stances.stance_graph import join
