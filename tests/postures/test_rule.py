@@ -149,7 +149,7 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
 def test_no_posture_penetrates_the_robot_itself_in_the_papers_world(graph):
     """Distances by coal of the limbs from the body and from each other."""
     robot, shapes = graph.robot, LimbShapes(graph.robot)
-    link, radius = shapes.arrays[0], shapes.arrays[2]
+    link, radius = shapes.links, shapes.radii
     body = coal.Box(*[robot.body_size] * 3)
     rng, nearest = np.random.default_rng(5), np.inf
     for s in rng.integers(0, len(graph), 150):
