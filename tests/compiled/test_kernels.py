@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from numba import config
 
-from mlivr_gym import MlivrError
+from mlivr_gym import Box, MlivrError, stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.compiled.kernels import entry, in_parallel, workers
 from mlivr_gym.compiled.records import Record
+from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.planners import Planner, cost_to_go, pair_search, searches
 from mlivr_gym.stances import pair_steps
 from mlivr_gym.transitions import release, steps
@@ -23,13 +24,21 @@ ENTRIES = (
 )  # fmt: skip
 
 
-def test_no_plan_needs_a_second_version_of_an_entry(checked_graph, monkeypatch):
+def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
     """Whatever is asked of them the types are the same: nothing is compiled a second time."""
     monkeypatch.setattr(searches, "PATIENCE", 1)
-    for cost in ("base", "steps"):
-        Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost).unwrap()
-        Planner(checked_graph).cost_to_go((6.0, 0.0, 0.42), cost)
-    checked_graph.successors(checked_graph.state(("D2a:4", "D2b:4")))
+    graph = stance_graph(small_map)
+    start, goal = graph.ids(graph.points[0]), graph.base_in_world[-1].tolist()
+    box = Box.between("box", "obstacle", (2.0, -0.2, -0.2), (2.1, 0.2, 0.2))
+    for boxes in ((), [box]):
+        graph.add_obstacles(boxes)
+        for cost in ("base", "steps"):
+            for heuristic in ("cost_to_go", "consistent"):
+                Planner(graph).plan(start, goal, cost, heuristic=heuristic)
+            Planner(graph).cost_to_go(goal, cost)
+        graph.successors(graph.state(start))
+    three = stance_graph(small_map, "mlivr3")
+    three.successors(random_state(three, np.random.default_rng(0)))
     assert {one.py_func.__name__: len(one.signatures) for one in ENTRIES} == {
         one.py_func.__name__: 1 for one in ENTRIES
     }
