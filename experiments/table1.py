@@ -22,8 +22,8 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.pair_graph import PairGraph
 
 PRICES = (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Prices of a regrasp for the Pareto front [m]."""

@@ -4,8 +4,8 @@ from mlivr_gym import Box, Settings, jem_map, stance_graph  # noqa: F401
 from mlivr_gym.envs.tasks import random_state, sample_task  # noqa: F401
 from mlivr_gym.motion.plan_motion import plan_trajectory  # noqa: F401
 from mlivr_gym.planners import Planner  # noqa: F401
-from mlivr_gym.stances.pair_graph import fill_rows  # noqa: F401
 from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.pair_graph import fill_rows  # noqa: F401
 from mlivr_gym.stances.step_tables import step_tables  # noqa: F401
 from mlivr_gym.transitions.state import State
 

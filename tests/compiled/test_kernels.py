@@ -1,72 +1,145 @@
+"""Kernels: where they are kept, how many versions a plan needs, and how they run in threads."""
+
+import os
 import subprocess
 import sys
-import time
+import threading
 
 import numpy as np
 import pytest
+from numba import config
 
-from mlivr_gym import MlivrError
-from mlivr_gym.collisions.swept_hold import hold_free
-from mlivr_gym.collisions.swept_swing import swing_free
-from mlivr_gym.compiled import kernels as compiled
-from mlivr_gym.planners import Planner, searches, warmup
-from mlivr_gym.planners.cost_to_go import backward
-from mlivr_gym.planners.pair_search import distance_to_goal, search, steps_to_goal
+from mlivr_gym import Box, MlivrError, stance_graph
+from mlivr_gym.compiled import kernels
+from mlivr_gym.compiled.kernels import entry, in_parallel, workers
+from mlivr_gym.compiled.records import Record
+from mlivr_gym.envs.tasks import random_state
+from mlivr_gym.planners import Planner, cost_to_go, pair_search, searches
+from mlivr_gym.stances import pair_steps
+from mlivr_gym.transitions import release, steps
 
-KERNELS = (search, backward, distance_to_goal, steps_to_goal, swing_free, hold_free)
+ENTRIES = (
+    pair_search._search, pair_search._distance, pair_search.steps_to_goal, cost_to_go._backward,
+    pair_steps.pair_successors, release.release_all, steps.check_all,
+)  # fmt: skip
 
 
-def test_the_second_process_compiles_what_a_plan_calls(checked_graph, monkeypatch):
-    """A plan after it needs no further version of the search kernels: the types are the same."""
-    warmup.main()
-    before = [len(k.signatures) for k in KERNELS]
+def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
+    """Whatever is asked of them the types are the same: nothing is compiled a second time."""
     monkeypatch.setattr(searches, "PATIENCE", 1)
-    for cost in ("base", "steps"):
-        Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost).unwrap()
-    assert [len(k.signatures) for k in KERNELS] == before
+    graph = stance_graph(small_map)
+    start, goal = graph.ids(graph.points[0]), graph.base_in_world[-1].tolist()
+    box = Box.between("box", "obstacle", (2.0, -0.2, -0.2), (2.1, 0.2, 0.2))
+    for boxes in ((), [box]):
+        graph.add_obstacles(boxes)
+        for cost in ("base", "steps"):
+            for heuristic in ("cost_to_go", "consistent"):
+                Planner(graph).plan(start, goal, cost, heuristic=heuristic)
+            Planner(graph).cost_to_go(goal, cost)
+        graph.successors(graph.state(start))
+    three = stance_graph(small_map, "mlivr3")
+    three.successors(random_state(three, np.random.default_rng(0)))
+    assert {one.py_func.__name__: len(one.signatures) for one in ENTRIES} == {
+        one.py_func.__name__: 1 for one in ENTRIES
+    }
 
 
-def test_second_process_is_waited_for_and_may_fail(monkeypatch):
-    with compiled.second_process("mlivr_gym.no_such_module", True):
-        pass
-    monkeypatch.setattr(compiled.sys, "executable", "/no/such/python")
-    with compiled.second_process("mlivr_gym.planners.warmup", True):
-        pass
+class Room(Record):
+    """Scratch of a thread."""
+
+    visits: int
 
 
-def test_an_interruption_does_not_wait_for_the_second_process(monkeypatch, tmp_path):
-    (tmp_path / "sleeper.py").write_text("import time\ntime.sleep(60)\n")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    began = time.perf_counter()
-    for error in (KeyboardInterrupt, MlivrError):
-        with pytest.raises(error), compiled.second_process("sleeper", True):
-            raise error
-    assert time.perf_counter() - began < 10.0
+@pytest.mark.parametrize("cores", [1, 3, 64])
+@pytest.mark.parametrize("count", [0, 1, 2, 7, 5000])
+def test_in_parallel_covers_every_item_once(count, cores, monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    seen, made = np.zeros(count + 3, dtype=int), []
 
+    def rooms(number):
+        made.append(Room.rows(number))
+        return made[-1]
 
-@pytest.mark.parametrize("count", [0, 1, 7, 5000])
-def test_in_parallel_covers_every_item_once(count):
-    seen = np.zeros(count + 3, dtype=int)
-
-    def visit(start, stop, target):
+    def visit(start, stop, target, room):
+        assert room.shape == (1,)
+        room[0]["visits"] += stop - start
         target[start:stop] += 1
 
-    compiled.in_parallel(count, visit, seen, first=3, least=2)
-    assert (seen[3:] == 1).all()
-    assert (seen[:3] == 0).all()
+    in_parallel(count, visit, seen, rooms=rooms, least=2)
+    assert (seen[:count] == 1).all()
+    assert (seen[count:] == 0).all()
+    (room,) = made
+    assert len(room) == (min(cores, 8) if count >= 2 else 1) == workers(count, 2)
+    assert room["visits"].sum() == count
+    assert np.ptp(room["visits"]) <= 1
 
 
-def test_kernel_cache_is_told_apart(tmp_path):
-    code = (
-        "import sys; sys.path.insert(0, '.')\n"
-        "from mlivr_gym.compiled.kernels import is_cached\n"
-        "from mlivr_gym.kinematics.ur import branch_terms\n"
-        "import numpy as np\n"
-        "assert not is_cached(branch_terms)\n"
-        "branch_terms(np.ones(3), np.ones(3), np.ones(6), np.empty((4, 4)))\n"
-        "assert is_cached(branch_terms)\n"
-    )
-    import os
+def test_each_thread_has_scratch_of_its_own(monkeypatch):
+    """Two threads at a time wait for each other in the middle of their work."""
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    meet, found = threading.Barrier(2, timeout=20.0), []
 
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    subprocess.run([sys.executable, "-c", code], env=environment, check=True)
+    def visit(start, stop, room):
+        if stop > start:
+            room[0]["visits"] = start + 1
+            meet.wait()
+            found.append((start + 1, int(room[0]["visits"])))
+
+    in_parallel(10, visit, rooms=Room.rows, least=2)
+    assert sorted(found) == [(1, 1), (6, 6)]
+
+
+def test_an_error_in_a_thread_is_not_lost(monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: 4)
+
+    def visit(start, stop, room):
+        if start > 0:
+            raise MlivrError("no")
+
+    with pytest.raises(MlivrError, match="no"):
+        in_parallel(100, visit, rooms=Room.rows, least=2)
+
+
+CODE = """
+from mlivr_gym.compiled.kernels import config
+from mlivr_gym.transitions.rule import can_release
+assert can_release(6, 3) and not can_release(6, 1)
+print(sum(can_release.stats.cache_hits.values()), sum(can_release.stats.cache_misses.values()))
+print(can_release.stats.cache_path)
+print(config.CACHE_DIR)
+"""
+
+
+@pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "MLIVR_GYM_CACHE"])
+def test_machine_code_is_kept_where_the_environment_says(tmp_path, variable):
+    """A folder for Numba goes before ours; it is left as it was for what others compile."""
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment |= {"MLIVR_GYM_CACHE": str(tmp_path / "ours"), variable: str(tmp_path / "here")}
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", CODE],
+            env=environment,
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout.splitlines()
+        for _ in range(2)
+    ]
+    assert [run[0] for run in runs] == ["0 1", "1 0"]
+    for _, folder, given in runs:
+        assert folder.startswith(str(tmp_path / "here"))
+        assert given == (str(tmp_path / "here") if variable == "NUMBA_CACHE_DIR" else "")
+    assert not list(tmp_path.glob("ours/*")) or variable != "NUMBA_CACHE_DIR"
+
+
+def test_an_entry_leaves_the_cache_folder_of_numba_alone(monkeypatch, tmp_path):
+    for given in ("", str(tmp_path)):
+        monkeypatch.setattr(config, "CACHE_DIR", given)
+        entry(lambda x: x)
+        assert given == config.CACHE_DIR
+
+
+def test_only_entries_are_kept_on_disk_and_can_be_called_from_python():
+    assert "cache" not in kernels.OPTIONS
+    assert kernels.kernel(lambda x: x).targetoptions["no_cpython_wrapper"]
+    assert kernels.part(lambda x: x).targetoptions["inline"] == "always"

@@ -2,28 +2,45 @@
 
 import numpy as np
 import pytest
-from held_paths import FLOOR, GRIP, LIMB, MOUNT, ORIGIN, TOOL, random_ends
+from branches import angles_on
+from compiled import called
+from held_paths import (
+    EVERY_BRANCH,
+    FLANGE,
+    FLOOR,
+    GRIP,
+    LIMB,
+    MOUNT,
+    ORIGIN,
+    TOOL,
+    mounted,
+    path_between,
+    random_ends,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
-from mlivr_gym.kinematics.certificate import certify
-from mlivr_gym.kinematics.holding import base_path
-from mlivr_gym.kinematics.ur import inverse_kinematics, jacobian
+from mlivr_gym.kinematics.base_path import ARC, CLOSEST_PIVOT, STRAIGHT, base_poses
+from mlivr_gym.kinematics.certificate import Proof, certify
+from mlivr_gym.kinematics.ur import jacobian
+
+HERE = mounted()
 
 
-def determinants(ends, kind, pivot, branch, samples=400):
+def certified(path, mask=EVERY_BRANCH):
+    return called(certify)(HERE, FLANGE, path, FLOOR, mask, Proof.row())
+
+
+def determinants(path, branch, samples=400):
     """|det J| of one branch at points of the path; 0 where it does not exist."""
-    positions, rotations = base_path((*ends, kind, pivot), np.linspace(0, 1, samples))
-    out, q = np.zeros(samples), np.empty((8, 6))
+    positions, rotations = base_poses(path, np.linspace(0, 1, samples))
+    out = np.zeros(samples)
     for k in range(samples):
         mount = rotations[k] @ MOUNT
         p = mount.T @ (GRIP - positions[k] - rotations[k] @ ORIGIN)
-        if (
-            inverse_kinematics(p, np.ascontiguousarray(mount.T @ TOOL), LIMB.lengths, q) >> branch
-            & 1
-        ):
-            out[k] = abs(np.linalg.det(jacobian(q[branch], LIMB.lengths)))
+        q = angles_on(HERE["arm"], p, mount.T @ TOOL, branch)
+        if q is not None:
+            out[k] = abs(np.linalg.det(jacobian(q, LIMB.lengths)))
     return out
 
 
@@ -31,12 +48,12 @@ def determinants(ends, kind, pivot, branch, samples=400):
 @given(st.integers(0, 10**6))
 @settings(max_examples=60, deadline=None)
 def test_certified_choices_keep_the_floor_at_every_point(kind, seed):
-    ends, pivot = random_ends(seed), np.array([0.55, 0.0, -0.65])
-    approach = TOOL[:, 2].copy()
-    classes = certify(GRIP, approach, *ends, kind, pivot, MOUNT, ORIGIN, LIMB.lengths, FLOOR, 15)
+    path = path_between(random_ends(seed), kind, (0.55, 0.0, -0.65))
+    branches = certified(path)
     for c in range(4):
-        least = determinants(ends, kind, pivot, 2 * c).min()
-        if classes >> c & 1:
+        least, of_class = determinants(path, 2 * c).min(), 0x0303 << (2 * c)
+        if branches & of_class:
+            assert branches & of_class == of_class
             assert least >= FLOOR * (1 - 1e-9)
         else:
             # The proof may only fail close to the floor: conservatism is bounded.
@@ -46,20 +63,19 @@ def test_certified_choices_keep_the_floor_at_every_point(kind, seed):
 @given(st.integers(0, 10**6))
 @settings(max_examples=60, deadline=None)
 def test_certificates_are_the_same_in_both_directions(seed):
-    ends, pivot = random_ends(seed), np.zeros(3)
-    approach = TOOL[:, 2].copy()
-    there = certify(GRIP, approach, *ends, STRAIGHT, pivot, MOUNT, ORIGIN, LIMB.lengths, FLOOR, 15)
-    back = certify(
-        GRIP,
-        approach,
-        *ends[2:],
-        *ends[:2],
-        STRAIGHT,
-        pivot,
-        MOUNT,
-        ORIGIN,
-        LIMB.lengths,
-        FLOOR,
-        15,
-    )
+    ends = random_ends(seed)
+    there = certified(path_between(ends, STRAIGHT))
+    back = certified(path_between([*ends[2:], *ends[:2]], STRAIGHT))
     assert there == back
+
+
+@given(st.integers(0, 10**6), st.integers(0, EVERY_BRANCH))
+@settings(max_examples=60, deadline=None)
+def test_branches_are_certified_each_as_if_alone(seed, mask):
+    path = path_between(random_ends(seed), STRAIGHT)
+    assert certified(path, mask) == certified(path) & mask
+
+
+def test_an_arc_through_its_pivot_is_not_certified():
+    ends = random_ends(next(s for s in range(99) if certified(path_between(random_ends(s), 0))))
+    assert certified(path_between(ends, ARC, ends[0] + [0.0, 0.0, 0.9 * CLOSEST_PIVOT])) == 0

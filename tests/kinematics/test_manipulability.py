@@ -1,21 +1,41 @@
 import numpy as np
 import pytest
+from branches import arm_of, solutions, triple
+from compiled import called
 from oracle import flange, pinocchio_arm
 
 from mlivr_gym import Limb, robot_spec
+from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.kinematics.manipulability import (
+    Inversion,
     base_manipulability,
     inverse_root_determinant,
     limb_information,
     limb_manipulability,
     scaling,
 )
-from mlivr_gym.kinematics.ur import forward_kinematics, inverse_kinematics
+from mlivr_gym.kinematics.poses import pose as pose_row
+from mlivr_gym.kinematics.ur import forward_kinematics
 
 LIMB = Limb()
 
 
-ARM = pinocchio_arm(LIMB)
+ARM, ARM_ROW = pinocchio_arm(LIMB), arm_of(LIMB)
+
+
+def information(robot, i, pose, branch, l_c):
+    """`K^-1` of a limb of a robot."""
+    limb, out = MountedArm.row(), np.full((6, 6), np.nan)
+    limb["mount"] = pose_row(robot.mount_positions[i], robot.mount_rotations[i])
+    limb["arm"] = ARM_ROW
+    p, z = triple(pose[:3, 3]), triple(pose[:3, 2])
+    assert called(limb_information)(limb, p, z, branch, l_c, Inversion.row(), out)
+    return out
+
+
+def root_determinant(matrix):
+    """What `inverse_root_determinant` finds, which is given the matrix and scratch."""
+    return called(inverse_root_determinant)(np.stack([matrix, np.full((6, 6), np.nan)]))
 
 
 def random_limb(rng):
@@ -25,8 +45,7 @@ def random_limb(rng):
         pose, jacobian = flange(ARM, q)
         if abs(np.linalg.det(jacobian)) > 1e-2:
             break
-    out = np.empty((8, 6))
-    mask = inverse_kinematics(pose[:3, 3].copy(), pose[:3, :3].copy(), LIMB.lengths, out)
+    mask, out = solutions(ARM_ROW, pose[:3, 3], pose[:3, :3])
     branch = min(
         (b for b in range(8) if mask >> b & 1), key=lambda b: np.abs(np.sin((out[b] - q) / 2)).max()
     )
@@ -38,48 +57,27 @@ def test_fast_base_manipulability_agrees_with_the_null_space_definition(limbs):
     robot, rng = robot_spec(f"mlivr{limbs}"), np.random.default_rng(limbs)
     l_c = robot.characteristic_length
     for _ in range(30):
-        total, info, scratch = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 6))
-        jacobians, grasps = [], []
+        total, jacobians, grasps = np.zeros((6, 6)), [], []
         for i in range(limbs):
             _, pose, jacobian, branch = random_limb(rng)
             mount, origin = robot.mount_rotations[i], robot.mount_positions[i]
-            assert limb_information(
-                pose[:3, 3].copy(),
-                pose[:3, 2].copy(),
-                LIMB.lengths,
-                branch,
-                mount,
-                origin,
-                l_c,
-                info,
-            )
-            total += info
+            total += information(robot, i, pose, branch, l_c)
             tip = pose[:3, 3] + robot.tool_length * pose[:3, 2]
             jacobian = jacobian.copy()
             jacobian[:3] += np.cross(jacobian[3:].T, tip - pose[:3, 3]).T
             jacobians.append(np.kron(np.eye(2), mount) @ jacobian)
             grasps.append(mount @ tip + origin)
         truth = base_manipulability(np.array(jacobians), np.array(grasps), l_c)
-        assert inverse_root_determinant(total, scratch) == pytest.approx(truth, rel=1e-8)
+        assert root_determinant(total) == pytest.approx(truth, rel=1e-8)
 
 
 def test_one_support_gives_limb_manipulability():
     rng, robot = np.random.default_rng(5), robot_spec("mlivr2")
     for _ in range(20):
         _, pose, jacobian, branch = random_limb(rng)
-        info, scratch = np.empty((6, 6)), np.empty((6, 6))
-        limb_information(
-            pose[:3, 3].copy(),
-            pose[:3, 2].copy(),
-            LIMB.lengths,
-            branch,
-            robot.mount_rotations[0],
-            robot.mount_positions[0],
-            0.87,
-            info,
-        )
+        info = information(robot, 0, pose, branch, 0.87)
         expected = limb_manipulability(jacobian, 0.87)
-        assert inverse_root_determinant(info, scratch) == pytest.approx(expected, rel=1e-8)
+        assert root_determinant(info) == pytest.approx(expected, rel=1e-8)
         grasp = robot.mount_rotations[0] @ pose[:3, 3] + robot.mount_positions[0]
         turned = np.kron(np.eye(2), robot.mount_rotations[0]) @ jacobian
         assert base_manipulability(turned[None], grasp[None], 0.87) == pytest.approx(

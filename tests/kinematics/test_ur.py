@@ -2,29 +2,26 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from branches import arm_of, triple
+from branches import solutions as solutions_of
+from compiled import called
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from oracle import flange, pinocchio_arm, volume
 
 from mlivr_gym import Limb
-from mlivr_gym.kinematics.ur import (
-    branch_terms,
-    forward_kinematics,
-    inverse_kinematics,
-    jacobian,
-    limb_axes,
-)
+from mlivr_gym.kinematics.arm import JointAxes, branch_terms, joint_axes
+from mlivr_gym.kinematics.ur import branch_frames, forward_kinematics, jacobian, link_frames
 
 LIMB = Limb()
 LENGTHS = LIMB.lengths
 ARM = pinocchio_arm(LIMB)
+ROW = arm_of(LIMB)
 angles = st.lists(st.floats(-np.pi, np.pi), min_size=6, max_size=6).map(np.array)
 
 
-def solutions(pose):
-    out = np.empty((8, 6))
-    mask = inverse_kinematics(pose[:3, 3].copy(), pose[:3, :3].copy(), LENGTHS, out)
-    return mask, out
+def solutions(pose, *slack):
+    return solutions_of(ROW, pose[:3, 3], pose[:3, :3], *slack)
 
 
 def turned(a, b):
@@ -113,10 +110,10 @@ def test_a_half_turn_of_the_tool_is_a_half_turn_of_joint_6():
 @settings(max_examples=200, deadline=None)
 def test_terms_and_axes_give_the_jacobian_without_joint_angles(q):
     pose = forward_kinematics(q, LENGTHS)[6]
-    p, z = pose[:3, 3].copy(), pose[:3, 2].copy()
+    p, z = triple(pose[:3, 3]), triple(pose[:3, 2])
     mask, out = solutions(pose)
-    terms, axes, origins = np.empty((4, 4)), np.empty((6, 3)), np.empty((6, 3))
-    branch_terms(p, z, LENGTHS, terms)
+    terms, axes = np.empty((4, 4)), JointAxes.row()
+    called(branch_terms)(ROW, p, z, terms)
     for branch in range(8):
         if not mask >> branch & 1:
             continue
@@ -124,8 +121,9 @@ def test_terms_and_axes_give_the_jacobian_without_joint_angles(q):
         predicted = abs(LIMB.a2 * LIMB.a3) * np.sqrt(max(terms[branch >> 1, 3], 0.0))
         assert predicted == pytest.approx(determinant, abs=1e-5)
         if determinant > 1e-3:
-            assert limb_axes(p, z, LENGTHS, branch, axes, origins)
-            built = np.vstack([np.cross(axes, p - origins).T, axes.T])
+            assert called(joint_axes)(ROW, p, z, branch, axes)
+            moments = np.cross(axes["axis"], pose[:3, 3] - axes["point"])
+            built = np.vstack([moments.T, axes["axis"].T])
             np.testing.assert_allclose(built, flange(ARM, out[branch])[1], atol=1e-9)
 
 
@@ -135,3 +133,51 @@ def test_out_of_reach_has_no_solution():
     mask, out = solutions(pose)
     assert mask == 0
     assert np.isnan(out).all()
+
+
+@given(angles)
+@settings(max_examples=200, deadline=None)
+@example(np.array([0.3, -1.1, 0.0, 0.2, 0.9, -2.0]))
+@example(np.array([0.3, -1.1, 1.4, 0.2, 0.0, -2.0]))
+def test_without_slack_singular_postures_alone_are_missing(q):
+    pose = forward_kinematics(q, LENGTHS)[6]
+    (mask, out), (strict, same) = solutions(pose), solutions(pose, 0.0)
+    assert strict & ~mask == 0
+    for branch in range(8):
+        if strict >> branch & 1:
+            np.testing.assert_array_equal(same[branch], out[branch])
+        elif mask >> branch & 1:
+            assert volume(jacobian(out[branch], LENGTHS)) < 1e-3
+
+
+@given(angles)
+@settings(max_examples=200, deadline=None)
+def test_frames_of_links_are_those_of_forward_kinematics_with_and_without_angles(q):
+    """Frames 2 and 3 of the links lie at the near end of the link, those of the table at the far.
+
+    The axes of link 6 across that of the flange do not matter.
+    """
+    truth, frames = forward_kinematics(q, LENGTHS), np.empty((7, 4, 3))
+    called(link_frames)(ROW, q, frames)
+    np.testing.assert_allclose(frames[0], np.vstack([np.zeros(3), np.eye(3)]), atol=1e-12)
+    np.testing.assert_allclose(frames[1, 0], truth[1, :3, 3], atol=1e-12)
+    np.testing.assert_allclose(frames[2, 0], truth[1, :3, 3], atol=1e-12)
+    np.testing.assert_allclose(frames[3, 0], truth[2, :3, 3], atol=1e-12)
+    for link in (4, 5, 6):
+        np.testing.assert_allclose(frames[link, 0], truth[link, :3, 3], atol=1e-12)
+    np.testing.assert_allclose(frames[6, 3], truth[6, :3, 2], atol=1e-12)
+    for link in range(7):
+        np.testing.assert_allclose(frames[link, 1:] @ frames[link, 1:].T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(frames[link, 1:]) == pytest.approx(1.0)
+    pose = truth[6]
+    p, z, axes, built = triple(pose[:3, 3]), triple(pose[:3, 2]), JointAxes.row(), frames.copy()
+    mask, out = solutions(pose, 0.0)
+    for branch in range(8):
+        if not mask >> branch & 1 or volume(jacobian(out[branch], LENGTHS)) < 1e-3:
+            continue
+        called(link_frames)(ROW, out[branch], frames)
+        assert called(branch_frames)(ROW, p, z, branch, axes, built)
+        np.testing.assert_allclose(built[:6], frames[:6], atol=1e-7)
+        np.testing.assert_allclose(built[6, [0, 3]], frames[6, [0, 3]], atol=1e-9)
+        np.testing.assert_allclose(built[6, 1:] @ built[6, 1:].T, np.eye(3), atol=1e-9)
+        assert np.linalg.det(built[6, 1:]) == pytest.approx(1.0)

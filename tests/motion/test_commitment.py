@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, Settings, robot_spec, stance_graph
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.kinematics.holding import base_path
+from mlivr_gym.kinematics.base_path import base_path, base_poses
+from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
 from mlivr_gym.planners import Planner
 
@@ -49,9 +50,8 @@ def test_a_plan_can_be_executed(jem, limbs):
                 Rotation.from_quat(plan.motion.base_quaternions[j], scalar_first=True).as_matrix(),
             ]
         kind = {"straight": 0, "arc": 1}[step.path]
-        positions, rotations = base_path(
-            (*ends, kind, np.array(step.pivot)), np.linspace(0, 1, 200)
-        )
+        path = base_path(pose(*ends[:2]), pose(*ends[2:]), kind, np.array(step.pivot))
+        positions, rotations = base_poses(path, np.linspace(0, 1, 200))
         for i in range(limbs):
             if i == step.limb:
                 assert plan.stances[k][i] == step.from_point

@@ -13,7 +13,15 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Cost, Plan, Planner
 from mlivr_gym.planners.algorithm1 import algorithm1
-from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT, search
+from mlivr_gym.planners.pair_search import (
+    EXHAUSTED,
+    FOUND,
+    LIMIT,
+    NOBODY,
+    Seeds,
+    search,
+    weights_of,
+)
 
 COSTS = [("base", None), ("steps", None), ("weighted", 0.1)]
 
@@ -64,13 +72,10 @@ def compiled_cost(graph, start, goal, cost):
     """Cost that the compiled search finds, inf if it finds none."""
     away = np.linalg.norm(graph.base_in_world - goal, axis=1)
     h = cost.heuristic("consistent", away, 0.2, graph.max_step)
-    status, *_, costs = search(
-        np.array([[graph.find(start), 2, 0]]), np.zeros(1), away <= 0.2, h, cost.base_weight,
-        cost.step_weight, 1.0, 10**6, True,
-        graph.rows, graph.row_start, graph.row_position, graph.edges,
-        np.zeros((len(graph), 2), dtype=np.int64), np.full((len(graph), 2), np.inf),
-    )  # fmt: skip
-    return costs[-1] if status == FOUND else np.inf
+    at = (np.array([value]) for value in (graph.find(start), NOBODY, 0))
+    weights = weights_of(cost, limit=10**6)
+    status, _, expanded = search(graph, Seeds(*at, np.zeros(1)), away <= 0.2, h, weights)
+    return expanded.cost[-1] if status == FOUND else np.inf
 
 
 def path_of(explored):

@@ -120,7 +120,8 @@ def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pos
     held = {i: p for i, p in enumerate(graph.indices(START)) if i != plan.steps[0].limb}
     swinging = motion.phase == 1
     for k in np.flatnonzero(swinging)[::3]:
-        grasps = [(i, graph.solver.points[p], graph.solver.normals[p]) for i, p in held.items()]
+        rows = graph.solver.grasps
+        grasps = [(i, rows[p]["point"], rows[p]["normal"]) for i, p in held.items()]
         here = (motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k])
         assert not contacts(graph.robot, graph.grasp_map.boxes, here, 0.02 - 1e-9, grasps)
     execution = execute(graph, plan, Durations.of_step(50.0))

@@ -6,6 +6,7 @@ from itertools import product
 import coal
 import numpy as np
 import pytest
+from branches import arm_of, solutions
 from oracle import flange, pinocchio_arm
 from scipy.spatial.transform import Rotation
 
@@ -14,7 +15,6 @@ from mlivr_gym.collisions.contacts import capsule_ends, contacts
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
-from mlivr_gym.kinematics.ur import inverse_kinematics
 from mlivr_gym.planners import Planner
 from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.robot.capsules import Capsule
@@ -31,12 +31,11 @@ def choices(graph, stance, position, rotation):
     for i, point in enumerate(stance):
         mount = rotation @ robot.mount_rotations[i]
         origin = position + rotation @ robot.mount_positions[i]
-        q = np.empty((8, 6))
         p, r = (
-            mount.T @ (graph.solver.flanges_in_world[point] - origin),
-            mount.T @ graph.solver.flange_axes_in_world[point],
+            mount.T @ (graph.solver.grasps[point]["flange"]["position"] - origin),
+            mount.T @ graph.solver.grasps[point]["flange"]["rotation"],
         )
-        mask, found = inverse_kinematics(p, np.ascontiguousarray(r), robot.limb.lengths, q), []
+        (mask, q), found = solutions(arm_of(robot.limb), p, r), []
         for b in range(8):
             if mask >> b & 1:
                 pose, jacobian = flange(arm, q[b])
@@ -136,7 +135,8 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
             checked_graph.base_in_world[c], graph.base_in_world[s], atol=1e-6
         )
         grasps = [
-            (i, graph.solver.points[p], graph.solver.normals[p]) for i, p in enumerate(points)
+            (i, graph.solver.grasps[p]["point"], graph.solver.grasps[p]["normal"])
+            for i, p in enumerate(points)
         ]
         close = contacts(
             graph.robot, graph.grasp_map.boxes, best_configuration(graph, s), 0.02, grasps
@@ -149,7 +149,7 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
 def test_no_posture_penetrates_the_robot_itself_in_the_papers_world(graph):
     """Distances by coal of the limbs from the body and from each other."""
     robot, shapes = graph.robot, LimbShapes(graph.robot)
-    link, radius = shapes.arrays[0], shapes.arrays[2]
+    link, radius = shapes.links, shapes.radii
     body = coal.Box(*[robot.body_size] * 3)
     rng, nearest = np.random.default_rng(5), np.inf
     for s in rng.integers(0, len(graph), 150):

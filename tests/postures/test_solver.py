@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from branches import angles_on, arm_of, solutions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import flange, pinocchio_arm
@@ -22,17 +23,11 @@ def truth(graph, postures, k, stance, branch):
         mount = postures.base_rotation[k] @ robot.mount_rotations[i]
         origin = postures.base_position[k] + postures.base_rotation[k] @ robot.mount_positions[i]
         pose = np.eye(4)
-        pose[:3, :3] = mount.T @ graph.solver.flange_axes_in_world[point]
-        pose[:3, 3] = mount.T @ (graph.solver.flanges_in_world[point] - origin)
-        from mlivr_gym.kinematics.ur import inverse_kinematics
-
-        out = np.empty((8, 6))
-        assert (
-            inverse_kinematics(pose[:3, 3].copy(), pose[:3, :3].copy(), robot.limb.lengths, out)
-            >> branch[i]
-            & 1
-        )
-        found, jacobian = flange(arm, out[branch[i]])
+        pose[:3, :3] = mount.T @ graph.solver.grasps[point]["flange"]["rotation"]
+        pose[:3, 3] = mount.T @ (graph.solver.grasps[point]["flange"]["position"] - origin)
+        q = angles_on(arm_of(robot.limb), pose[:3, 3], pose[:3, :3], int(branch[i]))
+        assert q is not None
+        found, jacobian = flange(arm, q)
         np.testing.assert_allclose(found, pose, atol=1e-6)
         w_m.append(limb_manipulability(jacobian, robot.characteristic_length))
         tip = robot.tool_length * found[:3, 2]
@@ -98,20 +93,17 @@ def test_the_chosen_posture_is_the_best_of_all_candidates_and_branches(graph, ki
 
 
 def best_margin(graph, stance, position, rotation):
-    from mlivr_gym.kinematics.ur import inverse_kinematics
-
     robot = graph.robot
     arm = pinocchio_arm(robot.limb)
     options = []
     for i, point in enumerate(stance):
         mount = rotation @ robot.mount_rotations[i]
         origin = position + rotation @ robot.mount_positions[i]
-        out = np.empty((8, 6))
         p, r = (
-            mount.T @ (graph.solver.flanges_in_world[point] - origin),
-            mount.T @ graph.solver.flange_axes_in_world[point],
+            mount.T @ (graph.solver.grasps[point]["flange"]["position"] - origin),
+            mount.T @ graph.solver.grasps[point]["flange"]["rotation"],
         )
-        mask = inverse_kinematics(p, np.ascontiguousarray(r), robot.limb.lengths, out)
+        mask, out = solutions(arm_of(robot.limb), p, r)
         choices = []
         for b in range(8):
             if mask >> b & 1:

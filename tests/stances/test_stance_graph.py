@@ -2,15 +2,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from branches import angles_on, arm_of
 from paper import NO_COLLISIONS
 
 from mlivr_gym import GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
-from mlivr_gym.kinematics.holding import base_path
-from mlivr_gym.kinematics.ur import inverse_kinematics, jacobian
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path, base_poses
+from mlivr_gym.kinematics.ur import jacobian
 from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.lazy_graph import LazyGraph
 
 
 def steps_of(graph, state):
@@ -97,15 +97,13 @@ def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
         after = list(state.stance)
         after[steps.limb[k]] = int(steps.point[k])
         postures = join(graph.posture(state.stance), graph.posture(after))
-        ends = (
-            postures.base_position[0],
-            postures.base_rotation[0],
-            postures.base_position[1],
-            postures.base_rotation[1],
-        )
+        first, last = postures.base_rows
         held = [p for i, p in enumerate(after) if i != steps.limb[k]]
         pivot = graph.grasp_map.positions[held].mean(axis=0)
-        paths = [base_path((*ends, kind, pivot), np.linspace(0, 1, 60)) for kind in (STRAIGHT, ARC)]
+        paths = [
+            base_poses(base_path(first, last, kind, pivot), np.linspace(0, 1, 60))
+            for kind in (STRAIGHT, ARC)
+        ]
         for i in range(limbs):
             if i == steps.limb[k]:
                 continue
@@ -114,16 +112,14 @@ def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
 
 
 def keeps_branch(graph, limb, point, branch, positions, rotations):
-    robot, q = graph.robot, np.empty((8, 6))
+    robot, flange = graph.robot, graph.solver.grasps[point]["flange"]
     for position, rotation in zip(positions, rotations, strict=True):
         mount = rotation @ robot.mount_rotations[limb]
-        p = mount.T @ (
-            graph.solver.flanges_in_world[point] - position - rotation @ robot.mount_positions[limb]
-        )
-        tool = np.ascontiguousarray(mount.T @ graph.solver.flange_axes_in_world[point])
-        if not inverse_kinematics(p, tool, robot.limb.lengths, q) >> branch & 1:
+        p = mount.T @ (flange["position"] - position - rotation @ robot.mount_positions[limb])
+        q = angles_on(arm_of(robot.limb), p, mount.T @ flange["rotation"], branch)
+        if q is None:
             return False
-        if abs(np.linalg.det(jacobian(q[branch], robot.limb.lengths))) / 0.87**3 < 0.03 - 1e-9:
+        if abs(np.linalg.det(jacobian(q, robot.limb.lengths))) / 0.87**3 < 0.03 - 1e-9:
             return False
     return True
 

@@ -2,10 +2,12 @@
 
 from functools import cache
 
-from numba import njit
+from numba import config, njit
 
 
 @cache
 def called(kernel):
-    """A function that calls a kernel with the arguments it is given."""
+    """A kernel as a function that Python can call."""
+    if config.DISABLE_JIT:
+        return kernel
     return njit(error_model="numpy")(lambda *args: kernel(*args))

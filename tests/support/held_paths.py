@@ -1,10 +1,12 @@
 """Random base paths for one limb that holds."""
 
 import numpy as np
+from branches import arm_of
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, robot_spec
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
+from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.kinematics.poses import pose
 
 ROBOT = robot_spec("mlivr2")
@@ -25,8 +27,22 @@ TOOL = np.diag([1.0, -1.0, -1.0])
 GRIP = np.array([0.55, 0.0, -0.6])
 
 
+FLANGE = pose(GRIP, TOOL)
+
+
+EVERY_BRANCH = 0xFFFF
+
+
+def mounted(limb=LIMB):
+    """The first limb of the robot, with the arm of `limb`, as compiled code reads it."""
+    out = MountedArm.row()
+    out["mount"] = pose(ORIGIN, MOUNT)
+    out["arm"] = arm_of(limb)
+    return out
+
+
 def random_ends(seed):
-    """Position and rotation of the base at the start and at the end."""
+    """Base position and rotation at the start, then at the end."""
     rng = np.random.default_rng(seed)
     ends = []
     for _ in range(2):
@@ -36,5 +52,5 @@ def random_ends(seed):
 
 
 def path_between(ends, kind=STRAIGHT, pivot=(0.0, 0.0, 0.0)):
-    """The base path between two places, given as in `random_ends`."""
-    return base_path(pose(*ends[:2]), pose(*ends[2:]), kind, pivot)
+    """The base path between two ends."""
+    return base_path(pose(*ends[:2]), pose(*ends[2:]), kind, np.array(pivot))

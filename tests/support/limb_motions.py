@@ -20,7 +20,7 @@ from mlivr_gym.collisions.sweep import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep
 from mlivr_gym.kinematics.base_path import base_poses
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.path_following import joints_along, poses
-from mlivr_gym.stances.stance_graph import join
+from mlivr_gym.stances.checked_steps import join
 
 ROBOT = robot_spec("mlivr2")
 

@@ -1,0 +1,239 @@
+"""Records: their layout, and that compiled code and Python see the same values in them."""
+
+from typing import Annotated
+
+import numba
+import numpy as np
+import pytest
+from compiled import called
+from numba import config
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.records import Joints, Matrix, Record, Vector
+
+
+class Ball(Record):
+    """A ball."""
+
+    centre: Vector
+    radius: float
+
+
+class Pack(Record):
+    """Small fields before wide ones, arrays of numbers, a record and a tuple of records."""
+
+    full: bool
+    small: Annotated[int, np.int8]
+    wide: int
+    code: Annotated[int, np.uint16]
+    counts: Annotated[IntArray, (3,), np.int8]
+    turn: Matrix
+    joints: Joints
+    ball: Ball
+    balls: Annotated[tuple[Ball, ...], (2, 2)]
+    flag: bool
+
+
+class Flags(Record):
+    """Nothing that is wider than a byte."""
+
+    first: bool
+    second: Annotated[int, np.int8]
+
+
+class Outer(Record):
+    """A record whose records begin with a small field."""
+
+    flag: bool
+    both: Flags
+    packs: Annotated[tuple[Pack, ...], (2,)]
+    other: Annotated[int, np.int8]
+
+
+def places(kind, start=0):
+    """Place and type of every number of a type, nested ones and those of arrays too."""
+    if kind.subdtype is not None:
+        inner, shape = kind.subdtype
+        for k in range(int(np.prod(shape))):
+            yield from places(inner, start + k * inner.itemsize)
+    elif kind.fields is None:
+        yield start, kind
+    else:
+        for name in kind.names:
+            inner, offset = kind.fields[name][:2]
+            yield from places(inner, start + offset)
+
+
+def test_fields_have_the_types_and_shapes_that_are_annotated():
+    kind = Pack.dtype
+    assert kind.names == (
+        "full", "small", "wide", "code", "counts", "turn", "joints", "ball", "balls", "flag"
+    )  # fmt: skip
+    for name, scalar, shape in (
+        ("full", np.bool_, ()), ("small", np.int8, ()), ("wide", np.int64, ()),
+        ("code", np.uint16, ()), ("counts", np.int8, (3,)), ("turn", np.float64, (3, 3)),
+        ("joints", np.float64, (6,)), ("ball", Ball.dtype, ()), ("balls", Ball.dtype, (2, 2)),
+        ("flag", np.bool_, ()),
+    ):  # fmt: skip
+        assert (kind[name].base, kind[name].shape) == (np.dtype(scalar), shape)
+
+
+@pytest.mark.parametrize("record", [Ball, Pack, Flags, Outer])
+def test_every_number_lies_where_its_type_wants_it(record):
+    """Also in the second of two rows, and no two share a byte."""
+    assert record.dtype.itemsize % max(kind.alignment for _, kind in places(record.dtype)) == 0
+    free = np.ones(record.dtype.itemsize, dtype=bool)
+    for start, kind in places(record.dtype):
+        assert start % kind.alignment == 0
+        assert free[start : start + kind.itemsize].all()
+        free[start : start + kind.itemsize] = False
+
+
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="types of compiled code")
+@pytest.mark.parametrize("record", [Ball, Pack, Flags, Outer])
+def test_compiled_code_has_the_same_layout_and_knows_that_it_is_aligned(record):
+    found = numba.from_dtype(record.dtype)
+    assert (found.size, found.dtype) == (record.dtype.itemsize, record.dtype)
+    for name in record.dtype.names:
+        assert found.offset(name) == record.dtype.fields[name][1]
+        assert numba.np.numpy_support.as_dtype(found.typeof(name)) == record.dtype[name]
+
+
+def test_rows_are_zeros_of_any_shape():
+    assert Pack.rows(2, 3).shape == (2, 3)
+    for rows in (Pack.rows(4), Pack.row()):
+        assert not np.frombuffer(rows.tobytes(), dtype=np.uint8).any()
+
+
+def test_a_row_can_be_written_to_and_keeps_what_is_written():
+    row = Pack.row()
+    row["ball"]["centre"][1] = 2.0
+    row["balls"]["radius"][1, 0] = 3.0
+    row["counts"][2] = -1
+    assert row["ball"]["centre"].tolist() == [0.0, 2.0, 0.0]
+    assert row["balls"][1, 0]["radius"] == 3.0
+    assert row["counts"].tolist() == [0, 0, -1]
+
+
+@kernel
+def fill(pack: Pack, first: float) -> float:
+    """Write a number into every field; returns the number after the last."""
+    value = first
+    pack.full, pack.flag = True, True
+    pack.small, pack.wide, pack.code = -7, 1 << 40, 0xFFFF
+    for k in range(3):
+        pack.counts[k] = -k
+        pack.ball.centre[k] = value
+        value += 1.0
+        for c in range(3):
+            pack.turn[k, c] = value
+            value += 1.0
+    for k in range(6):
+        pack.joints[k] = value
+        value += 1.0
+    pack.ball.radius = value
+    value += 1.0
+    for i in range(2):
+        for j in range(2):
+            ball = pack.balls[i, j]
+            ball.radius = value
+            value += 1.0
+            for k in range(3):
+                ball.centre[k] = value
+                value += 1.0
+    return value
+
+
+@entry
+def fill_all(outers: Array) -> float:
+    """Fill the packs of rows of `Outer`; returns the number after the last."""
+    value = 1.0
+    for k in range(len(outers)):
+        outers[k].other = k
+        outers[k].both.second = -k
+        for i in range(2):
+            value = fill(outers[k].packs[i], value)
+    return value
+
+
+def plainly(pack, value):
+    """What `fill` does, by items."""
+    pack["full"], pack["flag"], pack["small"] = True, True, -7
+    pack["wide"], pack["code"], pack["counts"] = 1 << 40, 0xFFFF, [0, -1, -2]
+    numbers = value + np.arange(3 + 9 + 6 + 1 + 16)
+    both, pack["joints"] = numbers[:12].reshape(3, 4), numbers[12:18]
+    pack["ball"]["centre"], pack["turn"] = both[:, 0], both[:, 1:]
+    pack["ball"]["radius"] = numbers[18]
+    balls = numbers[19:].reshape(2, 2, 4)
+    pack["balls"]["radius"], pack["balls"]["centre"] = balls[..., 0], balls[..., 1:]
+    return value + len(numbers)
+
+
+def test_compiled_code_writes_what_python_reads():
+    ours, plain = Pack.row(), Pack.row()
+    assert called(fill)(ours, 1.0) == plainly(plain, 1.0)
+    assert ours.tobytes() == plain.tobytes()
+
+
+def test_a_record_in_an_array_of_records_is_written_in_place():
+    ours, plain, value = Outer.rows(5), Outer.rows(5), 1.0
+    for k in range(5):
+        plain[k]["other"], plain[k]["both"]["second"] = k, -k
+        for i in range(2):
+            value = plainly(plain[k]["packs"][i], value)
+    assert fill_all(ours) == value
+    assert ours.tobytes() == plain.tobytes()
+    assert ours["packs"]["ball"]["radius"].shape == (5, 2)
+    np.testing.assert_array_equal(
+        ours["packs"]["balls"]["centre"], plain["packs"]["balls"]["centre"]
+    )
+
+
+@kernel
+def total(pack: Pack, out: Array) -> None:
+    """Read every field into its place of `out`."""
+    out[0], out[1], out[2] = pack.small, pack.wide, pack.code
+    out[3], out[4] = pack.full, pack.flag
+    out[5], out[6], out[7] = pack.counts[2], pack.turn[1, 2], pack.joints[5]
+    out[8], out[9] = pack.ball.radius, pack.ball.centre[2]
+    out[10], out[11] = pack.balls[1, 0].radius, pack.balls[0, 1].centre[1]
+
+
+def test_compiled_code_reads_what_python_writes():
+    rng, pack, found = np.random.default_rng(0), Pack.row(), np.zeros(12)
+    plainly(pack, 0.0)
+    for name in ("turn", "joints"):
+        pack[name] = rng.normal(size=pack[name].shape)
+    pack["balls"]["centre"] = rng.normal(size=(2, 2, 3))
+    called(total)(pack, found)
+    assert found.tolist() == [
+        -7.0, 2.0**40, 65535.0, 1.0, 1.0, -2.0, pack["turn"][1, 2], pack["joints"][5],
+        pack["ball"]["radius"], pack["ball"]["centre"][2], pack["balls"][1, 0]["radius"],
+        pack["balls"][0, 1]["centre"][1],
+    ]  # fmt: skip
+
+
+class Clash(Record):
+    """Fields that are called like attributes of NumPy's scalars."""
+
+    base: Ball
+    size: int
+    flags: Annotated[tuple[Flags, ...], (2,)]
+
+
+@kernel
+def count_up(clash: Clash) -> float:
+    """Change every field; returns what is read back."""
+    clash.size = clash.size + 41
+    clash.base.radius = 0.5
+    clash.flags[1].second = 3
+    return clash.size + clash.base.radius + 1000.0 * clash.flags[1].second
+
+
+def test_a_field_may_be_called_like_an_attribute_of_numpy():
+    clash = Clash.row()
+    clash["size"] = 1
+    assert called(count_up)(clash) == 3042.5
+    assert (clash["size"], clash["base"]["radius"]) == (42, 0.5)
+    assert clash["flags"]["second"].tolist() == [0, 3]

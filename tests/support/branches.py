@@ -1,0 +1,37 @@
+"""Joint angles and Jacobians of an arm on its branches, as the kernels give them."""
+
+import numpy as np
+from compiled import called
+
+from mlivr_gym.kinematics.arm import SINGULAR_TOO, Arm, branch_angles, set_arm
+
+
+def triple(vector):
+    """Three numbers as compiled code takes them."""
+    return tuple(vector.tolist())
+
+
+def arm_of(limb):
+    """The arm of a limb as compiled code reads it."""
+    out = Arm.row()
+    set_arm(out, limb.lengths, limb.limits)
+    return out
+
+
+def angles_on(arm, p, r, branch, slack=SINGULAR_TOO):
+    """Joint angles at a flange pose in the limb base frame on one branch; None out of reach."""
+    q = np.full(6, np.nan)
+    found = called(branch_angles)(
+        arm, triple(p), triple(r[:, 0]), triple(r[:, 2]), branch, slack, q
+    )
+    return q if found else None
+
+
+def solutions(arm, p, r, slack=SINGULAR_TOO):
+    """The branches that reach a flange pose as a mask, and the angles, NaN where there are none."""
+    mask, out = 0, np.full((8, 6), np.nan)
+    for branch in range(8):
+        q = angles_on(arm, p, r, branch, slack)
+        if q is not None:
+            mask, out[branch] = mask | 1 << branch, q
+    return mask, out
