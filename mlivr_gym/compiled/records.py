@@ -49,6 +49,22 @@ Joints = Annotated[Array, (6,)]
 """A number for each joint of a limb."""
 
 
+class PlainRow(np.record):
+    """A row where compilation is switched off: its fields are attributes, whatever their names.
+
+    NumPy's own records hide a field that is called like an attribute of its scalars, as `base`.
+    """
+
+    def __getattribute__(self, name: str) -> Any:
+        """A field, or what NumPy's rows have under that name."""
+        fields = np.void.__getattribute__(self, "dtype").fields
+        return self[name] if name in fields else np.void.__getattribute__(self, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set a field."""
+        self[name] = value
+
+
 class Record:
     """Base of records.
 
@@ -88,8 +104,11 @@ class Record:
             size, widest = offsets[-1] + kind.itemsize, max(widest, alignment)
         layout: Any = {"names": list(fields), "formats": list(fields.values()), "offsets": offsets}
         layout["itemsize"] = -(-size // widest) * widest
-        # Attributes of NumPy's own records take a microsecond each.
-        cls.dtype = np.dtype((np.record if _settings.DISABLE_JIT else np.void, np.dtype(layout)))
+        if _settings.DISABLE_JIT:
+            cls.dtype = np.dtype((PlainRow, np.dtype(layout)))
+        else:
+            # Attributes of rows that Python reads take a microsecond each.
+            cls.dtype = np.dtype(layout, align=True)
 
     @classmethod
     def rows(cls, *shape: int) -> Any:

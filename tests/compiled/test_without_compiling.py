@@ -26,7 +26,7 @@ QUICK = [
     "transitions/test_rule.py",
 ]
 
-HIDDEN = [
+NAMED_LIKE_NUMPY = [
     "compiled/test_records.py",
     f"{CERTIFICATE}::test_branches_are_certified_each_as_if_alone",
     f"{CERTIFICATE}::test_certificates_are_the_same_in_both_directions",
@@ -35,12 +35,6 @@ HIDDEN = [
 ]
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled anyway")
-
-failing = pytest.mark.xfail(
-    strict=True,
-    reason="a field called like an attribute of NumPy's scalars, as `base` and `size`, is hidden",
-)
-
 
 def run_plainly(*command):
     """Output of a Python command with compilation switched off."""
@@ -56,9 +50,8 @@ def test_kernels_pass_their_tests_as_plain_python():
     run_plainly("-m", "pytest", "-q", "-p", "no:cacheprovider", *files)
 
 
-@failing
 def test_those_pass_too_whose_records_have_fields_that_are_called_like_attributes_of_numpy():
-    files = [f"tests/{file}" for file in HIDDEN]
+    files = [f"tests/{file}" for file in NAMED_LIKE_NUMPY]
     run_plainly("-m", "pytest", "-q", "-p", "no:cacheprovider", *files)
 
 
@@ -81,7 +74,6 @@ def walk():
     }
 
 
-@failing
 def test_a_plan_of_plain_python_is_that_of_compiled_code():
     plain, compiled = json.loads(run_plainly(__file__)), json.loads(json.dumps(walk()))
     assert plain.pop("stances") == compiled.pop("stances")
