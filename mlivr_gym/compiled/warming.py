@@ -32,6 +32,15 @@ QUIET = "MLIVR_GYM_COMPILING"
 """Environment variable that is set in the second process."""
 
 
+_asked: set[Path] = set()
+"""Marks that this process has looked for: it compiles nothing a second time."""
+
+
+def mark_of(source: Path) -> Path:
+    """The mark that all is compiled: one for each state of a source and of what it imports."""
+    return kernel_folder(str(source)) / "compiled"
+
+
 class _Bar(event.Listener):
     """A line on the terminal, and a bar that counts compiled functions."""
 
@@ -73,7 +82,7 @@ class _Bar(event.Listener):
 
 
 @contextmanager
-def warming(module: str, source: str) -> Iterator[None]:
+def warming(module: str, mark: Path) -> Iterator[None]:
     """Run the block, in which kernels may have to be compiled.
 
     Where that was not done yet, `python -m module` is run beside the block to compile others, and
@@ -81,12 +90,12 @@ def warming(module: str, source: str) -> Iterator[None]:
 
     Args:
         module: What compiles the others.
-        source: File of the module: there is one mark for each state of it and of what it imports.
+        mark: A file that is made when all is compiled, see `mark_of`.
     """
-    mark = kernel_folder(source) / "compiled"
-    if os.environ.get(QUIET) or mark.exists():
+    if os.environ.get(QUIET) or mark in _asked or mark.exists():
         yield
         return
+    _asked.add(mark)
     bar = _Bar()
     with event.install_listener("numba:compile", bar):
         process = _second(module, bar)
@@ -96,6 +105,7 @@ def warming(module: str, source: str) -> Iterator[None]:
             # An error or an interruption is not to wait for what nobody will call.
             if process is not None:
                 process.kill()
+                process.wait()
             raise
         else:
             _wait(process, mark)
@@ -137,6 +147,7 @@ def _wait(process: subprocess.Popen[bytes] | None, mark: Path) -> None:
             mark.touch()
     except subprocess.TimeoutExpired:
         process.kill()
+        process.wait()
     except OSError:
         return
 

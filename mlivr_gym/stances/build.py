@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mlivr_gym.compiled.warming import warming
+from mlivr_gym.compiled.warming import mark_of, warming
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
@@ -12,8 +12,8 @@ from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
-SECOND = Path(__file__).parent.parent / "planners" / "warmup.py"
-"""What compiles the kernels of steps beside those of the stance set, on the first use."""
+COMPILED = mark_of(Path(__file__).parent.parent / "planners" / "warmup.py")
+"""Tells that the kernels of steps, which that module compiles, and of stances are compiled."""
 
 
 def stance_graph(
@@ -39,7 +39,7 @@ def stance_graph(
     grasp_map, robot, settings = grasp_map or jem_map(), robot_spec(robot), settings or Settings()
     if robot.limbs > 2:
         return LazyGraph(grasp_map, robot, settings)
-    with warming("mlivr_gym.planners.warmup", str(SECOND)):
+    with warming("mlivr_gym.planners.warmup", COMPILED):
         graph = PairGraph(grasp_map, robot, settings)
     if not len(graph):
         raise RobotError(

@@ -10,7 +10,7 @@ from numba import config
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.records import Joints, Matrix, Record, Vector
+from mlivr_gym.compiled.records import Joints, Matrix, Record, Rows, Vector
 
 
 class Ball(Record):
@@ -31,7 +31,7 @@ class Pack(Record):
     turn: Matrix
     joints: Joints
     ball: Ball
-    balls: Annotated[tuple[Ball, ...], (2, 2)]
+    balls: Annotated[Rows[Ball], (2, 2)]
     flag: bool
 
 
@@ -47,7 +47,7 @@ class Outer(Record):
 
     flag: bool
     both: Flags
-    packs: Annotated[tuple[Pack, ...], (2,)]
+    packs: Annotated[Rows[Pack], (2,)]
     other: Annotated[int, np.int8]
 
 
@@ -219,7 +219,7 @@ class Clash(Record):
 
     base: Ball
     size: int
-    flags: Annotated[tuple[Flags, ...], (2,)]
+    flags: Annotated[Rows[Flags], (2,)]
 
 
 @kernel

@@ -36,6 +36,7 @@ NAMED_LIKE_NUMPY = [
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled anyway")
 
+
 def run_plainly(*command):
     """Output of a Python command with compilation switched off."""
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from oracle import flange, pinocchio_arm, volume
 
 from mlivr_gym import Limb
-from mlivr_gym.kinematics.arm import JointAxes, branch_terms, joint_axes
+from mlivr_gym.kinematics.arm import JointAxes
+from mlivr_gym.kinematics.families import branch_terms, joint_axes
 from mlivr_gym.kinematics.ur import branch_frames, forward_kinematics, jacobian, link_frames
 
 LIMB = Limb()

@@ -18,7 +18,7 @@ ACTION = st.none() | st.tuples(NUMBER, NUMBER)
 
 
 def waiting(entries):
-    return int(entries.count["size"])
+    return int(entries.filled["size"])
 
 
 def check(actions, room):
@@ -41,7 +41,7 @@ def check(actions, room):
             assert called(first)(entries) == item
             called(pop)(entries)
     assert waiting(entries) == len(plain) == 0
-    assert int(entries.count["used"]) == made
+    assert int(entries.filled["used"]) == made
     given_ = [action for action in actions if action is not None]
     np.testing.assert_array_equal(entries.f[:made], [f for f, _ in given_])
     np.testing.assert_array_equal(entries.g[:made], [g for _, g in given_])

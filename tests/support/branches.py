@@ -3,7 +3,8 @@
 import numpy as np
 from compiled import called
 
-from mlivr_gym.kinematics.arm import SINGULAR_TOO, Arm, branch_angles, set_arm
+from mlivr_gym.kinematics.arm import Arm, set_arm
+from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
 
 
 def triple(vector):
