@@ -1,6 +1,6 @@
 """Distances between axes of capsules, and between an axis and a box (compiled).
 
-The checks compare them with two lengths, see `link_capsules`.
+The checks compare them with two lengths, see `against_boxes`.
 """
 
 from __future__ import annotations

@@ -90,6 +90,11 @@ def _writable(folder: str) -> bool:
     return able
 
 
+def workers(count: int, least: int) -> int:
+    """Number of threads for some items: one for fewer than `least`."""
+    return min(os.cpu_count() or 1, 8) if count >= least else 1
+
+
 def in_parallel(
     count: int, kernel: Callable[..., None], *args: object, rooms: Any, least: int = 2000
 ) -> None:
@@ -104,7 +109,7 @@ def in_parallel(
         rooms: Makes rows of scratch records, given their number.
         least: See above.
     """
-    used = min(os.cpu_count() or 1, 8) if count >= least else 1
+    used = workers(count, least)
     room = rooms(used)
     if used == 1:
         kernel(0, count, *args, room)
