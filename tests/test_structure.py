@@ -99,8 +99,9 @@ def functions(path):
 
 
 def is_kernel(node):
-    names = {part.id for part in node.decorator_list if isinstance(part, ast.Name)}
-    return bool(names & {"kernel", "part", "entry"})
+    marks = [mark.func if isinstance(mark, ast.Call) else mark for mark in node.decorator_list]
+    names = {mark.id for mark in marks if isinstance(mark, ast.Name)}
+    return bool(names & {"kernel", "part", "entry", "njit"})
 
 
 def names_given(path):

@@ -118,7 +118,7 @@ def test_step_tables(small_map, tmp_path, monkeypatch, caplog, change, said):
     file = cache_file(stance_graph(world))
     with np.load(file) as data:
         kept = {name: data[name] for name in data}
-    wrong = {**kept, "table": np.zeros_like(kept["table"])} | change
+    wrong = {**kept, "edges": np.zeros_like(kept["edges"])} | change
     np.savez_compressed(file, **{name: value for name, value in wrong.items() if value is not None})
     with caplog.at_level(logging.WARNING):
         second = step_tables(stance_graph(world))

@@ -104,8 +104,7 @@ def warming(module: str, mark: Path) -> Iterator[None]:
         except BaseException:
             # An error or an interruption is not to wait for what nobody will call.
             if process is not None:
-                process.kill()
-                process.wait()
+                _stop(process)
             raise
         else:
             _wait(process, mark)
@@ -133,7 +132,7 @@ def _second(module: str, bar: _Bar) -> subprocess.Popen[bytes] | None:
         while more := os.read(process.stdout.fileno(), 64):
             bar.count(len(more))
 
-    threading.Thread(target=listen, daemon=True).start()
+    threading.Thread(target=listen, daemon=True, name=f"compiling-{process.pid}").start()
     return process
 
 
@@ -146,10 +145,22 @@ def _wait(process: subprocess.Popen[bytes] | None, mark: Path) -> None:
             mark.parent.mkdir(parents=True, exist_ok=True)
             mark.touch()
     except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+        pass
     except OSError:
         return
+    finally:
+        _stop(process)
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    """End a process, if it runs, and close its pipe when all was read."""
+    process.kill()
+    process.wait()
+    for thread in threading.enumerate():
+        if thread.name == f"compiling-{process.pid}":
+            thread.join()
+    if process.stdout is not None:
+        process.stdout.close()
 
 
 class _Reporter(event.Listener):

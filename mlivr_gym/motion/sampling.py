@@ -44,7 +44,7 @@ def sampled_line(
     high = np.minimum(np.maximum(start[1:], end[1:]) + ROUND, limits[:, 1])
     rng, checks = np.random.default_rng(SEED), _Checks(clear)
     trees = _Tree(start), _Tree(end)
-    while checks.left > 0:
+    while checks.remaining > 0:
         target = np.concatenate([start[:1], rng.uniform(low, high)])
         here = trees[0].grow(target, checks)
         if here is not None:
@@ -61,12 +61,12 @@ class _Checks:
     """Lines that may still be checked."""
 
     def __init__(self, clear: Callable[[Array], bool]) -> None:
-        self._clear, self.left = clear, MOST_CHECKS
+        self._clear, self.remaining = clear, MOST_CHECKS
 
     def line(self, a: Array, b: Array) -> bool:
         """Whether a line is clear; never if none may be checked any more."""
-        self.left -= 1
-        return self.left >= 0 and self._clear(np.stack([a, b]))
+        self.remaining -= 1
+        return self.remaining >= 0 and self._clear(np.stack([a, b]))
 
 
 class _Tree:
@@ -106,11 +106,11 @@ class _Tree:
 
 def _shortened(knots: Array, rng: np.random.Generator, checks: _Checks) -> Array:
     """The chain without knots that a direct line can leave out."""
-    checks.left = SHORTCUTS
-    while len(knots) > 2 and checks.left > 0:
+    checks.remaining = SHORTCUTS
+    while len(knots) > 2 and checks.remaining > 0:
         i, j = np.sort(rng.choice(len(knots), 2, replace=False))
         if j - i > 1 and checks.line(knots[i], knots[j]):
             knots = np.concatenate([knots[: i + 1], knots[j:]])
         elif j - i <= 1:
-            checks.left -= 1
+            checks.remaining -= 1
     return knots

@@ -14,12 +14,12 @@ from mlivr_gym.compiled import kernels
 from mlivr_gym.compiled.kernels import entry, in_parallel, workers
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.envs.tasks import random_state
-from mlivr_gym.planners import Planner, cost_to_go, pair_search, searches
+from mlivr_gym.planners import Planner, cost_to_go, pair_search, searches, unchecked
 from mlivr_gym.stances import pair_steps
 from mlivr_gym.transitions import release, steps
 
 ENTRIES = (
-    pair_search._search, pair_search._distance, pair_search.steps_to_goal, cost_to_go._backward,
+    pair_search._search, unchecked._distance, unchecked.steps_to_goal, cost_to_go._backward,
     pair_steps.pair_successors, release.release_all, steps.check_all,
 )  # fmt: skip
 
