@@ -1,0 +1,64 @@
+"""The figure of `docs/inside.md`: one step from stance to edge, what runs and what it hands on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+OUT = Path(__file__).parent.parent / "docs" / "inside.png"
+
+STAGES = (
+    ("stance", "points of the limbs", "stances/pair_graph.py"),
+    ("posture", "base pose, branches\nand their w_m, w_b", "postures/selection.py"),
+    (
+        "certificate",
+        "branches on which limbs\nthat hold can follow it",
+        "kinematics/holding.py",
+    ),
+    ("release", "branches on which limbs\ncan be released, folds", "transitions/release.py"),
+    ("step", "motions of the limb that\nmoves, limbs that hold", "transitions/steps.py"),
+    ("edge", "branches kept, path, swing", "stances/pair_table.py"),
+)
+"""What there is in turn, what it says, and where it is made."""
+
+RECORDS = ("points", "HeldStance -> Posture", "BasePath", "Release", "Step, Motion", "PairEdge")
+"""What is handed on."""
+
+
+def main() -> None:
+    """Draw it."""
+    figure, axes = plt.subplots(figsize=(14.0, 3.4), dpi=110)
+    for k, ((name, said, place), record) in enumerate(zip(STAGES, RECORDS, strict=True)):
+        axes.add_patch(
+            plt.Rectangle((2.6 * k, 0.0), 2.2, 1.5, facecolor="#e8f0f8", edgecolor="#1f77b4")
+        )
+        axes.text(2.6 * k + 1.1, 1.22, name, ha="center", fontsize=12, weight="bold")
+        axes.text(2.6 * k + 1.1, 0.72, said, ha="center", va="center", fontsize=7.5)
+        axes.text(2.6 * k + 1.1, 0.14, place, ha="center", fontsize=7, family="monospace")
+        axes.text(2.6 * k + 1.1, -0.25, record, ha="center", fontsize=8, color="#555555")
+        if k:
+            axes.annotate(
+                "", (2.6 * k, 0.75), (2.6 * k - 0.4, 0.75), arrowprops={"arrowstyle": "-|>"}
+            )
+    axes.add_patch(plt.Rectangle((7.8, 1.95), 7.4, 0.75, facecolor="#fff3e0", edgecolor="#ff7f0e"))
+    axes.text(
+        11.5, 2.32,
+        "collisions/sweep.py: is a whole motion clear?  intervals, shapes in their middle,\n"
+        "distances against what the shapes can move, halves where that does not decide",
+        ha="center", va="center", fontsize=8.5,
+    )  # fmt: skip
+    for x in (8.9, 11.5):
+        axes.annotate("", (x, 1.95), (x, 1.5), arrowprops={"arrowstyle": "<|-|>"})
+    axes.text(-0.1, -0.25, "records:", ha="right", fontsize=8, color="#555555")
+    axes.set_xlim(-1.0, 15.4)
+    axes.set_ylim(-0.5, 2.9)
+    axes.axis("off")
+    figure.savefig(OUT, bbox_inches="tight")
+
+
+if __name__ == "__main__":
+    main()
