@@ -49,7 +49,7 @@ Joints = Annotated[Array, (6,)]
 """A number for each joint of a limb."""
 
 
-class PlainRow(np.record):
+class PlainRow(np.record):  # type: ignore[misc]
     """A row where compilation is switched off: its fields are attributes, whatever their names.
 
     NumPy's own records hide a field that is called like an attribute of its scalars, as `base`.

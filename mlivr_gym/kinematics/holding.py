@@ -12,13 +12,13 @@ import numpy as np
 
 from mlivr_gym.compiled.bit_sets import BRANCHES, has_branch, without_branch, without_flip
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.records import Joints, Record
+from mlivr_gym.compiled.records import Joints, Record, Vector
 from mlivr_gym.kinematics.arm import Arm
-from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
+from mlivr_gym.kinematics.base_path import BasePath, lift_path, pose_on_path, resting, set_path
 from mlivr_gym.kinematics.certificate import Proof, certify
 from mlivr_gym.kinematics.families import SINGULAR_TOO
 from mlivr_gym.kinematics.limb import MountedArm, angles_at
-from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.kinematics.poses import Pose, vector
 
 LIMIT_TOLERANCE = 1e-6
 """How far a joint may pass its limits [rad].
@@ -43,6 +43,23 @@ class Track(Record):
     """The largest so far [rad]."""
     base: Pose
     """Base in the world."""
+    path: BasePath
+    """The path that is followed."""
+
+
+class Leg(Record):
+    """What a limb that holds goes through at a stance and on the way to the next."""
+
+    anew: bool
+    """Whether its joints are not followed from the stance before."""
+    moves: bool
+    """Whether they are followed to the next."""
+    kind: int
+    """Kind of the base path there."""
+    pivot: Vector
+    """Centre of an arc [m]."""
+    lifts: bool
+    """Whether the limb grasps or leaves here, and moves along the normal."""
 
 
 class Holding(Record):
@@ -90,11 +107,50 @@ def follow(
 
 
 @entry
-def follow_limb(
-    robots: Any, i: int, flange: Pose, path: BasePath, branch: int, samples: int, track: Track
-) -> bool:
-    """`follow` of limb `i` of a row of `Robot`, shape (1,)."""
-    return follow(robots[0].limbs[i], flange, path, branch, samples, track)
+def follow_hold(
+    robots: Any, i: int, grasps: Any, bases: Any, legs: Any, branch: int, out: Any, tracks: Any
+) -> None:
+    """Joint angles of a limb over all stances at which it holds a point.
+
+    Args:
+        robots: A row of `Robot`, shape (1,).
+        i: Which limb.
+        grasps: The point, a row of `Grasp`, shape (1,).
+        bases: Bases in the world at the k stances and, if it moves there, the next; rows of `Pose`.
+        legs: Rows of `Leg`, shape (k,).
+        branch: Branch label.
+        out: Rows of `Angles`, shape (k,), filled.
+        tracks: A row of `Track`, shape (1,), in which nothing is followed; least and largest angles
+            are left there.
+    """
+    limb, grasp, track = robots[0].limbs[i], grasps[0], tracks[0]
+    for k in range(len(legs)):
+        leg, path, samples = legs[k], track.path, 0 * SAMPLES
+        for joint in range(6):
+            if leg.anew:
+                track.q[joint] = np.nan
+        if leg.moves:
+            samples = SAMPLES
+            set_path(path, bases[k], bases[k + 1], leg.kind, vector(leg.pivot))
+        else:
+            resting(path, bases[k])
+        follow(limb, grasp.flange, path, branch, samples, track)
+        for joint in range(6):
+            out[k].q[joint] = track.first[joint]
+        if leg.lifts:
+            q0, q1, q2, q3, q4, q5 = vector6(track.q)
+            for joint in range(6):
+                track.q[joint] = track.first[joint]
+            lift_path(path, bases[k], grasp, robots[0].lift)
+            follow(limb, grasp.flange, path, branch, SAMPLES, track)
+            for joint, before in enumerate((q0, q1, q2, q3, q4, q5)):
+                track.q[joint] = before
+
+
+@kernel
+def vector6(q: Joints) -> tuple[float, float, float, float, float, float]:
+    """Six joint angles [rad]."""
+    return q[0], q[1], q[2], q[3], q[4], q[5]
 
 
 @kernel
@@ -103,7 +159,7 @@ def next_angles(limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Join
 
     Whether the branch exists.
     """
-    q0, q1, q2, q3, q4, q5 = q[0], q[1], q[2], q[3], q[4], q[5]
+    q0, q1, q2, q3, q4, q5 = vector6(q)
     if not angles_at(limb, base, flange, branch, SINGULAR_TOO, q):
         return False
     for joint, before in enumerate((q0, q1, q2, q3, q4, q5)):

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, base_path
-from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE, SAMPLES, Track, follow_limb
-from mlivr_gym.kinematics.poses import pose, quaternion
+from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT
+from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE, Leg, Track, follow_hold
+from mlivr_gym.kinematics.limb import Angles
+from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.plan_parts import Motion, Step
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
 from mlivr_gym.motion.swings import SwingFinder, line_of_edge
@@ -168,7 +169,7 @@ class _Draft:
             PostureRoom.rows(1),
         )
         held["grasps"][:, :limbs] = solver.grasps[self.points]
-        self._tried["base"] = self.postures.base_rows
+        self._bases = self._tried["base"] = self.postures.base_rows
         reach_all(graph.checks.robots, held, self._tried, self._room)
         self._w: Array = self._tried["limbs"]["w"][:, :limbs]
         self.branches: IntArray = self.postures.branch.copy()
@@ -268,30 +269,28 @@ class _Draft:
 
         Returns the least and the largest angle of each joint over the hold, each (6,) [rad].
         """
-        grasp = self.graph.solver.grasps[self.points[first, limb]]
-        robots, bases = self.graph.checks.robots, self.postures.base_rows
-        track = Track.row()
-        track["q"][:], track["low"][:], track["high"][:] = np.nan, np.inf, -np.inf
-        for k in range(first, last + 1):
-            if not self.edges:
-                track["q"][:] = np.nan
-            here, branch = bases[k], int(self.branches[k, limb])
-            path, samples = base_path(here, here, STRAIGHT, here["position"]), 0
+        steps, point = range(first, last + 1), self.points[first, limb]
+        legs, tracks, out = Leg.rows(len(steps)), Track.rows(1), Angles.rows(len(steps))
+        legs["anew"] = not self.edges
+        for leg, k in zip(legs, steps, strict=True):
             if self.edges and k < last:
-                path = base_path(here, bases[k + 1], self.edges[k].kind, self.pivots[k])
-                samples = SAMPLES
-            follow_limb(robots, limb, grasp["flange"], path, branch, samples, track)
-            self.joints[k, limb] = track["first"]
+                leg["moves"], leg["kind"], leg["pivot"] = True, self.edges[k].kind, self.pivots[k]
             # Where the limb grasps and where it leaves, it also moves along the normal.
-            if self.edges and (k == first > 0 or k == last < len(self.points) - 1):
-                lifted = pose(
-                    here["position"] - self.graph.robot.lift * grasp["normal"], here["rotation"]
-                )
-                away, there = base_path(here, lifted, STRAIGHT, here["position"]), track["q"].copy()
-                track["q"][:] = track["first"]
-                follow_limb(robots, limb, grasp["flange"], away, branch, SAMPLES, track)
-                track["q"][:] = there
-        low, high = track["low"].copy(), track["high"].copy()
+            ends = k == first > 0 or k == last < len(self.points) - 1
+            leg["lifts"] = bool(self.edges) and ends
+        tracks["q"], tracks["low"], tracks["high"] = np.nan, np.inf, -np.inf
+        follow_hold(
+            self.graph.checks.robots,
+            limb,
+            self.graph.solver.grasps[point : point + 1],
+            self._bases[first : last + 1],
+            legs,
+            int(self.branches[first, limb]),
+            out,
+            tracks,
+        )
+        self.joints[first : last + 1, limb] = out["q"]
+        low, high = tracks["low"][0].copy(), tracks["high"][0].copy()
         half_turn = np.pi * self.flips[first, limb]
         self.joints[first : last + 1, limb, 5] += half_turn
         low[5] += half_turn

@@ -26,6 +26,7 @@ class KnownSteps:
         """Know nothing yet of the steps between stances in rows, at base positions (n, 3) [m]."""
         self.checks, settings = checks, checks.solver.settings
         self.collisions, self.stances = settings.collisions, stances
+        self._world = checks.world(None)
         edges = PairEdge.rows(int((rows.degree**2).sum()) if settings.transitions else 1)
         self.table = PairTable(
             settings.transitions,
@@ -65,16 +66,36 @@ class KnownSteps:
     def step(self, held: int, before: int, after: int) -> Any:
         """What is known of one step, which is checked if it was not: a row of `PairEdge`."""
         entry = self.index(held, before, after)
-        if not self.table.edges[entry]["known"]:
-            self.know_steps(*(np.array([k], dtype=np.int64) for k in (held, before, after)))
+        if not self.table.edges["known"][entry]:
+            self.know_step(held, before, after)
         return self.table.edges[entry]
+
+    def know_step(self, held: int, before: int, after: int) -> None:
+        """Check one step, as `know_steps` does, with less to do around it."""
+        if self.collisions and before > after:
+            before, after = after, before
+        known = self.stances.released["known"]
+        ends = [(s, limb) for s in (before, after) for limb in (0, 1) if not known[s, limb]]
+        if ends:
+            self.checks.release(self.stances, np.array(ends), self._world)
+        steps, mask, table = self.checks.steps(1), self.stances.mask, self.table
+        step, point = steps[0], table.points[before, held]
+        step["limb"], step["before"], step["after"] = 1 - held, before, after
+        step["pivot"] = self.checks.solver.grasps["point"][point]
+        step["wanted"][held] = mask[before, held] & mask[after, held]
+        self.checks.check(steps, self.stances, self._world)
+        kept, on_arc, pair = int(step["kept"][held]), int(step["on_arc"]), int(step["pair"])
+        folds = step["folds"].tolist()
+        edge, back = (kept, on_arc, 1, *folds), pair if pair < 0 else 8 * (pair % 8) + pair // 8
+        table.edges[self.index(held, before, after)] = (*edge, pair)
+        table.edges[self.index(held, after, before)] = (*edge, back)
 
     def know_released(self, todo: IntArray) -> None:
         """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""
         todo = todo[~self.stances.released["known"][todo[:, 0], todo[:, 1]]]
         if len(todo) > 1:
             todo = np.unique(todo, axis=0)
-        self.checks.release(self.stances, todo, self.checks.world(None))
+        self.checks.release(self.stances, todo, self._world)
 
     def know_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps, once: limb that holds, stance before and stance after, shape (k,)."""
@@ -84,7 +105,7 @@ class KnownSteps:
         both = np.concatenate([before, after])
         self.know_released(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
         steps = self._steps(held, before, after)
-        self.checks.check(steps, self.stances, self.checks.world(None))
+        self.checks.check(steps, self.stances, self._world)
         self._keep(held, before, after, steps)
 
     def _unknown(
@@ -150,6 +171,10 @@ class StepsAmongObstacles(KnownSteps):
         # Where no obstacle is close only the masks tell a difference.
         edges = PairEdge.rows(len(free.table.edges)) if close.any() else free.table.edges
         self.table = free.table._replace(mask=mask, released=released, edges=edges)
+
+    def know_step(self, held: int, before: int, after: int) -> None:
+        """Check one step, as `know_steps` does."""
+        self.know_steps(*(np.array([k], dtype=np.int64) for k in (held, before, after)))
 
     def know_released(self, todo: IntArray) -> None:
         """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""

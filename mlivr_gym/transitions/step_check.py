@@ -6,6 +6,7 @@ remembered here. Graphs keep the answers: for two limbs in a table, for more by 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ class StepChecks:
         """Check steps of the robot of `solver`."""
         self.solver = solver
         self.robots = solver.shapes.rows
+        self._idle: list[Any] = []
+        """Scratch that no check uses at present."""
 
     def world(self, obstacles: BoxGrid | None, again: bool = False) -> World:
         """What motions are checked against.
@@ -62,13 +65,18 @@ class StepChecks:
             out["branches"], out["known"] = mask, True
         return out
 
+    def _run(self, count: int, entry: Callable[..., None], rows: Any, scene: Scene) -> None:
+        """Call an entry over some rows; few of them, as searches ask for, on scratch that is kept."""
+        if count >= LEAST_IN_THREADS:
+            in_parallel(count, entry, rows, scene, rooms=StepRoom.rows, least=LEAST_IN_THREADS)
+        elif count:
+            room = self._idle.pop() if self._idle else StepRoom.rows(1)
+            entry(0, count, rows, scene, room)
+            self._idle.append(room)
+
     def release(self, stances: StanceSet, todo: IntArray, world: World) -> None:
         """Work out what can be released; `todo` are stances and limbs, shape (k, 2)."""
-        if len(todo):
-            scene = Scene(stances, self.robots, world)
-            in_parallel(
-                len(todo), release_all, todo, scene, rooms=StepRoom.rows, least=LEAST_IN_THREADS
-            )
+        self._run(len(todo), release_all, todo, Scene(stances, self.robots, world))
 
     def steps(self, count: int) -> Any:
         """Rows of `Step` to be filled."""
@@ -78,14 +86,9 @@ class StepChecks:
 
     def hold(self, steps: Any, stances: StanceSet, world: World) -> Any:
         """Which steps the limbs that hold can follow on some base path, shape (k,)."""
-        scene = Scene(stances, self.robots, world)
-        in_parallel(len(steps), hold_all, steps, scene, rooms=StepRoom.rows, least=LEAST_IN_THREADS)
+        self._run(len(steps), hold_all, steps, Scene(stances, self.robots, world))
         return steps["kept"].any(axis=1)
 
     def check(self, steps: Any, stances: StanceSet, world: World) -> None:
         """Check steps, each between two of some stances; what is found is written into them."""
-        if len(steps):
-            scene = Scene(stances, self.robots, world)
-            in_parallel(
-                len(steps), check_all, steps, scene, rooms=StepRoom.rows, least=LEAST_IN_THREADS
-            )
+        self._run(len(steps), check_all, steps, Scene(stances, self.robots, world))
