@@ -66,7 +66,7 @@ class StepChecks:
         return out
 
     def _run(self, count: int, entry: Callable[..., None], rows: Any, scene: Scene) -> None:
-        """Call an entry over some rows; few of them, as searches ask for, on scratch that is kept."""
+        """Call an entry over some rows; for a few, as searches ask, on scratch that is kept."""
         if count >= LEAST_IN_THREADS:
             in_parallel(count, entry, rows, scene, rooms=StepRoom.rows, least=LEAST_IN_THREADS)
         elif count:
