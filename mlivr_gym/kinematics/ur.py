@@ -232,7 +232,8 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
         arm: The arm.
         q: Joint angles [rad], shape (6,).
         frames: Shape (7, 4, 3), filled for links 0 (fixed) to 6 with origin [m] and axes x, y, z,
-            those of the manufacturer's link frames.
+            those of the manufacturer's link frames; x and y of link 6 are any pair across the
+            flange axis.
     """
     c1, s1 = np.cos(q[0]), np.sin(q[0])
     _fixed_frames(arm, c1, s1, frames)
