@@ -1,0 +1,45 @@
+"""The table of steps: the same for any number of threads, and in both directions."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym import stance_graph
+from mlivr_gym.compiled import kernels
+from mlivr_gym.stances.pair_graph import fill_rows
+
+
+@pytest.fixture
+def filled(small_map, monkeypatch):
+    """All that is known of a small map when it was worked out in some number of threads."""
+
+    def fill(threads):
+        monkeypatch.setattr(kernels, "workers", lambda count, least: min(threads, max(count, 1)))
+        graph = stance_graph(small_map)
+        fill_rows(graph)
+        return graph
+
+    return fill
+
+
+@pytest.mark.parametrize("threads", [2, 5])
+def test_any_number_of_threads_gives_the_same_to_the_last_bit(filled, threads):
+    alone, many = filled(1), filled(threads)
+    assert alone.base_in_world.tobytes() == many.base_in_world.tobytes()
+    assert alone.w_m.tobytes() == many.w_m.tobytes()
+    assert alone.steps.edges.tobytes() == many.steps.edges.tobytes()
+    assert alone.steps.released.tobytes() == many.steps.released.tobytes()
+
+
+def test_a_step_is_the_same_in_both_directions(filled):
+    graph = filled(1)
+    known = graph._known
+    for held in range(2):
+        for point in np.unique(graph.points[:, held]):
+            before, after = graph.pairs_of_row(held, int(point))
+            forth = known.table.edges[known.index(held, before, after)]
+            back = known.table.edges[known.index(held, after, before)]
+            for name in ("kept", "on_arc", "fold_on_line", "fold_on_arc"):
+                assert np.array_equal(forth[name], back[name])
+            on_line = forth["pair"] >= 0
+            turned = 8 * (forth["pair"] % 8) + forth["pair"] // 8
+            assert np.array_equal(turned[on_line], back["pair"][on_line])
