@@ -41,6 +41,14 @@ class Behind(Record):
 
 
 @kernel
+def set_behind(behind: Behind, point: Triple, normal: Triple) -> None:
+    """Let a gripper be at a grasp, with the outward normal of the surface there."""
+    behind.applies = True
+    for k in range(3):
+        behind.point[k], behind.normal[k] = point[k], normal[k]
+
+
+@kernel
 def axis_answer(
     axis: tuple[Triple, Triple],
     inner: float,

@@ -145,13 +145,6 @@ def to_world(limb: Limb, base: Pose, in_body: Shapes, in_world: Shapes) -> None:
 
 
 @kernel
-def stand_still(limb: Limb, shapes: Shapes) -> None:
-    """No motion of a limb."""
-    for c in range(limb.capsule_count):
-        shapes.motion[c, 0] = shapes.motion[c, 1] = 0.0
-
-
-@kernel
 def changes(ends: Ends, placed: Placed) -> None:
     """Changes of joint angles from the middle to both ends, each less than half a turn."""
     for joint in range(6):

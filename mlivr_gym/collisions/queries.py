@@ -10,6 +10,7 @@ from mlivr_gym.collisions.against_boxes import (
     against_boxes,
     axis_answer,
     base_against_boxes,
+    set_behind,
 )
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
@@ -20,7 +21,6 @@ from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.kinematics.arm import JointAxes
 from mlivr_gym.kinematics.families import branch_frames
-from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.poses import along, vector
 
@@ -75,7 +75,7 @@ def hands_clear(robots: Any, around: Surroundings, rooms: Any, answers: IntArray
     limb = robot.limbs[0]
     for m in range(len(answers)):
         grasp = around.grasps[m]
-        _stand_behind(grasp, room.behind)
+        set_behind(room.behind, vector(grasp.point), vector(grasp.normal))
         answers[m] = CLEAR
         for c in range(limb.hand, limb.capsule_count):
             capsule = limb.capsules[c]
@@ -100,14 +100,6 @@ def hands_clear(robots: Any, around: Surroundings, rooms: Any, answers: IntArray
             if found != CLEAR:
                 answers[m] = found
                 break
-
-
-@kernel
-def _stand_behind(grasp: Grasp, behind: Behind) -> None:
-    """What a gripper may come close to that holds a grasp."""
-    behind.applies = True
-    for k in range(3):
-        behind.point[k], behind.normal[k] = grasp.point[k], grasp.normal[k]
 
 
 @entry
@@ -175,7 +167,7 @@ def _branch_touches(
         return CLEAR + 1
     place(limb, placed.frames, placed.in_body)
     to_world(limb, base, placed.in_body, placed.in_world)
-    _stand_behind(grasp, room.behind)
+    set_behind(room.behind, vector(grasp.point), vector(grasp.normal))
     found, _ = against_boxes(
         limb, placed.in_world, below(limb.hand), around.grid, around.clearance, room.behind
     )

@@ -54,12 +54,6 @@ def below(k: int) -> int:
 
 
 @kernel
-def from_on(k: int) -> int:
-    """The set of the items from `k` on."""
-    return -(1 << min(k, LAST))
-
-
-@kernel
 def both_flips(branch: int) -> int:
     """The set of a branch with both flips."""
     return 0x0101 << branch
@@ -69,12 +63,6 @@ def both_flips(branch: int) -> int:
 def has_branch(mask: int, branch: int) -> bool:
     """Whether a set has a branch, with any flip."""
     return mask & (0x0101 << branch) != 0
-
-
-@kernel
-def has_flip(mask: int, branch: int, flip: int) -> bool:
-    """Whether a set has a branch with a flip."""
-    return mask >> (branch + 8 * flip) & 1 != 0
 
 
 @kernel

@@ -5,9 +5,11 @@ What they touch, `w_b` of a combination of them, and on which of them a limb may
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from mlivr_gym.collisions.against_boxes import against_boxes
+from mlivr_gym.collisions.against_boxes import against_boxes, set_behind
 from mlivr_gym.collisions.against_robot import (
     against_body,
     against_itself,
@@ -33,10 +35,9 @@ from mlivr_gym.kinematics.base_path import lift_path
 from mlivr_gym.kinematics.families import branch_frames
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
-from mlivr_gym.kinematics.poses import minus, vector
+from mlivr_gym.kinematics.poses import along, minus, vector
 from mlivr_gym.postures.records import HeldStance, Posture, PostureRoom, PostureRule, Tried
 
-TYPE_CHECKING = False
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
 
@@ -115,10 +116,8 @@ def limb_status(
 def stand_behind(held: HeldStance, i: int, room: PostureRoom) -> None:
     """What the gripper of limb `i` may come close to at a stance."""
     grasp = held.grasps[i]
-    room.behind.applies = True
-    for k in range(3):
-        room.behind.point[k] = held.centre[k] + grasp.point[k]
-        room.behind.normal[k] = grasp.normal[k]
+    point = along(vector(held.centre), 1.0, vector(grasp.point))
+    set_behind(room.behind, point, vector(grasp.normal))
 
 
 @kernel

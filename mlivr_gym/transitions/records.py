@@ -18,9 +18,6 @@ from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.postures.records import Limbs
 from mlivr_gym.robot.specification import MOST_LIMBS
 
-MOST_FOLDS = 4
-"""Most folds of a robot."""
-
 
 class Release(Record):
     """On which branches a limb can be released at a stance and change from one to the other."""

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import IntArray
+from mlivr_gym.collisions.against_boxes import set_behind
 from mlivr_gym.collisions.placing import axis_of, place
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
@@ -33,6 +34,7 @@ from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.base_path import resting
 from mlivr_gym.kinematics.families import branch_frames
 from mlivr_gym.kinematics.limb import flange_seen
+from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.grasp_poses import fold_nearest_to, lifted_branches, line_end
 from mlivr_gym.transitions.motions import (
     compare_with,
@@ -132,9 +134,7 @@ def _depart(limb: int, branch: int, point: int, scene: Scene, layer: int, room: 
     let_depart(sweep.motion.first, limb, branch, grasp)
     let_depart(sweep.motion.second, limb, branch, grasp)
     compare_with(sweep, layer >= 0, inside, inside, layer < 0)
-    sweep.behind.applies = True
-    for k in range(3):
-        sweep.behind.point[k], sweep.behind.normal[k] = grasp.point[k], grasp.normal[k]
+    set_behind(sweep.behind, vector(grasp.point), vector(grasp.normal))
 
 
 @kernel
