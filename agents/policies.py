@@ -19,10 +19,6 @@ from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.table_values import TableValues
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.transitions.state import State
-
-MOST_EXCLUDED = 20
-"""Most steps that `planner_policy` excludes from one query since the state does not allow them."""
 
 
 class Policy(Protocol):
@@ -133,9 +129,8 @@ class PlanPolicy:
 def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -> PlanPolicy:
     """Follows plans of `Planner`, made on the stance graph of the environment.
 
-    A query starts from a stance with every branch it has. After a grasp that failed the limb that
-    held may be on some of them only: steps of a plan that this forbids are excluded and the plan is
-    made anew.
+    A query starts from the state: after a grasp that failed the limb that held may be on some of
+    its branches only.
 
     Args:
         cost: Cost of the plans.
@@ -149,46 +144,20 @@ def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -
         if id(graph) not in planners:
             planners.clear()
             planners[id(graph)] = Planner(graph)
-        planner, excluded = planners[id(graph)], list[tuple[State, tuple[int, ...]]]()
-        while True:
-            with graph.without(excluded):
-                result = planner.plan(
-                    env.state.stance,
-                    env.goal.tolist(),
-                    cost,
-                    method=method,
-                    goal_tolerance=env.goal_tolerance,
-                    start_pose=env.state.pose,
-                    **options,
-                )
-            if result.plan is None:
-                return None
-            actions = [
-                limb * len(graph.grasp_map) + graph.grasp_map.index(point)
-                for limb, point in result.plan.actions
-            ]
-            step = _forbidden(env, actions)
-            if step is None or not graph.has_tables or len(excluded) == MOST_EXCLUDED:
-                return actions
-            excluded.append(step)
-            # What a planner learns without these steps does not hold with them.
-            planner = Planner(graph)
+        result = planners[id(graph)].plan(
+            env.state,
+            env.goal.tolist(),
+            cost,
+            method=method,
+            goal_tolerance=env.goal_tolerance,
+            **options,
+        )
+        if result.plan is None:
+            return None
+        m, index = len(graph.grasp_map), graph.grasp_map.index
+        return [limb * m + index(point) for limb, point in result.plan.actions]
 
     return PlanPolicy(find)
-
-
-def _forbidden(env: MlivrEnv, actions: list[int]) -> tuple[State, tuple[int, ...]] | None:
-    """State before and stance after the first action that is not allowed, if there is one.
-
-    The actions are taken one after the other, from the present state on.
-    """
-    state = env.state
-    for action in actions:
-        limb, point = divmod(action, len(env.graph.grasp_map))
-        if not env.moves.mask(state)[action]:
-            return state, state.stance_after(limb, point)
-        state = env.moves.take(state, action)
-    return None
 
 
 def foreign_plan_policy(planner: Planner, cost: str = "steps") -> PlanPolicy:

@@ -9,7 +9,7 @@ import numpy as np
 from mlivr_gym.errors import MlivrError, SettingError, nonnegative, shown
 from mlivr_gym.values import LONGEST_ROBOT
 
-GRAPH_RULES = 2
+GRAPH_RULES = 3
 """Number of the rules by which postures and steps are chosen; 1 was version 0.1.0.
 
 Raised whenever the same map and robot give other postures or steps: plans, checkpoints, data sets,

@@ -26,13 +26,9 @@ from mlivr_gym.planners.searches import (
     Path,
     Searcher,
 )
-from mlivr_gym.postures.given_pose import given_joints
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
-
-MOST_BLOCKED = 50
-"""Most steps taken out of the graph in one query because they are not executable."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +38,7 @@ class PlanningResult:
     Attributes:
         plan: The plan, or None.
         reason: `""`, or why there is none: `"start infeasible"`, `"goal outside the reachable
-            set"`, `"search exhausted"`, `"limit reached"`, `"joint limits"`.
+            set"`, `"search exhausted"`, `"limit reached"`, `"no swing"`.
         message: One sentence for people.
         expanded: States expanded.
         generated: States generated.
@@ -112,7 +108,7 @@ class Planner:
 
     def plan(
         self,
-        start: Sequence[str | int],
+        start: Sequence[str | int] | State,
         goal: Sequence[float] | Array,
         cost: str = "base",
         *,
@@ -129,7 +125,7 @@ class Planner:
         """Plan from a stance to a goal position of the base.
 
         Args:
-            start: Point id (or index) of each limb.
+            start: Point id (or index) of each limb, or a state of the graph.
             goal: x, y, z in the JEM frame [m].
             cost: `"base"` (displacement), `"steps"` or `"weighted"` (displacement plus a price a
                 step).
@@ -148,8 +144,8 @@ class Planner:
                 start stance: x, y, z [m] and quaternion w, x, y, z. The thresholds do not apply to
                 it.
             start_joints: Joint angles at the start, shape (N, 6) [rad], within 0.02 rad of those
-                that hold the points at that pose: the plan then keeps their branches and windings
-                for as long as each limb holds.
+                that hold the points at that pose, on their windings (`Limb.windows`): the plan
+                then keeps their branches for as long as each limb holds.
             limit: Most expansions.
             progress: Called with the number of expansions now and then (`"algorithm1"`, or more
                 than two limbs).
@@ -164,21 +160,29 @@ class Planner:
         target = Goal.checked(self.graph, goal, cost, regrasp_price, goal_tolerance)
         options = SearchOptions(method, heuristic, inflation, limit, progress)
         search, clock = Search.checked(self.graph, target, options), _Clock()
-        points = self.graph.indices(start)
+        if isinstance(start, State) and not (start_pose is None and start_joints is None):
+            raise SettingError("start is a state: start_pose and start_joints are told by it")
+        stance = self.graph.indices(start.stance if isinstance(start, State) else start)
         try:
-            first = self.graph.state(points, start_pose, start_joints)
+            if isinstance(start, State):
+                first = self.graph.checked_state(start)
+            else:
+                first = self.graph.state(stance, start_pose, start_joints)
         except StanceError as error:
             clock.feasibility = clock.lap()
             return _no_plan("start infeasible", str(error), clock)
-        joints = None if start_joints is None else given_joints(self.graph.robot, start_joints)
         clock.feasibility = clock.lap()
-        path, committed = self._search(search, first, joints, clock)
+        plain = search.method == "algorithm1"
+        searcher = Algorithm1Searcher(self.graph) if plain else self._searcher
+        path = searcher.find(search, first)
+        clock.search = clock.lap()
         if path is None:
             return _no_plan("goal outside the reachable set", _not_connected(target), clock)
         if path.status != FOUND:
             return self._not_found(path, search, first, clock)
-        if committed is None or committed.motion is None:
-            return _no_plan("joint limits", _NOT_EXECUTABLE, clock, path)
+        committed = committed_motion(self.graph, path.states)
+        if committed.motion is None:
+            return _no_plan("no swing", self._no_swing(path, committed), clock, path)
         times = clock.feasibility, clock.search
         statistics = Statistics(path.cost, path.expanded, path.generated, *times)
         plan = Plan(search.record, World.of(self.graph), committed.motion, statistics)
@@ -187,26 +191,13 @@ class Planner:
             path.expanded, path.generated, *times, path.tree,
         )  # fmt: skip
 
-    def _search(
-        self, search: Search, first: State, joints: Array | None, clock: _Clock
-    ) -> tuple[Path | None, CommittedMotion | None]:
-        """Search until a path is found all of whose steps are executable, as far as that goes."""
-        plain = search.method == "algorithm1"
-        searcher = Algorithm1Searcher(self.graph) if plain else self._searcher
-        blocked: list[tuple[State, tuple[int, ...]]] = []
-        while True:
-            with self.graph.without(blocked):
-                path = searcher.find(search, first, bool(blocked))
-            clock.search += clock.lap()
-            if path is None or path.status != FOUND:
-                return path, None
-            committed = committed_motion(self.graph, path.states, joints)
-            clock.lap()
-            if committed.failed is None or len(blocked) == MOST_BLOCKED:
-                return path, committed
-            # A limb would turn too far while it holds: do without the last step of that hold.
-            before, after = path.states[committed.failed], path.states[committed.failed + 1]
-            blocked.append((before, after.stance))
+    def _no_swing(self, path: Path, committed: CommittedMotion) -> str:
+        """The sentence on a step of the graph for which no swing was found."""
+        before, after = path.states[committed.failed or 0 :][:2]
+        return (
+            f"no swing was found from {self.graph.ids(before.stance)} to "
+            f"{self.graph.ids(after.stance)}, although its parts were shown to be free"
+        )
 
     def _not_found(self, path: Path, search: Search, first: State, clock: _Clock) -> PlanningResult:
         """The result of a search that ended without reaching the goal."""
@@ -271,11 +262,6 @@ class Planner:
             name = self.graph.robot.name
             raise SettingError(f"cost-to-go tables need two limbs; robot {name!r} has more")
         return self._estimates
-
-
-_NOT_EXECUTABLE = (
-    "limbs that hold through several steps would leave their joint limits, or find no swing"
-)
 
 
 def _not_connected(goal: Goal) -> str:

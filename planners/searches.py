@@ -68,12 +68,8 @@ class Path:
 class Searcher(Protocol):
     """A search over one stance graph."""
 
-    def find(self, search: Search, first: State, again: bool) -> Path | None:
-        """Search from a state; None if the goal is not connected with it.
-
-        `again` tells that steps were taken out of the graph for this query: what is learnt then is
-        not kept.
-        """
+    def find(self, search: Search, first: State) -> Path | None:
+        """Search from a state; None if the goal is not connected with it."""
 
 
 class PairSearcher:
@@ -83,7 +79,7 @@ class PairSearcher:
         """Search `graph` with the help of `estimates`."""
         self.graph, self.estimates = graph, estimates
 
-    def find(self, search: Search, first: State, again: bool) -> Path | None:
+    def find(self, search: Search, first: State) -> Path | None:
         """See `Searcher.find`."""
         graph, goal = self.graph, search.goal
         origin = graph.posture_of(first)
@@ -95,7 +91,7 @@ class PairSearcher:
         region = self.estimates.region(goal)
         if not set(graph.components[1][seeds.all.stance].tolist()) & region.parts:
             return None
-        status, out, explored, generated = self._search(search, seeds, origin, not again)
+        status, out, explored, generated = self._search(search, seeds, origin)
         stance, moved, mask, parent, g = out
         chain = _chain(parent)
         states = tuple(self._state(int(stance[k]), int(moved[k]), int(mask[k])) for k in chain)
@@ -109,7 +105,7 @@ class PairSearcher:
         return Path(int(status), (first, *states), float(g[-1]), *counts, tree)
 
     def _search(
-        self, search_: Search, seeds: _Seeds, origin: Postures, keep: bool
+        self, search_: Search, seeds: _Seeds, origin: Postures
     ) -> tuple[int, Expanded, int, int]:
         """Search, and learn from the goal where the estimate misleads; counts of all rounds."""
         graph, goal, estimates = self.graph, search_.goal, self.estimates
@@ -138,8 +134,7 @@ class PairSearcher:
                 LEARNING * patience,
                 learnt=learnt,
             )
-            if keep:
-                estimates.keep(goal, bound)
+            estimates.keep(goal, bound)
             patience *= 4
 
     def _state(self, s: int, moved: int, mask: int) -> State:
@@ -193,7 +188,7 @@ class LazySearcher:
         """Search `graph`."""
         self.graph = graph
 
-    def find(self, search: Search, first: State, again: bool) -> Path | None:
+    def find(self, search: Search, first: State) -> Path | None:
         """See `Searcher.find`."""
         found = lazy_search(self.graph, first, search)
         position = np.concatenate([p.base_position for p in found.postures])
@@ -209,7 +204,7 @@ class Algorithm1Searcher:
         """Search `graph`."""
         self.graph = graph
 
-    def find(self, search: Search, first: State, again: bool) -> Path | None:
+    def find(self, search: Search, first: State) -> Path | None:
         """See `Searcher.find`."""
         goal = search.goal
         found = algorithm1(

@@ -90,7 +90,7 @@ class Robot(Record):
     fold_count: int
     """Number of folds."""
     folds: Annotated[Array, (4, 5)]
-    """Joints 1 to 5 of a folded limb [rad]."""
+    """Joints 1 to 5 of a folded limb, in their windows [rad]."""
     half: Vector
     """Half edges of the body [m]."""
     mount_count: int
@@ -129,8 +129,9 @@ class LimbShapes:
             spec.lift,
         )
         robot["characteristic_length"] = spec.characteristic_length
-        robot["fold_count"] = len(spec.folds)
-        robot["folds"][: len(spec.folds)] = spec.folds
+        folds = spec.limb.folds_in_windows(spec.folds)
+        robot["fold_count"] = len(folds)
+        robot["folds"][: len(folds)] = folds
         robot["half"][:] = 0.5 * spec.body_size
         self._add_limbs(spec, moving)
         fixed = [capsule for capsule in capsules if capsule.link == "base"]
@@ -150,7 +151,7 @@ class LimbShapes:
             limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
             limb["mount"]["position"][:] = spec.mount_positions[i]
             limb["mount"]["rotation"][:] = spec.mount_rotations[i]
-            set_arm(limb["arm"], spec.limb.lengths, spec.limb.limits)
+            set_arm(limb["arm"], spec.limb.lengths, spec.limb.windows)
             limb["gripper"] = sum(name != "gripper" for name in self.names)
             limb["hand"] = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
             limb["pairs"][: len(pairs)] = np.array(pairs, dtype=np.int64).reshape(-1, 2)

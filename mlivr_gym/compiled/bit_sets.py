@@ -60,6 +60,12 @@ def both_flips(branch: int) -> int:
 
 
 @kernel
+def any_flip(mask: int) -> int:
+    """The set of the branches of a set with both flips."""
+    return (mask | mask >> BRANCHES | mask << BRANCHES) & 0xFFFF
+
+
+@kernel
 def has_branch(mask: int, branch: int) -> bool:
     """Whether a set has a branch, with any flip."""
     return mask & (0x0101 << branch) != 0

@@ -26,7 +26,7 @@ from mlivr_gym.errors import StanceError, choice, nonnegative
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import CLEARANCE, Settings
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.moves import Moves, TableMoves, action_mask
+from mlivr_gym.stances.moves import Moves, TableMoves
 from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.grasp_map import GraspMap, as_map
 
@@ -94,9 +94,8 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
     ## Dynamics
     `"kinematic"`: a step is the transition of the stance graph. `"mujoco"`: it is executed by a PD
-    controller in MuJoCo, where each limb is on one branch with one winding, chosen when it grasps;
-    `branches` then has one bit a limb, and the mask leaves out steps in which a limb that holds
-    would leave its joint limits.
+    controller in MuJoCo, where each limb is on one branch, chosen when it grasps; `branches`
+    then has one bit a limb.
 
     ## Unreliable Grasps
     With `grasp_failure` above 0 an attempt to grasp a point fails with that point's probability
@@ -266,7 +265,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             goal = task.goal if goal is None else goal
         self.goal = goal
         if walk is not None:
-            start = walk.start(start, given.plan, given.start_joints)
+            start = walk.start(start, given.plan)
             self._measures = walk.measures
         self._enter(start)
         if not self._mask.any():
@@ -330,17 +329,13 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         return self._mask.copy()
 
     def successors(self) -> Successors:
-        """The steps that leave the present state; with MuJoCo, those that are executable."""
-        steps = self.moves.successors(self.state)
-        return steps if self._walk is None else self._walk.executable(steps)
+        """The steps that leave the present state."""
+        return self.moves.successors(self.state)
 
     def _enter(self, state: State) -> None:
         self._state, self._place = state, self.moves.place(state)
         self._distance = math.dist(self._place.base_in_world, self.goal)
-        if self._walk is None:
-            self._mask = self.moves.mask(state)
-        else:
-            self._mask = action_mask(self.graph, self.successors())
+        self._mask = self.moves.mask(state)
 
     def _observation(self) -> Observation:
         return self._observer.observation(self.state, self._place, self.goal)

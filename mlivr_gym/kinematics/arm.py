@@ -7,10 +7,20 @@ from typing import Annotated
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record
+
+TURN = 2.0 * np.pi
+"""A whole turn [rad]."""
 
 UR = 0
 """Arms of the UR family, see `ur`."""
+
+LIMIT_TOLERANCE = 1e-6
+"""How far a joint may pass its limits [rad].
+
+Postures are rounded, and a joint often lies exactly on a half turn.
+"""
 
 
 class Arm(Record):
@@ -25,10 +35,9 @@ class Arm(Record):
     d4: float
     d5: float
     d6: float
-    limits: Annotated[Array, (6, 2)]
-    """Joint limits [rad]."""
-    full_turn: bool
-    """Whether every joint turns by 720 degrees or more, so that limits rule out no posture."""
+    window: Annotated[Array, (6, 2)]
+    """Least and largest angle of each joint of a limb that holds or is folded, see `in_window`
+    [rad]."""
 
 
 class JointAxes(Record):
@@ -40,15 +49,32 @@ class JointAxes(Record):
     """A point on each [m]."""
 
 
-def set_arm(arm: Arm, lengths: Array, limits: Array) -> None:
+@kernel
+def in_window(angle: float, low: float) -> float:
+    """The winding of a joint angle on which it lies in its window [rad].
+
+    A window is less than a turn, so there is one winding at most: a posture of a limb that holds
+    tells the joint angles, whatever way led there.
+
+    Args:
+        angle: The angle [rad].
+        low: Where the window begins [rad]. Angles below it by `LIMIT_TOLERANCE` belong to it.
+    """
+    least = low - LIMIT_TOLERANCE
+    winding: float = angle - TURN * np.floor((angle - least) / TURN)
+    return winding
+
+
+def set_arm(arm: Arm, lengths: Array, windows: Array) -> None:
     """Fill `arm` with an arm of the UR family.
 
     Args:
         arm: Filled.
         lengths: d1, a2, a3, d4, d5, d6 [m].
-        limits: Joint limits [rad], shape (6, 2).
+        windows: Least and largest angle of each joint [rad], at most a turn apart, shape (6, 2).
     """
     arm["family"] = UR
     arm["d1"], arm["a2"], arm["a3"], arm["d4"], arm["d5"], arm["d6"] = lengths
-    arm["limits"][:] = limits
-    arm["full_turn"] = bool((limits[:, 1] - limits[:, 0] >= 4.0 * np.pi - 1e-9).all())
+    low, high = windows.T
+    arm["window"][:, 0] = low
+    arm["window"][:, 1] = np.minimum(high, low + TURN - 2.0 * LIMIT_TOLERANCE)

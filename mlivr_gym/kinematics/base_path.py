@@ -19,8 +19,10 @@ from mlivr_gym.kinematics.poses import (
     Pose,
     along,
     angle_between,
+    dot,
     length,
     minus,
+    out_of,
     relative_rotation,
     turn,
     vector,
@@ -32,6 +34,12 @@ if TYPE_CHECKING:
 STRAIGHT, ARC = (cast(int, k) for k in np.arange(2))
 PATH_KINDS = ("straight", "arc")
 """Names of the path kinds, by number."""
+
+HALF_TURN = 1e-6
+"""Turns that fall short of half a turn by less count as one [rad]."""
+
+LEANING = (0.2673, 0.5345, 0.8018)
+"""A direction across no symmetry of a module."""
 
 CLOSEST_PIVOT = 1e-3
 """An arc whose pivot lies nearer to one of its ends than this is not taken [m]."""
@@ -81,6 +89,8 @@ def set_path(path: BasePath, first: Pose, last: Pose, kind: int, pivot: Triple) 
             path.last.rotation[k, column] = last.rotation[k, column]
     path.kind = kind
     path.angle, axis = relative_rotation(first.rotation, last.rotation)
+    if path.angle > np.pi - HALF_TURN:
+        axis = _half_turn_axis(first, last, axis)
     path.axis[0], path.axis[1], path.axis[2] = axis
     start, end = vector(first.position), vector(last.position)
     from_pivot, to_pivot = minus(start, pivot), minus(end, pivot)
@@ -90,6 +100,22 @@ def set_path(path: BasePath, first: Pose, last: Pose, kind: int, pivot: Triple) 
     if kind != STRAIGHT:
         far = max(path.radius0, path.radius1)
         path.speed = np.hypot(path.radius1 - path.radius0, far * path.sweep)
+
+
+@kernel
+def _half_turn_axis(first: Pose, last: Pose, axis: Triple) -> Triple:
+    """The axis of a half turn, of which both senses are equally short, in the first pose's axes.
+
+    The sense is such that the path back is the path there: of the turn that begins where the base
+    comes first by coordinates, the axis leans to `LEANING` in the world.
+    """
+    in_world = minus(out_of(first, axis), vector(first.position))
+    sense = 1.0 if dot(in_world, LEANING) > 0.0 else -1.0
+    for k in range(3):
+        if first.position[k] != last.position[k]:
+            sense *= 1.0 if first.position[k] < last.position[k] else -1.0
+            break
+    return sense * axis[0], sense * axis[1], sense * axis[2]
 
 
 @kernel

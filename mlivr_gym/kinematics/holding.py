@@ -1,33 +1,31 @@
 """On which branches a limb that holds can follow a base path (compiled).
 
 A step is an edge of the stance graph only if the limbs that hold can follow the base from the first
-to the second posture, on a straight line or on an arc about the held grasps, see `base_path`.
+to the second posture, on a straight line or on an arc about the held grasps, see `base_path`, with
+every joint in its window, see `arm.in_window`.
 """
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
-from mlivr_gym.compiled.bit_sets import BRANCHES, has_branch, without_branch, without_flip
-from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.records import Joints, Record, Vector
-from mlivr_gym.kinematics.arm import Arm
-from mlivr_gym.kinematics.base_path import BasePath, lift_path, pose_on_path, resting, set_path
+from mlivr_gym.compiled.bit_sets import BRANCHES, has_branch, without_flip
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.records import Joints, Record
+from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, Arm, in_window
+from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
 from mlivr_gym.kinematics.certificate import Proof, certify
 from mlivr_gym.kinematics.families import SINGULAR_TOO
 from mlivr_gym.kinematics.limb import MountedArm, angles_at
-from mlivr_gym.kinematics.poses import Pose, vector
+from mlivr_gym.kinematics.poses import Pose
 
-LIMIT_TOLERANCE = 1e-6
-"""How far a joint may pass its limits [rad].
+FEW, MANY = (cast(int, k) for k in np.array([4, 32]))
+"""Intervals over which joint angles are followed along a path: few where none turns far."""
 
-Postures are rounded, and a joint often lies exactly on a half turn.
-"""
-
-SAMPLES = cast(int, np.int64(16))
-"""Intervals over which joint angles are followed along a path."""
+FAR = 0.25 * np.pi
+"""Turn of a joint over one of the few intervals from which on there are to be many [rad]."""
 
 
 class Track(Record):
@@ -35,31 +33,14 @@ class Track(Record):
 
     q: Joints
     """Where they are [rad]; NaN for none yet."""
-    first: Joints
-    """Where they were at the start of the path [rad]."""
     low: Joints
     """The least so far [rad]."""
     high: Joints
     """The largest so far [rad]."""
+    farthest: float
+    """The largest turn of a joint over one interval so far [rad]."""
     base: Pose
     """Base in the world."""
-    path: BasePath
-    """The path that is followed."""
-
-
-class Leg(Record):
-    """What a limb that holds goes through at a stance and on the way to the next."""
-
-    anew: bool
-    """Whether its joints are not followed from the stance before."""
-    moves: bool
-    """Whether they are followed to the next."""
-    kind: int
-    """Kind of the base path there."""
-    pivot: Vector
-    """Centre of an arc [m]."""
-    lifts: bool
-    """Whether the limb grasps or leaves here, and moves along the normal."""
 
 
 class Holding(Record):
@@ -74,6 +55,7 @@ def begin(track: Track) -> None:
     """Forget what was followed."""
     for joint in range(6):
         track.q[joint], track.low[joint], track.high[joint] = np.nan, np.inf, -np.inf
+    track.farthest = 0.0
 
 
 @kernel
@@ -87,64 +69,24 @@ def follow(
         flange: Flange in the world.
         path: The base path.
         branch: Branch label.
-        samples: Intervals, or 0 for the start alone.
+        samples: Intervals.
         track: Updated; where it has no angles, those at the start are in (-pi, pi].
 
     Returns:
         Whether the branch exists all along.
     """
     for sample in range(samples + 1):
-        s = sample / samples if samples else 0.0
-        pose_on_path(path, s, track.base)
+        pose_on_path(path, sample / samples, track.base)
+        before = vector6(track.q)
         if not next_angles(limb, track.base, flange, branch, track.q):
             return False
-        for joint in range(6):
-            if sample == 0:
-                track.first[joint] = track.q[joint]
-            track.low[joint] = min(track.low[joint], track.q[joint])
-            track.high[joint] = max(track.high[joint], track.q[joint])
+        for joint, last in enumerate(before):
+            q = track.q[joint]
+            track.low[joint] = min(track.low[joint], q)
+            track.high[joint] = max(track.high[joint], q)
+            if last == last:
+                track.farthest = max(track.farthest, abs(q - last))
     return True
-
-
-@entry
-def follow_hold(
-    robots: Any, i: int, grasps: Any, bases: Any, legs: Any, branch: int, out: Any, tracks: Any
-) -> None:
-    """Joint angles of a limb over all stances at which it holds a point.
-
-    Args:
-        robots: A row of `Robot`, shape (1,).
-        i: Which limb.
-        grasps: The point, a row of `Grasp`, shape (1,).
-        bases: Bases in the world at the k stances and, if it moves there, the next; rows of `Pose`.
-        legs: Rows of `Leg`, shape (k,).
-        branch: Branch label.
-        out: Rows of `Angles`, shape (k,), filled.
-        tracks: A row of `Track`, shape (1,), in which nothing is followed; least and largest angles
-            are left there.
-    """
-    limb, grasp, track = robots[0].limbs[i], grasps[0], tracks[0]
-    for k in range(len(legs)):
-        leg, path, samples = legs[k], track.path, 0 * SAMPLES
-        for joint in range(6):
-            if leg.anew:
-                track.q[joint] = np.nan
-        if leg.moves:
-            samples = SAMPLES
-            set_path(path, bases[k], bases[k + 1], leg.kind, vector(leg.pivot))
-        else:
-            resting(path, bases[k])
-        follow(limb, grasp.flange, path, branch, samples, track)
-        for joint in range(6):
-            out[k].q[joint] = track.first[joint]
-        if leg.lifts:
-            q0, q1, q2, q3, q4, q5 = vector6(track.q)
-            for joint in range(6):
-                track.q[joint] = track.first[joint]
-            lift_path(path, bases[k], grasp, robots[0].lift)
-            follow(limb, grasp.flange, path, branch, SAMPLES, track)
-            for joint, before in enumerate((q0, q1, q2, q3, q4, q5)):
-                track.q[joint] = before
 
 
 @kernel
@@ -169,33 +111,33 @@ def next_angles(limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Join
 
 
 @kernel
-def within_limits(limb: MountedArm, flange: Pose, path: BasePath, mask: int, track: Track) -> int:
-    """Branches and flips in `mask` on which the joint angles stay inside the limits along a path.
+def in_windows(limb: MountedArm, flange: Pose, path: BasePath, mask: int, track: Track) -> int:
+    """Branches and flips in `mask` on which every joint stays in its window along a path.
 
-    A joint may start on any winding; the flip is a half turn of joint 6.
+    The flip is a half turn of joint 6.
     """
     for branch in range(BRANCHES):
         if not has_branch(mask, branch):
             continue
         begin(track)
-        if not follow(limb, flange, path, branch, SAMPLES, track):
-            mask = without_branch(mask, branch)
-            continue
+        there = follow(limb, flange, path, branch, FEW, track)
+        if there and track.farthest > FAR:
+            begin(track)
+            there = follow(limb, flange, path, branch, MANY, track)
         for flip in range(2):
-            if not _fits(limb.arm, track, np.pi * flip):
+            if not (there and _fits(limb.arm, track, np.pi * flip)):
                 mask = without_flip(mask, branch, flip)
     return mask
 
 
 @kernel
 def _fits(arm: Arm, track: Track, half_turn: float) -> bool:
-    """Whether some winding of each joint keeps what was followed inside the limits."""
+    """Whether every joint stayed in its window, joint 6 turned by `half_turn` [rad]."""
     for joint in range(6):
         shift = half_turn if joint == 5 else 0.0
-        lowest = arm.limits[joint, 0] - LIMIT_TOLERANCE
-        turns = np.ceil((lowest - track.low[joint] - shift) / (2.0 * np.pi))
-        last = track.high[joint] + shift + 2.0 * np.pi * turns
-        if last > arm.limits[joint, 1] + LIMIT_TOLERANCE:
+        first = in_window(track.low[joint] + shift, arm.window[joint, 0])
+        last = first + track.high[joint] - track.low[joint]
+        if last > arm.window[joint, 1] + LIMIT_TOLERANCE:
             return False
     return True
 
@@ -216,6 +158,6 @@ def hold_mask(
     """
     if mask:
         mask = certify(limb, flange, path, floor, mask, room.proof)
-    if mask and not limb.arm.full_turn:
-        mask = within_limits(limb, flange, path, mask, room.track)
+    if mask:
+        mask = in_windows(limb, flange, path, mask, room.track)
     return mask

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
-from mlivr_gym.kinematics.arm import Arm
+from mlivr_gym.kinematics.arm import Arm, in_window
 from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
 from mlivr_gym.kinematics.poses import Pose, columns, into, seen_from, vector
 
@@ -76,15 +77,38 @@ def angles_at(
 
 
 @entry
-def all_angles_at(robots: Any, i: int, base: Pose, flange: Pose, out: Any) -> None:
-    """Joint angles in (-pi, pi] of every branch of limb `i`, NaN where there are none.
+def held_angles(robots: Any, bases: Any, grasps: Any, bits: IntArray, out: Any) -> None:
+    """Joint angles with which N limbs hold at k stances, on the windings in their windows.
 
-    They are written into `out`, rows of `Angles`, shape (8,). `robots` is a row of `Robot`, shape
-    (1,); other arguments as in `angles_at`.
+    Args:
+        robots: A row of `Robot`, shape (1,).
+        bases: Bases in the world, rows of `Pose`, shape (k,).
+        grasps: What the limbs hold, rows of `Grasp`, shape (k, N).
+        bits: Branch and flip of each limb, `branch + 8 * flip`, shape (k, N).
+        out: Rows of `Angles`, shape (k, N), filled; NaN where the branch does not exist.
+    """
+    for k in range(len(bits)):
+        for i in range(bits.shape[1]):
+            limb, q, bit = robots[0].limbs[i], out[k, i].q, bits[k, i]
+            branch = bit % BRANCHES
+            there = angles_at(limb, bases[k], grasps[k, i].flange, branch, SINGULAR_TOO, q)
+            if bit >= BRANCHES:
+                q[5] += np.pi
+            for joint in range(6):
+                q[joint] = in_window(q[joint], limb.arm.window[joint, 0]) if there else np.nan
+
+
+@entry
+def all_angles_at(robots: Any, i: int, base: Pose, flange: Pose, out: Any) -> None:
+    """Joint angles of every branch of limb `i` with flip 0, NaN where there are none.
+
+    They are on the windings in the joints' windows, see `arm.in_window`, and are written into
+    `out`, rows of `Angles`, shape (8,). `robots` is a row of `Robot`, shape (1,); other arguments
+    as in `angles_at`.
     """
     limb = robots[0].limbs[i]
     for branch in range(BRANCHES):
         q = out[branch].q
         there = angles_at(limb, base, flange, branch, SINGULAR_TOO, q)
         for joint in range(6):
-            q[joint] = wrap(q[joint]) if there else np.nan
+            q[joint] = in_window(q[joint], limb.arm.window[joint, 0]) if there else np.nan

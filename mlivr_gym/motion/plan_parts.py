@@ -13,7 +13,7 @@ from mlivr_gym.world.boxes import Box
 COSTS = ("base", "steps", "weighted")
 """Names of the costs."""
 
-SWING_KINDS = ("direct", "over", "folded", "changed", "sampled", "unchecked")
+SWING_KINDS = ("direct", "over", "folded", "changed", "unchecked")
 """Names of the kinds of swings, the shortest first; `unchecked` without collisions."""
 
 

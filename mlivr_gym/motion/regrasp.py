@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
+from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, BasePath, base_path, base_poses
-from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose

@@ -9,9 +9,12 @@ taken:
 * `folded`: fold, move the base, unfold; this is what the stance graph has shown to be possible for
   most steps;
 * `changed`: change to another branch at rest, swing in a line while the base moves, change again;
-  this is what it has shown for the others;
-* `sampled`: as one of the last two, on lines found by a sampling planner, where a limb has turned
-  so far while it held that the swings known to the graph would leave its joint limits.
+  this is what it has shown for the others.
+
+At rest a limb goes from fold to fold and branch to branch by the fewest lines that are free; those
+by which the graph has shown that it can be released are among them. So an edge of the graph has a
+swing: every line of `folded` and `changed` was found free when it was checked. Joint 6 turns while
+the base moves, and of a limb's shapes moves none.
 
 Each line is checked as a whole, see `collisions.sweep`.
 """
@@ -28,15 +31,11 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.sweep import Sweep
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.limb import Angles
-from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.regrasp import Regrasp
-from mlivr_gym.motion.sampling import sampled_line
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions import motions
-from mlivr_gym.transitions.grasp_poses import angles_above, fold_of_limb, line_of_limb
-
-Ends = tuple[Array, Array, tuple[Array, Array]]
-"""Joint angles above both points, and the fewest and most whole turns that may be added."""
+from mlivr_gym.transitions.edge import Edge
+from mlivr_gym.transitions.grasp_poses import angles_above
 
 
 class Swing(NamedTuple):
@@ -86,129 +85,73 @@ class SwingFinder:
         ]
         return cls(graph, regrasp.limb, regrasp.base_path, holds)
 
-    def find(
-        self,
-        start: Array,
-        end: Array,
-        turns: tuple[Array, Array],
-        fold: int,
-        line: tuple[Array, Array] | None,
-    ) -> Swing | None:
+    def find(self, start: Array, end: Array, points: tuple[int, int], edge: Edge) -> Swing | None:
         """The shortest swing between lifted postures.
 
         Args:
             start: Joint angles above the point it leaves, shape (6,) [rad].
-            end: Joint angles above the point it grasps, on any winding.
-            turns: Fewest and most whole turns that may be added to `end`, each (6,).
-            fold: The fold in which the graph has shown that the limb can move, or -1.
-            line: Joint angles between which it has shown that the limb can swing in a line, where
-                it cannot move folded.
+            end: Joint angles above the point it grasps, shape (6,) [rad].
+            points: Both points, by index.
+            edge: How the graph has shown that the limb can move.
         """
-        for kind, knots in self._candidates((start, end, turns), fold, line):
-            if self.clear(knots):
-                return Swing(kind, knots)
-        sampled = self._sampled((start, end, turns), self.shown_line(fold, line, start))
-        return None if sampled is None else Swing("sampled", sampled)
-
-    def _sampled(self, ends: Ends, shown: tuple[Array, Array] | None) -> Array | None:
-        """Sampled knots at rest, a line while the base moves, sampled knots at rest; None if none.
-
-        The whole is checked like any other swing, so what the sampling planner skips between its
-        postures does no harm.
-        """
-        if shown is None:
-            return None
-        start, end, turns = ends
-        limits = self.graph.robot.limb.limits
-        away = sampled_line(self.clear, limits, _knot(0.0, start), _knot(0.0, shown[0]))
-        if away is None:
-            return None
-        last = _knot(1.0, nearest_end(end, turns, shown[1]))
-        back = sampled_line(self.clear, limits, _knot(1.0, shown[1]), last)
-        if back is None:
-            return None
-        knots = np.vstack([away, back])
-        return knots if self.clear(knots) else None
-
-    def shown_line(
-        self, fold: int, line: tuple[Array, Array] | None, start: Array
-    ) -> tuple[Array, Array] | None:
-        """Joint angles at both ends of the base path as the graph has shown it.
-
-        They are on the windings nearest to `start`; None if these are outside the limits.
-        """
-        if line is None:
-            folded = self.fold(fold, start)
-            return None if folded is None else (folded, folded)
-        before, first, last = map(_angles, (start, *line))
-        there = line_of_limb(self._robots, self.limb, before, first, first)
-        if max(there, line_of_limb(self._robots, self.limb, first, last, last)) == np.inf:
-            return None
-        return first["q"], last["q"]
-
-    def _candidates(
-        self, ends: Ends, fold: int, line: tuple[Array, Array] | None
-    ) -> Iterator[tuple[str, Array]]:
-        """Kinds and knots of the swings that are tried, the shortest first."""
-        start, end, turns = ends
-        yield "direct", np.stack([_knot(0.0, start), _knot(1.0, nearest_end(end, turns, start))])
-        count = len(self.graph.robot.folds)
-        for index in range(count):
-            middle = self.fold(index, start)
-            if middle is not None:
-                last = nearest_end(end, turns, middle)
-                yield "over", np.stack([_knot(0.0, start), _knot(0.5, middle), _knot(1.0, last)])
-        if line is not None:
-            yield from (("changed", knots) for knots in self._changed(ends, line))
-        orders = sorted(range(count), key=lambda k: k != fold)
-        for moved_in in orders:
-            for first in orders:
-                for last_fold in orders:
-                    knots = self._folded(ends, (first, moved_in, last_fold))
-                    if knots is not None:
-                        yield "folded", knots
-
-    def _folded(self, ends: Ends, folds: tuple[int, int, int]) -> Array | None:
-        """Fold through one fold, move in another, unfold through a third."""
-        start, end, turns = ends
-        knots = [_knot(0.0, start)]
-        for k, u in zip(folds, (0.0, 0.0, 1.0), strict=True):
-            here = self.fold(k, knots[-1][1:])
-            if here is None:
-                return None
-            if u == 1.0:
-                knots.append(_knot(1.0, knots[-1][1:]))
-            if np.abs(here - knots[-1][1:]).max() > 1e-9:
-                knots.append(_knot(u, here))
-        knots.append(_knot(1.0, nearest_end(end, turns, knots[-1][1:])))
-        return np.stack(knots)
-
-    def _changed(self, ends: Ends, line: tuple[Array, Array]) -> Iterator[Array]:
-        """Change to the branch of the line, at once or through a fold, follow it, change again."""
-        start, end, turns = ends
-        through = [None, *range(len(self.graph.robot.folds))]
-        for first in through:
-            knots = [_knot(0.0, start)]
-            if first is not None:
-                here = self.fold(first, start)
-                if here is None:
-                    continue
-                knots.append(_knot(0.0, here))
-            shown = self.shown_line(-1, line, knots[-1][1:])
-            if shown is None:
+        first, last = _knot(0.0, start), _knot(1.0, end)
+        folds = self._robots[0]["folds"][: self._robots[0]["fold_count"]]
+        for knots in ((first, last), *((first, _knot(0.5, fold, end), last) for fold in folds)):
+            if self.clear(np.stack(knots)):
+                return Swing("direct" if len(knots) == 2 else "over", np.stack(knots))
+        rest = [
+            [_knot(u, joints, tool) for joints in (*folds, *self._lifted(side, points[side]))]
+            for side, (u, tool) in enumerate(((0.0, start), (1.0, end)))
+        ]
+        for kind, before, after in self._shown(folds, points, edge):
+            middle = _knot(0.0, before, start), _knot(1.0, after, end)
+            if not self._clear_line(*middle):
                 continue
-            knots += [_knot(0.0, shown[0]), _knot(1.0, shown[1])]
-            for last in through:
-                here = shown[1] if last is None else self.fold(last, shown[1])
-                if here is not None:
-                    rest = [] if last is None else [_knot(1.0, here)]
-                    final = _knot(1.0, nearest_end(end, turns, here))
-                    yield _without_stops(np.stack([*knots, *rest, final]))
+            away = self._at_rest(first, middle[0], rest[0])
+            back = away and self._at_rest(middle[1], last, rest[1])
+            if away and back:
+                return Swing(kind, np.stack([*away, *back]))
+        return None
 
-    def fold(self, index: int, joints: Array) -> Array | None:
-        """A fold on the windings nearest to some joint angles [rad], or None outside the limits."""
-        out = _angles(joints)
-        return out["q"] if fold_of_limb(self._robots, self.limb, index, out, out) else None
+    def _shown(
+        self, folds: Array, points: tuple[int, int], edge: Edge
+    ) -> Iterator[tuple[str, Array, Array]]:
+        """Kinds of swing and joint angles before and after the base moves.
+
+        What the graph has shown comes first.
+        """
+        if edge.pair >= 0:
+            branches = divmod(edge.pair, 8)
+            before, after = (self._above(side, points[side], branches[side]) for side in range(2))
+            if before is not None and after is not None:
+                yield "changed", before, after
+        for k in sorted(range(len(folds)), key=lambda k: k != edge.fold):
+            yield "folded", folds[k], folds[k]
+
+    def _at_rest(self, first: Array, last: Array, others: list[Array]) -> list[Array] | None:
+        """The fewest free lines from one knot to another, through others, as a chain of knots."""
+        if (first == last).all():
+            return [first]
+        chains = [[first]]
+        for chain in chains:
+            if self._clear_line(chain[-1], last):
+                return [*chain, last]
+            for other in list(others):
+                if (other != first).any() and self._clear_line(chain[-1], other):
+                    chains.append([*chain, other])
+                    others = [knot for knot in others if knot is not other]
+        return None
+
+    def _lifted(self, side: int, point: int) -> list[Array]:
+        """Joint angles above a point at one end of the base path, on each branch [rad]."""
+        angles = [self._above(side, point, branch) for branch in range(8)]
+        return [joints for joints in angles if joints is not None]
+
+    def _above(self, side: int, point: int, branch: int) -> Array | None:
+        """Joint angles above a point on one branch, shape (6,) [rad]; None if there are none."""
+        out, base = Angles.row(), self.path["last" if side else "first"]
+        grasp = self.graph.solver.grasps[point]
+        return out["q"] if angles_above(self._robots, self.limb, base, grasp, branch, out) else None
 
     def clear(self, knots: Array) -> bool:
         """Whether the robot touches nothing along a chain of knots."""
@@ -223,38 +166,6 @@ class SwingFinder:
         return bool(clear)
 
 
-def line_of_edge(graph: StanceGraph, regrasp: Regrasp, pair: int) -> tuple[Array, Array]:
-    """Joint angles of the moving limb above both points, on the branches of `Edge.pair` [rad]."""
-    out, robots = Angles.rows(2), graph.checks.robots
-    points = regrasp.before[regrasp.limb], regrasp.to_point
-    for side, (point, branch) in enumerate(zip(points, divmod(pair, 8), strict=True)):
-        base, grasp = (
-            pose(regrasp.positions[side], regrasp.rotations[side]),
-            graph.solver.grasps[point],
-        )
-        angles_above(robots, regrasp.limb, base, grasp, branch, out[side])
-    return out["q"][0], out["q"][1]
-
-
-def nearest_end(end: Array, turns: tuple[Array, Array], joints: Array) -> Array:
-    """The posture at the end on the windings nearest to `joints`, within allowed turns [rad]."""
-    nearest: Array = end + 2.0 * np.pi * np.clip(np.rint((joints - end) / (2.0 * np.pi)), *turns)
-    return nearest
-
-
-def _without_stops(knots: Array) -> Array:
-    """Knots without those that repeat the one before."""
-    moved = np.abs(np.diff(knots, axis=0)).max(axis=1) > 1e-9
-    kept: Array = knots[np.concatenate([[True], moved])]
-    return kept
-
-
-def _knot(u: float, joints: Array) -> Array:
-    return np.concatenate([[u], joints])
-
-
-def _angles(joints: Array) -> Angles:
-    """Joint angles, shape (6,) [rad], as compiled code takes them."""
-    out: Angles = Angles.row()
-    out["q"] = joints
-    return out
+def _knot(u: float, joints: Array, tool: Array | None = None) -> Array:
+    """A knot: base parameter, joints 1 to 5, and joint 6 as in `tool` if that is given [rad]."""
+    return np.array([u, *joints[:5], (joints if tool is None else tool)[5]])

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.files import write_whole
-from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath
 
 FREE = -1

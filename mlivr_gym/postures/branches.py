@@ -230,7 +230,7 @@ def hold_masks(
     """Branches and flips on which each limb may hold at a posture, a product set, into `out.mask`.
 
     A branch belongs if `w_m` meets the threshold, if the limb can depart along the surface normal
-    on it with `w_m` above the floor and inside its joint limits, if it touches nothing, and if
+    on it with `w_m` above the floor and every joint in its window, if it touches nothing, and if
     every combination with the other limbs' branches meets the threshold of `w_b` and keeps them
     apart. The set grows from the branches of the posture in a fixed order.
     """

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Contact, contacts
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
@@ -106,6 +106,7 @@ def masks_of_joints(
                 f"{worst + 1} is {best:.3f} rad off the nearest solution "
                 f"(at most {JOINT_TOLERANCE:g} rad)"
             )
+        _check_windings(solver.robot, limb, joints[limb])
         if not int(posture.mask[0, limb]) >> bit & 1:
             raise StanceError(
                 f"start_joints put limb {limb} on a branch on which it touches something or could "
@@ -113,6 +114,23 @@ def masks_of_joints(
             )
         masks.append(1 << bit)
     return tuple(masks)
+
+
+def _check_windings(robot: RobotSpec, limb: int, joints: Array) -> None:
+    """Check that the joints of a limb, shape (6,) [rad], are in their windows.
+
+    Raises:
+        StanceError: If one is not.
+    """
+    low, high = robot.limb.windows.T
+    outside = np.flatnonzero((joints < low - JOINT_TOLERANCE) | (joints > high + JOINT_TOLERANCE))
+    if len(outside):
+        j = int(outside[0])
+        raise StanceError(
+            f"start_joints: joint {j + 1} of limb {limb} is at {joints[j]:.4f} rad, outside the "
+            f"turn {low[j]:.4f} to {high[j]:.4f} rad in which it stays while the limb holds: turn "
+            f"it by whole turns first, or take other window_starts for the robot"
+        )
 
 
 def branch_angles_at(solver: PostureSolver, limb: int, point: int, posture: Postures) -> Array:
@@ -157,7 +175,7 @@ def given_pose_fault(
         return "at this base pose every branch on which the limbs could depart touches something"
     return (
         "at this base pose a limb could not depart along the surface normal with limb "
-        f"manipulability above {solver.settings.path_floor:g} and inside its joint limits"
+        f"manipulability above {solver.settings.path_floor:g} and with every joint in its window"
     )
 
 

@@ -1,8 +1,7 @@
 """A walk through the stance graph that is executed in MuJoCo, one regrasp at a time.
 
-The graph keeps sets of inverse-kinematics branches; a robot is on one of them, with one winding of
-every joint. A `PhysicalWalk` commits to a branch when a limb grasps and follows the joint angles
-from then on.
+The graph keeps sets of inverse-kinematics branches; a robot is on one of them. A `PhysicalWalk`
+commits to a branch when a limb grasps; every step that leaves its state is executable.
 """
 
 from __future__ import annotations
@@ -15,28 +14,23 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.holding import LIMIT_TOLERANCE
 from mlivr_gym.motion.commitment import commit
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import Durations, trajectory
-from mlivr_gym.postures.given_pose import given_joints
 from mlivr_gym.simulation.dynamics import Physics, check_masses
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
-from mlivr_gym.transitions.state import State, Successors, moving_limb
+from mlivr_gym.transitions.state import State, moving_limb
 
 MEASURES = (
     "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force",
     "peak_grasp_torque", "base_error", "simulated_time",
 )  # fmt: skip
 """What `PhysicalWalk.measures` tells of the last step besides its failure."""
-
-LOOKS = 33
-"""Places on a base path at which the joint limits of a limb that holds are looked at."""
 
 
 class PhysicalWalk:
@@ -68,15 +62,13 @@ class PhysicalWalk:
         self._plan: Plan | None = None
         self._done = 0
 
-    def start(self, state: State, plan: Plan | None = None, joints: Any = None) -> State:
+    def start(self, state: State, plan: Plan | None = None) -> State:
         """Put the robot at rest into a stance; returns the state with one branch a limb.
 
         Args:
             state: Where to start.
             plan: A plan from this stance; as long as it is followed, its branches, joint angles and
                 swings are used.
-            joints: Joint angles at the start, shape (N, 6) [rad], on the branches of `state`, if
-                they are given.
 
         Raises:
             PlanError: If the plan has no step or does not fit the graph.
@@ -96,9 +88,6 @@ class PhysicalWalk:
                 state = self._options(state, limb)[0]
             self.state = state
             self.joints = graph.configuration(self.state)[2]
-            if joints is not None:
-                turns = np.rint((given_joints(graph.robot, joints) - self.joints) / (2.0 * np.pi))
-                self.joints += 2.0 * np.pi * turns
         position, quaternion, _ = graph.configuration(self.state)
         self.simulation.reset(position, quaternion, self.joints, self.state.stance)
         self.measures = {"failure": None} | dict.fromkeys(MEASURES, 0.0)
@@ -108,23 +97,6 @@ class PhysicalWalk:
     def configuration(self) -> tuple[Array, Array, Array]:
         """Base position [m], base quaternion and joint angles (N, 6) [rad] in the simulation."""
         return self.simulation.configuration
-
-    def executable(self, steps: Successors) -> Successors:
-        """Those of the steps from the present state that are executable.
-
-        The limbs that hold must stay inside their joint limits.
-        """
-        limits, places = self.graph.robot.limb.limits, np.linspace(0.0, 1.0, LOOKS)
-        kept = np.zeros(len(steps.limb), dtype=np.bool_)
-        for k in range(len(steps.limb)):
-            regrasp, _ = self._regrasp(steps.after(self.state, k).stance)
-            try:
-                held = RegraspPath(self.graph, regrasp).supports(places)
-            except PlanError:
-                continue
-            outside = np.fmax(limits[:, 0] - held, held - limits[:, 1])
-            kept[k] = np.nanmax(outside) <= LIMIT_TOLERANCE
-        return steps.take(np.flatnonzero(kept))
 
     def step(
         self, limb: int, point: int, masks: tuple[int, ...]
@@ -143,7 +115,7 @@ class PhysicalWalk:
         after = self.state.stance_after(limb, point)
         found = self._planned(after) or self._found(State(after, masks))
         if found is None:
-            return self._no_swing(limb, point, "no swing was found in the joint limits")
+            return self._no_swing(limb, point, "no swing was found")
         regrasp, reached = found
         try:
             path = RegraspPath(self.graph, regrasp)

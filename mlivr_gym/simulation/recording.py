@@ -21,7 +21,7 @@ FAILURES = (
 )
 """Kinds of failure.
 
-`"no swing"` is that of an environment's step for which no swing inside the joint limits was found.
+`"no swing"` is that of an environment's step for which no swing was found.
 """
 
 

@@ -7,8 +7,7 @@ limb can keep on a step: one entry for each ordered pair of stances of a row, fi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -74,8 +73,8 @@ class PairGraph(StanceGraph):
         removed: How many that meet the thresholds were omitted because they touch something, by
             what they touch.
         no_departure: How many that meet the thresholds were omitted because a limb could not depart
-            from its point along the surface normal with `w_m` above `Settings.path_floor` and
-            inside its joint limits. Where steps are checked that floor holds without thresholds
+            from its point along the surface normal with `w_m` above `Settings.path_floor` and with
+            every joint in its window. Where steps are checked that floor holds without thresholds
             too.
     """
 
@@ -316,25 +315,6 @@ class PairGraph(StanceGraph):
         known.know_steps(which, before, row)
         kept: IntArray = known.table.edges["kept"][known.index(which, before, row)].astype(np.int64)
         return kept
-
-    @contextmanager
-    def without(self, steps: Collection[tuple[State, tuple[int, ...]]]) -> Iterator[None]:
-        """Take steps out of the graph for a while; see `StanceGraph.without`."""
-        edges, kept = self.steps.edges, []
-        for before, after in steps:
-            if before.pose is not None:
-                continue
-            held = 1 - moving_limb(before.stance, after)
-            s0, s1 = self.find(before.stance), self.find(after)
-            entry = int(self._known.index(held, s0, s1))
-            kept.append((entry, edges[entry].copy()))
-            edges["kept"][entry], edges["on_arc"][entry], edges["known"][entry] = 0, 0, 1
-        try:
-            with super().without(steps):
-                yield
-        finally:
-            for entry, value in reversed(kept):
-                edges[entry] = value
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""

@@ -7,8 +7,7 @@ more a `LazyGraph`, which works neighbours out when they are asked for.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,8 +16,8 @@ from scipy.spatial import cKDTree
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
 from mlivr_gym.errors import MapError, RobotError, StanceError
-from mlivr_gym.kinematics.limb import Angles, all_angles_at
-from mlivr_gym.kinematics.poses import pose, quaternion
+from mlivr_gym.kinematics.limb import Angles, held_angles
+from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.postures.given_pose import (
     given_joints,
     given_pose,
@@ -82,7 +81,6 @@ class StanceGraph(CheckedSteps):
         self.partner_start: IntArray = np.searchsorted(
             self.pairs[:, 0], np.arange(len(grasp_map) + 1)
         )
-        self._barred: frozenset[tuple[Any, ...]] = frozenset()
 
     def partners(self, point: int) -> IntArray:
         """Points that may be held together with `point`."""
@@ -192,6 +190,23 @@ class StanceGraph(CheckedSteps):
             return State(points, masks_of_joints(self.solver, points, posture, angles), here)
         return State(points, tuple(int(m) for m in posture.mask[0]), here)
 
+    def checked_state(self, state: State) -> State:
+        """A state that a user gives, as it is.
+
+        Raises:
+            StanceError: If it is no state of this graph; the message says why.
+        """
+        known = self.state(state.stance, state.pose)
+        masks = tuple(state.masks)
+        if len(masks) != self.limbs or any(
+            not 0 < mask & held == mask for mask, held in zip(masks, known.masks, strict=True)
+        ):
+            raise StanceError(
+                f"state of stance {self.ids(known.stance)} has masks {masks}; each limb must be "
+                f"on some of {known.masks}, on which it can hold"
+            )
+        return State(known.stance, masks, known.pose)
+
     def _fault(
         self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None
     ) -> str:
@@ -217,43 +232,35 @@ class StanceGraph(CheckedSteps):
             return f"base manipulability {w_b:.6f} is below the threshold {self.base_threshold:g}"
         return (
             f"a limb could not depart along the surface normal with limb manipulability above "
-            f"{self.settings.path_floor:g} and inside its joint limits"
+            f"{self.settings.path_floor:g} and with every joint in its window"
         )
 
     def configuration(self, state: State) -> tuple[Array, Array, Array]:
         """A configuration of a state, each limb on the first branch and flip that its mask allows.
 
         Returns:
-            Base position [m], shape (3,), base quaternion w, x, y, z, and joint angles in (-pi, pi]
-            [rad], shape (N, 6).
+            Base position [m], shape (3,), base quaternion w, x, y, z, and joint angles in their
+            windows [rad], shape (N, 6).
         """
         posture = self.posture_of(state)
-        here = pose(posture.base_position[0], posture.base_rotation[0])
-        joints = np.full((self.limbs, 6), np.nan)
-        for i, point in enumerate(state.stance):
-            bit = (state.masks[i] & -state.masks[i]).bit_length() - 1
-            branch = bit & 7 if self.settings.transitions else int(posture.branch[0, i])
-            angles = Angles.rows(8)
-            all_angles_at(self.checks.robots, i, here, self.solver.grasps[point]["flange"], angles)
-            joints[i] = angles["q"][branch]
-            if self.settings.transitions and bit >= 8:
-                joints[i, 5] += np.pi
-        return here["position"], quaternion(here["rotation"]), joints
+        bits = posture.branch
+        if self.settings.transitions:
+            bits = np.array([[(mask & -mask).bit_length() - 1 for mask in state.masks]])
+        joints = self.joints(np.array([state.stance]), posture, bits)[0]
+        return posture.base_position[0], quaternion(posture.base_rotation[0]), joints
 
-    @contextmanager
-    def without(self, steps: Collection[tuple[State, tuple[int, ...]]]) -> Iterator[None]:
-        """Take steps out of the graph for a while.
+    def joints(self, stances: IntArray, postures: Postures, bits: IntArray) -> Array:
+        """Joint angles with which limbs hold k stances, in their windows, shape (k, N, 6) [rad].
 
         Args:
-            steps: The state before each step, of which the stance and a given pose count, and the
-                point index of each limb after it.
+            stances: Point index of each limb, shape (k, N).
+            postures: Their postures.
+            bits: Branch and flip of each limb, `branch + 8 * flip`, shape (k, N).
         """
-        kept = self._barred
-        self._barred = kept | {(before.stance, before.pose, after) for before, after in steps}
-        try:
-            yield
-        finally:
-            self._barred = kept
+        out, grasps = Angles.rows(*stances.shape), self.solver.grasps[stances]
+        held_angles(self.checks.robots, postures.base_rows, grasps, bits, out)
+        angles: Array = out["q"]
+        return angles
 
     def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
         """The state after a step, or None if no such step leaves the state.
@@ -264,8 +271,6 @@ class StanceGraph(CheckedSteps):
             posture: Postures of the two stances, in this order.
         """
         stance = tuple(after)
-        if self._barred and (state.stance, state.pose, stance) in self._barred:
-            return None
         here, there = (posture.take(slice(k, k + 1)) for k in range(2))
         masks = self.masks_after(state, here, np.array([stance]), there)[0]
         return State(stance, tuple(masks.tolist())) if masks.all() else None
@@ -285,9 +290,6 @@ class StanceGraph(CheckedSteps):
         stances[np.arange(len(limb)), limb] = point
         masks = self.masks_after(state, self.posture_of(state), stances, postures)
         kept = masks.all(axis=1)
-        for k in np.flatnonzero(kept) if self._barred else ():
-            after = tuple(stances[k].tolist())
-            kept[k] = (state.stance, state.pose, after) not in self._barred
         return Successors(limb[kept], point[kept], postures.base_position[kept], masks[kept])
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:

@@ -1,15 +1,13 @@
-"""Arithmetic of a limb at a grasp: windings, and joint angles above the point (compiled)."""
+"""Joint angles of a limb above a grasp and folded, and lines between them (compiled)."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from mlivr_gym.collisions.limb_shapes import Limb, Robot
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, both_flips, has_branch
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.kinematics.arm import Arm
+from mlivr_gym.kinematics.arm import in_window
 from mlivr_gym.kinematics.families import branch_angles
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles, flange_seen, wrap
@@ -18,62 +16,41 @@ from mlivr_gym.transitions.records import StepRoom
 
 
 @kernel
-def nearest_turn(angle: float, q: float, low: float, high: float) -> float:
-    """The winding of a joint angle inside its limits that is nearest to `q` [rad], NaN if none."""
-    out = q + wrap(angle - q)
-    if out < low:
-        out += 2.0 * np.pi * np.ceil((low - out) / (2.0 * np.pi))
-    if out > high:
-        out -= 2.0 * np.pi * np.ceil((out - high) / (2.0 * np.pi))
-    return out if low <= out <= high else np.nan
-
-
-@kernel
-def fold_nearest_to(robot: Robot, fold: int, arm: Arm, reference: Angles, to: Angles) -> bool:
-    """A fold on the windings nearest to `reference`, into `to`; whether it lies inside the limits.
-
-    Joint 6 is as in `reference`.
-    """
-    inside, q, out, limits = True, reference.q, to.q, arm.limits
-    out[5] = q[5]
+def folded(robot: Robot, fold: int, joint_6: float, to: Angles) -> None:
+    """The joint angles of a fold, into `to`, with an angle of joint 6 [rad]."""
     for joint in range(5):
-        angle = robot.folds[fold, joint]
-        out[joint] = nearest_turn(angle, q[joint], limits[joint, 0], limits[joint, 1])
-        inside = inside and out[joint] == out[joint]
-    return inside
+        to.q[joint] = robot.folds[fold, joint]
+    to.q[5] = joint_6
 
 
 @kernel
-def line_end(first: Angles, last: Angles, arm: Arm, to: Angles) -> float:
-    """Where a line in joint space ends, on the windings nearest to its start.
+def line_end(first: Angles, last: Angles, to: Angles) -> float:
+    """Where a line in joint space ends from above one grasp to above another.
 
-    Joint 6 goes to the nearest half turn: a grasp is the same with the tool turned by it.
+    Joint 6 goes to the nearest half turn: a grasp is the same with the tool turned by it, and the
+    shapes on the flange axis turn in place.
 
     Args:
         first: Joint angles at the start.
-        last: Joint angles at the end up to whole turns.
-        arm: The arm, with its limits.
+        last: Joint angles at the end.
         to: Filled with the angles at the end; it may be `last`.
 
     Returns:
-        The length of the line, the largest of the turns of joints 1 to 5 [rad]; inf if it ends
-        outside the limits.
+        The length of the line, the largest of the turns of joints 1 to 5 [rad].
     """
-    length, q0, q1, out, limits = 0.0, first.q, last.q, to.q, arm.limits
+    length, q0, q1, out = 0.0, first.q, last.q, to.q
     for joint in range(5):
-        out[joint] = nearest_turn(q1[joint], q0[joint], limits[joint, 0], limits[joint, 1])
+        out[joint] = q1[joint]
         length = max(length, abs(out[joint] - q0[joint]))
-        if out[joint] != out[joint]:
-            return np.inf
     out[5] = q0[5] + 0.5 * wrap(2.0 * (q1[5] - q0[5]))
-    return length if limits[5, 0] <= out[5] <= limits[5, 1] else np.inf
+    return length
 
 
 @kernel
 def lifted_angles(
     limb: Limb, base: Pose, grasp: Grasp, branch: int, lift: float, to: Angles
 ) -> bool:
-    """Joint angles of a limb that has departed from a grasp, on the windings nearest to zero.
+    """Joint angles of a limb that has departed from a grasp, with flip 0.
 
     Args:
         limb: The limb.
@@ -81,7 +58,7 @@ def lifted_angles(
         grasp: The grasp.
         branch: Branch label.
         lift: How far it has departed [m].
-        to: Filled; NaN where no winding lies inside the limits.
+        to: Filled.
 
     Returns:
         Whether the branch exists there.
@@ -90,9 +67,8 @@ def lifted_angles(
     p, x, z = flange_seen(limb, base, grasp.flange)
     if not branch_angles(limb.arm, along(p, -lift, z), x, z, branch, 0.0, q):
         return False
-    limits = limb.arm.limits
     for joint in range(6):
-        q[joint] = nearest_turn(q[joint], 0.0, limits[joint, 0], limits[joint, 1])
+        q[joint] = in_window(q[joint], limb.arm.window[joint, 0])
     return True
 
 
@@ -102,7 +78,7 @@ def lifted_branches(
 ) -> int:
     """Joint angles of a limb that has departed from a grasp, on each branch of a mask.
 
-    They are written into `room.q[side]`, on the windings nearest to zero.
+    They are written into `room.q[side]`.
 
     Args:
         robot: The robot.
@@ -122,18 +98,6 @@ def lifted_branches(
         if has_branch(mask, b) and lifted_angles(limb, base, grasp, b, robot.lift, q):
             found |= both_flips(b)
     return found & mask
-
-
-@entry
-def fold_of_limb(robots: Any, i: int, fold: int, reference: Angles, to: Angles) -> bool:
-    """`fold_nearest_to` of limb `i` of a row of `Robot`, shape (1,)."""
-    return fold_nearest_to(robots[0], fold, robots[0].limbs[i].arm, reference, to)
-
-
-@entry
-def line_of_limb(robots: Any, i: int, first: Angles, last: Angles, to: Angles) -> float:
-    """`line_end` of limb `i` of a row of `Robot`, shape (1,)."""
-    return line_end(first, last, robots[0].limbs[i].arm, to)
 
 
 @entry

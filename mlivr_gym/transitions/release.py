@@ -16,8 +16,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.against_boxes import set_behind
 from mlivr_gym.collisions.placing import axis_of, place
@@ -35,7 +33,7 @@ from mlivr_gym.kinematics.base_path import resting
 from mlivr_gym.kinematics.families import branch_frames
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.poses import vector
-from mlivr_gym.transitions.grasp_poses import fold_nearest_to, lifted_branches, line_end
+from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
 from mlivr_gym.transitions.motions import (
     compare_with,
     follow_path,
@@ -189,23 +187,19 @@ def _fold(limb: int, free: int, scene: Scene, layer: int, room: StepRoom, answer
     point, with the joint angles `room.q[0]`.
     """
     robot, world = scene.robots[0], scene.world
-    again, arm, sweep = layer > 0, robot.limbs[limb].arm, room.sweep
+    again, sweep = layer > 0, room.sweep
     for root in range(robot.fold_count):
         if again and answer.root != root:
             continue
         changeable = only(root)
-        for joint in range(6):
-            room.start.q[joint] = robot.folds[root, joint] if joint < 5 else 0.0
-        if not fold_nearest_to(robot, root, arm, room.start, room.start):
-            continue
+        folded(robot, root, 0.0, room.start)
         for other in range(robot.fold_count):
             if other == root or (again and not has(answer.folds, other)):
                 continue
-            if fold_nearest_to(robot, other, arm, room.start, room.end) and swing_clear(
-                robot, world, layer, limb, room.start, room.end, sweep
-            ):
+            folded(robot, other, 0.0, room.end)
+            if swing_clear(robot, world, layer, limb, room.start, room.end, sweep):
                 changeable |= only(other)
-        folded = EMPTY
+        able = EMPTY
         for b in range(BRANCHES):
             if not has_branch(free, b):
                 continue
@@ -213,14 +207,13 @@ def _fold(limb: int, free: int, scene: Scene, layer: int, room: StepRoom, answer
             for fold in range(robot.fold_count):
                 if not has(changeable, fold) or (again and answer.via[b] != fold):
                     continue
-                if fold_nearest_to(robot, fold, arm, q, room.end) and swing_clear(
-                    robot, world, layer, limb, q, room.end, sweep
-                ):
-                    folded |= both_flips(b)
+                folded(robot, fold, q.q[5], room.end)
+                if swing_clear(robot, world, layer, limb, q, room.end, sweep):
+                    able |= both_flips(b)
                     answer.via[b] = fold
                     break
-        if folded & free:
-            answer.branches, answer.folds, answer.root = folded & free, changeable, root
+        if able & free:
+            answer.branches, answer.folds, answer.root = able & free, changeable, root
             return
 
 
@@ -231,7 +224,7 @@ def _joined_by_lines(limb: int, free: int, scene: Scene, layer: int, room: StepR
     Among obstacles the first branch alone.
     """
     robot, world = scene.robots[0], scene.world
-    group, arm = room.group, robot.limbs[limb].arm
+    group = room.group
     for a in range(BRANCHES):
         group[a] = a
     for a in range(BRANCHES):
@@ -240,13 +233,11 @@ def _joined_by_lines(limb: int, free: int, scene: Scene, layer: int, room: StepR
         if layer > 0:
             return free & both_flips(a)
         for b in range(a + 1, BRANCHES):
-            start, end = room.q[0, a], room.q[0, b]
-            if (
-                has_branch(free, b)
-                and group[a] != group[b]
-                and line_end(start, end, arm, room.end) < np.inf
-                and swing_clear(robot, world, layer, limb, start, room.end, room.sweep)
-            ):
+            if not has_branch(free, b) or group[a] == group[b]:
+                continue
+            start = room.q[0, a]
+            line_end(start, room.q[0, b], room.end)
+            if swing_clear(robot, world, layer, limb, start, room.end, room.sweep):
                 gone = group[b]
                 for c in range(BRANCHES):
                     if group[c] == gone:

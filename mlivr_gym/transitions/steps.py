@@ -11,24 +11,22 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.compiled.bit_sets import (
     ALL,
     BRANCHES,
     EMPTY,
     NONE,
+    any_flip,
     has,
     has_branch,
     only,
 )
 from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.arm import Arm
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, set_path
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.kinematics.poses import vector
-from mlivr_gym.transitions.grasp_poses import lifted_branches, line_end
+from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
 from mlivr_gym.transitions.holds import BOTH, MOVER, STANDING, hold_apart
 from mlivr_gym.transitions.motions import (
     follow_path,
@@ -188,8 +186,9 @@ def _set_stage(stage: int, step: Step, scene: Scene, room: StepRoom) -> None:
     """
     stances, robot = scene.stances, scene.robots[0]
     for i in range(robot.limb_count):
-        first = stances.released[step.before, i].branches
-        second = stances.released[step.after, i].branches
+        # What is clear with one flip is clear with the other.
+        first = any_flip(stances.released[step.before, i].branches)
+        second = any_flip(stances.released[step.after, i].branches)
         if stage == 0:
             room.now[i] = first & second
         elif stage == 1:
@@ -253,9 +252,8 @@ def _stays_folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> int:
         found = NONE
         for k in range(robot.fold_count):
             if found < 0 and has(folds, k):
-                for joint in range(6):
-                    angle = robot.folds[k, joint] if joint < 5 else 0.0
-                    room.start.q[joint] = room.end.q[joint] = angle
+                folded(robot, k, 0.0, room.start)
+                folded(robot, k, 0.0, room.end)
                 if swing_clear(robot, world, layer, step.limb, room.start, room.end, room.sweep):
                     found = k
         if found < 0:
@@ -275,7 +273,7 @@ def _on_lines(step: Step, scene: Scene, room: StepRoom) -> None:
         mask = stances.released[s, step.limb].branches
         base = stances.base[s]
         room.lifted[side] = lifted_branches(robot, limb, base, grasp, mask, side, room)
-    count = pairs_by_travel(limb.arm, room)
+    count = pairs_by_travel(room)
     for kind in range(2):
         if not _holds(kind, step, scene, room):
             continue
@@ -305,7 +303,7 @@ def _on_lines(step: Step, scene: Scene, room: StepRoom) -> None:
 
 
 @kernel
-def pairs_by_travel(arm: Arm, room: StepRoom) -> int:
+def pairs_by_travel(room: StepRoom) -> int:
     """Pairs of branches above both points, those with the shortest line first, into `room.order`.
 
     Returns the number of pairs.
@@ -314,14 +312,13 @@ def pairs_by_travel(arm: Arm, room: StepRoom) -> int:
     for b0 in range(BRANCHES):
         for b1 in range(BRANCHES):
             if has_branch(room.lifted[0], b0) and has_branch(room.lifted[1], b1):
-                length = line_end(room.q[0, b0], room.q[1, b1], arm, room.end)
-                if length < np.inf:
-                    place = count
-                    while place > 0 and travel[place - 1] > length + TIE:
-                        travel[place], order[place] = travel[place - 1], order[place - 1]
-                        place -= 1
-                    travel[place], order[place] = length, BRANCHES * b0 + b1
-                    count += 1
+                length = line_end(room.q[0, b0], room.q[1, b1], room.end)
+                place = count
+                while place > 0 and travel[place - 1] > length + TIE:
+                    travel[place], order[place] = travel[place - 1], order[place - 1]
+                    place -= 1
+                travel[place], order[place] = length, BRANCHES * b0 + b1
+                count += 1
     return count
 
 
@@ -330,7 +327,7 @@ def _line_clear(pair: int, step: Step, scene: Scene, room: StepRoom) -> bool:
     """Whether the limb can swing along the line between a pair of branches, along the base path."""
     robot, world = scene.robots[0], scene.world
     first, last = room.q[0, pair // BRANCHES], room.q[1, pair % BRANCHES]
-    line_end(first, last, robot.limbs[step.limb].arm, room.end)
+    line_end(first, last, room.end)
     for joint in range(6):
         room.start.q[joint] = first.q[joint]
     for layer in range(world.first, world.stop):

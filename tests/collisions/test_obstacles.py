@@ -7,15 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from coal_ruler import Ruler, grasps_of
-from held_paths import path_between
 
 from mlivr_gym import Box, Capsule, GraspMap, RobotSpec, Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import SettingError, ShapeError, StanceError
 from mlivr_gym.motion.plan_motion import step_motion
-from mlivr_gym.motion.sampling import sampled_line
-from mlivr_gym.motion.swings import SwingFinder
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
@@ -107,20 +104,6 @@ def test_occupied_points_are_not_grasped(jem, checked_graph, robot):
         graph.state(plan.stances[0])
     graph.vacate()
     assert Planner(graph).plan(start.stance, goal, **cost).unwrap().stances == plan.stances
-
-
-def test_a_sampled_line_is_clear_and_reproducible(checked_graph):
-    graph = checked_graph
-    s = graph.find(graph.indices(START))
-    path = path_between((graph.base_in_world[s], graph.base_axes_in_world[s]) * 2)
-    finder = SwingFinder(graph, 0, path, [])
-    start, end = (np.array([0.0, *fold, 0.0]) for fold in graph.robot.folds[:2])
-    line = sampled_line(finder.clear, finder.graph.robot.limb.limits, start, end)
-    np.testing.assert_allclose(line[[0, -1]], [start, end])
-    np.testing.assert_array_equal(
-        line, sampled_line(finder.clear, finder.graph.robot.limb.limits, start, end)
-    )
-    assert finder.clear(line)
 
 
 SAME = ("known", "kept", "on_arc", "fold_on_line", "fold_on_arc")

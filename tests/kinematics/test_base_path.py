@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from held_paths import path_between, random_ends
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
@@ -35,3 +37,19 @@ def test_the_speed_of_a_path_bounds_that_of_the_base(kind, seed):
     assert kind == ARC or speeds == pytest.approx(path["speed"], rel=1e-9)
     turned = (Rotation.from_matrix(ends[1]).inv() * Rotation.from_matrix(ends[3])).magnitude()
     assert path["angle"] == pytest.approx(turned, abs=1e-9)
+
+
+@given(st.integers(0, 10**6), st.sampled_from([STRAIGHT, ARC]), st.floats(-1e-9, 1e-9))
+@settings(max_examples=60, deadline=None)
+def test_the_way_back_is_the_way_there(seed, kind, off):
+    """Half turns too, of which both senses are equally short: noise must not choose."""
+    rng, ends = np.random.default_rng(seed), random_ends(seed)
+    if seed % 2:
+        axis = rng.normal(size=3)
+        half = Rotation.from_rotvec((np.pi + off) * axis / np.linalg.norm(axis))
+        ends[3] = (Rotation.from_matrix(ends[1]) * half).as_matrix()
+    s = np.linspace(0.0, 1.0, 9)
+    there = base_poses(path_between(ends, kind, PIVOT), s)
+    back = base_poses(path_between(ends[2:] + ends[:2], kind, PIVOT), 1.0 - s)
+    for a, b in zip(there, back, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-7)

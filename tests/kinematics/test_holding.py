@@ -1,24 +1,37 @@
-"""Joint angles of limbs that hold along base paths, and joint limits."""
+"""Joint angles of limbs that hold along base paths, and their windows."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from branches import angles_on, arm_of
 from compiled import called
-from held_paths import EVERY_BRANCH, FLANGE, FLOOR, LIMB, mounted, path_between, random_ends
+from held_paths import (
+    EVERY_BRANCH,
+    FLANGE,
+    FLOOR,
+    GRIP,
+    LIMB,
+    MOUNT,
+    ORIGIN,
+    TOOL,
+    mounted,
+    path_between,
+    random_ends,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlivr_gym.kinematics.base_path import STRAIGHT
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
 from mlivr_gym.kinematics.certificate import Proof, certify
 from mlivr_gym.kinematics.holding import (
-    SAMPLES,
+    MANY,
     Holding,
     Track,
     begin,
     follow,
     hold_mask,
-    within_limits,
+    in_windows,
 )
 
 HERE = mounted()
@@ -36,6 +49,31 @@ def followed(path, branch, samples):
     return track
 
 
+def windowed(path):
+    """Branches and flips on which every joint stays in its window, followed anew in small steps."""
+    mask, arm, low = 0, arm_of(LIMB), np.array(LIMB.window_starts)
+    positions, rotations = base_poses(path, np.linspace(0.0, 1.0, 300))
+    mounts = rotations @ MOUNT
+    origins = positions + rotations @ ORIGIN
+    flanges = np.einsum("kji,kj->ki", mounts, GRIP - origins), mounts.transpose(0, 2, 1) @ TOOL
+    for bit in range(16):
+        angles = [angles_on(arm, p, r, bit & 7) for p, r in zip(*flanges, strict=True)]
+        if any(q is None for q in angles):
+            continue
+        q = np.unwrap(np.array(angles) + np.pi * (bit >> 3) * np.eye(6)[5], axis=0)
+        q += 2.0 * np.pi * np.ceil((low - q[0]) / (2.0 * np.pi))
+        mask |= int(((q >= low) & (q < low + 2.0 * np.pi)).all()) << bit
+    return mask
+
+
+@given(st.integers(0, 10**6), st.sampled_from([STRAIGHT, ARC]))
+@settings(max_examples=80, deadline=None)
+def test_limbs_hold_where_their_joints_stay_in_their_windows(seed, kind):
+    path = path_between(random_ends(seed), kind)
+    both = called(hold_mask)(HERE, FLANGE, path, FLOOR, EVERY_BRANCH, Holding.row())
+    assert both == certified(path) & windowed(path)
+
+
 @given(st.integers(0, 10**6))
 @settings(max_examples=60, deadline=None)
 def test_followed_joints_are_continuous_and_stay_on_their_branch(seed):
@@ -44,9 +82,8 @@ def test_followed_joints_are_continuous_and_stay_on_their_branch(seed):
     for c in range(4):
         if not branches >> (2 * c) & 1:
             continue
-        coarse, fine = (followed(path, 2 * c, samples) for samples in (int(SAMPLES), 256))
+        coarse, fine = (followed(path, 2 * c, samples) for samples in (int(MANY), 256))
         np.testing.assert_allclose(coarse["q"], fine["q"], atol=1e-9)
-        np.testing.assert_array_equal(coarse["first"], followed(path, 2 * c, 0)["q"])
         assert (coarse["low"] >= fine["low"] - 1e-9).all()
         assert (coarse["high"] <= fine["high"] + 1e-9).all()
 
@@ -57,7 +94,7 @@ def test_joint_limits_take_branches_away():
 
     def inside(limits, mask):
         arm = mounted(replace(LIMB, joint_limits=tuple(map(tuple, limits.tolist()))))
-        found = called(within_limits)(arm, FLANGE, path, mask, Track.row())
+        found = called(in_windows)(arm, FLANGE, path, mask, Track.row())
         both = called(hold_mask)(arm, FLANGE, path, FLOOR, mask, Holding.row())
         assert both == found & certified(path)
         return found
@@ -83,4 +120,4 @@ def test_limbs_hold_only_on_branches_that_are_asked_for(mask):
     for seed in range(20):
         path = path_between(random_ends(seed), STRAIGHT)
         found = called(hold_mask)(HERE, FLANGE, path, FLOOR, mask, Holding.row())
-        assert found == certified(path) & mask
+        assert found == certified(path) & mask & windowed(path)

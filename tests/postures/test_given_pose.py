@@ -129,34 +129,35 @@ def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pos
     assert len(execution.captures) == len(plan.steps)
 
 
-def test_given_joint_angles_are_kept_with_their_windings(checked_graph, pose):
+def test_given_joint_angles_are_kept(checked_graph, pose):
     graph = checked_graph
-    joints = (
-        Planner(graph)
-        .plan(START, GOAL, "steps", start_pose=pose)
-        .unwrap()
-        .motion.joint_positions[0]
-    )
-    # A full turn is inside the limits of some joints: the winding given is the one that the plan
-    # starts with.
-    turned = joints.copy()
-    turned[:, 5] += np.where(turned[:, 5] > 0.0, -2.0 * np.pi, 2.0 * np.pi)
-    for given in (joints, turned):
-        result = Planner(graph).plan(
-            START, GOAL, "steps", start_pose=pose, start_joints=given + 1e-4
+    free = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
+    joints = free.motion.joint_positions[0]
+    how = {"start_pose": pose, "start_joints": joints + 1e-4}
+    plan = Planner(graph).plan(START, GOAL, "steps", **how).unwrap()
+    np.testing.assert_allclose(plan.motion.joint_positions[0], joints, atol=1e-6)
+    limits = graph.robot.limb.limits
+    assert (plan.motion.joint_positions >= limits[:, 0] - 1e-6).all()
+    assert (plan.motion.joint_positions <= limits[:, 1] + 1e-6).all()
+    for k, step in enumerate(plan.steps):  # while a limb holds its angles are continuous
+        motion = step_motion(graph, plan, k, 30)
+        holder = 1 - step.limb
+        assert np.abs(np.diff(motion.joint_positions[:, holder], axis=0)).max() < 0.6
+        np.testing.assert_allclose(
+            motion.joint_positions[0], plan.motion.joint_positions[k], atol=1e-6
         )
-        plan = result.unwrap()
-        np.testing.assert_allclose(plan.motion.joint_positions[0], given, atol=1e-6)
-        limits = graph.robot.limb.limits
-        assert (plan.motion.joint_positions >= limits[:, 0] - 1e-6).all()
-        assert (plan.motion.joint_positions <= limits[:, 1] + 1e-6).all()
-        for k, step in enumerate(plan.steps):  # while a limb holds its angles are continuous
-            motion = step_motion(graph, plan, k, 30)
-            holder = 1 - step.limb
-            assert np.abs(np.diff(motion.joint_positions[:, holder], axis=0)).max() < 0.6
-            np.testing.assert_allclose(
-                motion.joint_positions[0], plan.motion.joint_positions[k], atol=1e-6
-            )
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_a_joint_that_is_a_turn_off_is_told(checked_graph, pose, joint):
+    """Within the limits of the joint, but not in its window: the swings are not made for it."""
+    free = Planner(checked_graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
+    joints = free.motion.joint_positions[0].copy()
+    joints[1, joint] += -2.0 * np.pi if joints[1, joint] > 0.0 else 2.0 * np.pi
+    how = {"start_pose": pose, "start_joints": joints}
+    result = Planner(checked_graph).plan(START, GOAL, "steps", **how)
+    assert result.reason == "start infeasible"
+    assert f"joint {joint + 1} of limb 1 is at {joints[1, joint]:.4f} rad" in result.message
 
 
 def test_joint_angles_without_a_pose_belong_to_the_posture_of_the_graph(checked_graph):

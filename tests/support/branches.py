@@ -15,7 +15,7 @@ def triple(vector):
 def arm_of(limb):
     """The arm of a limb as compiled code reads it."""
     out = Arm.row()
-    set_arm(out, limb.lengths, limb.limits)
+    set_arm(out, limb.lengths, limb.windows)
     return out
 
 
