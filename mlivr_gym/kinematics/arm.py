@@ -9,15 +9,10 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.records import Record
 
-UR = 0
-"""Arms of the UR family, see `ur`."""
-
 
 class Arm(Record):
-    """An arm of six joints."""
+    """An arm of six joints of the form of the UR arms, see `ur`."""
 
-    family: int
-    """Which functions serve it."""
     d1: float
     """Length in the standard DH convention [m], as are the next five."""
     a2: float
@@ -41,14 +36,13 @@ class JointAxes(Record):
 
 
 def set_arm(arm: Arm, lengths: Array, limits: Array) -> None:
-    """Fill `arm` with an arm of the UR family.
+    """Fill `arm`.
 
     Args:
         arm: Filled.
         lengths: d1, a2, a3, d4, d5, d6 [m].
         limits: Joint limits [rad], shape (6, 2).
     """
-    arm["family"] = UR
     arm["d1"], arm["a2"], arm["a3"], arm["d4"], arm["d5"], arm["d6"] = lengths
     arm["limits"][:] = limits
     arm["full_turn"] = bool((limits[:, 1] - limits[:, 0] >= 4.0 * np.pi - 1e-9).all())
