@@ -193,3 +193,12 @@ def test_tables_of_steps_with_other_numbers_are_worked_out_anew(
     fresh = stance_graph(small_map, settings=NO_COLLISIONS)
     assert not tables_module._read(fresh, path)
     assert not fresh.complete
+
+
+def test_no_stances_have_no_postures_and_no_steps(graph, state, small_map):
+    """A map with a point for each limb and no more leaves no step."""
+    nothing = graph.postures(np.zeros((0, graph.limbs), dtype=int))
+    assert nothing.mask.shape == nothing.w_m.shape == (0, graph.limbs)
+    alone = small_map.subset(np.isin(np.arange(len(small_map)), state.stance), "alone")
+    few = stance_graph(alone, graph.robot, NO_COLLISIONS)
+    assert len(few.successors(few.state(tuple(graph.ids(state.stance)))).limb) == 0
