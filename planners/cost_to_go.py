@@ -248,10 +248,17 @@ class CostToGo:
         self.values: Array = np.where(self.is_goal, 0.0, self._held.min(axis=(1, 2)))
 
     def value(self, state: State) -> float:
-        """Cost from a state to the goal."""
+        """Cost from a state to the goal; infinity from a stance that cannot be held.
+
+        Raises:
+            StanceError: If it is no state on this map.
+        """
+        self.graph.check(state)
         if state.pose is not None:
             return self._from_given_pose(state)
         s = self.graph.find(state.stance)
+        if s < 0:
+            return np.inf
         if self.is_goal[s]:
             return 0.0
         return float(

@@ -140,6 +140,14 @@ def test_imports_run_downwards_only(path):
     assert not upward, f"{module} imports {', '.join(sorted(upward))}"
 
 
+def test_an_arm_is_asked_through_its_family_alone():
+    """A closed form can be added, or changed, without a look at what uses it."""
+    asking = {module_of(path) for path in sources() if "kinematics.ur" in imports_of(path)} - {
+        "kinematics.families"
+    }
+    assert not asking
+
+
 def test_no_circle():
     graph = networkx.DiGraph()
     for path in sources():

@@ -16,8 +16,9 @@ from mlivr_gym.collisions.distances import segment_box_distance, segments_distan
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.placing import Placed, place_in_body
 from mlivr_gym.collisions.uncompared import BODY
+from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.values import Triple, triple
+from mlivr_gym.values import LONGEST, Triple, numbers, triple
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 
 Configuration = tuple[Array, Array, Array]
@@ -44,8 +45,12 @@ class Contact:
 
 
 def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configuration) -> Array:
-    """Ends of the limbs' moving capsules in the world [m], shape (N, c, 2, 3)."""
-    position, quaternion, joints = configuration
+    """Ends of the limbs' moving capsules in the world [m], shape (N, c, 2, 3).
+
+    Raises:
+        SettingError: If the configuration is none of the robot.
+    """
+    position, quaternion, joints = _checked(robot, configuration)
     base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     out, placed = np.empty((robot.limbs, len(shapes), 2, 3)), Placed.rows(1)
     for i in range(robot.limbs):
@@ -54,6 +59,19 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
         out[i] = placed["in_body"]["ends"][0, : len(shapes)]
     ends: Array = out @ base.T + position
     return ends
+
+
+def _checked(robot: RobotSpec, configuration: Configuration) -> Configuration:
+    """A configuration of a robot, of finite numbers."""
+    position, quaternion, joints = configuration
+    turn = numbers(quaternion, (4,), "base quaternion w, x, y, z", SettingError)
+    if not np.any(turn):
+        raise SettingError("base quaternion w, x, y, z is zero; it must have length 1")
+    return (
+        numbers(position, (3,), "base position", SettingError, LONGEST),
+        turn,
+        numbers(joints, (robot.limbs, 6), "joint angles, six a limb,", SettingError),
+    )
 
 
 def contacts(
@@ -76,8 +94,11 @@ def contacts(
         clearance: Least distance [m].
         grasps: Limb, and point [m] and surface normal in the world, of each limb at a grasp: its
             gripper may come close to what lies behind.
+
+    Raises:
+        SettingError: If the configuration is none of the robot.
     """
-    shapes = _shapes(robot)
+    shapes, configuration = _shapes(robot), _checked(robot, configuration)
     ends = capsule_ends(robot, shapes, configuration)
     base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
     at_grasp = {limb: (point, normal) for limb, point, normal in grasps}

@@ -118,6 +118,7 @@ def draw_task(
     if not isinstance(task.start, State):
         raise SettingError(f"tasks draw the start {shown(task.start)}; it must be a State")
     graph.state(task.start.stance, task.start.pose)
+    graph.check(task.start)
     return Task(task.start, graph.grasp_map.check_goal(task.goal))
 
 

@@ -13,9 +13,6 @@ from mlivr_gym.compiled.records import Record
 TURN = 2.0 * np.pi
 """A whole turn [rad]."""
 
-UR = 0
-"""Arms of the UR family, see `ur`."""
-
 LIMIT_TOLERANCE = 1e-6
 """How far a joint may pass its limits [rad].
 
@@ -24,10 +21,8 @@ Postures are rounded, and a joint often lies exactly on a half turn.
 
 
 class Arm(Record):
-    """An arm of six joints."""
+    """An arm of six joints of the form of the UR arms, see `ur`."""
 
-    family: int
-    """Which functions serve it."""
     d1: float
     """Length in the standard DH convention [m], as are the next five."""
     a2: float
@@ -66,14 +61,13 @@ def in_window(angle: float, low: float) -> float:
 
 
 def set_arm(arm: Arm, lengths: Array, windows: Array) -> None:
-    """Fill `arm` with an arm of the UR family.
+    """Fill `arm`.
 
     Args:
         arm: Filled.
         lengths: d1, a2, a3, d4, d5, d6 [m].
         windows: Least and largest angle of each joint [rad], at most a turn apart, shape (6, 2).
     """
-    arm["family"] = UR
     arm["d1"], arm["a2"], arm["a3"], arm["d4"], arm["d5"], arm["d6"] = lengths
     low, high = windows.T
     arm["window"][:, 0] = low

@@ -62,14 +62,14 @@ def flange_seen(limb: MountedArm, base: Pose, flange: Pose) -> tuple[Triple, Tri
 def angles_at(
     limb: MountedArm, base: Pose, flange: Pose, branch: int, slack: float, q: Joints
 ) -> bool:
-    """Joint angles with which a limb holds a flange pose; see `arm.branch_angles`.
+    """Joint angles with which a limb holds a flange pose; see `ur.branch_angles`.
 
     Args:
         limb: The limb.
         base: Base in the world.
         flange: Flange in the world.
         branch: Branch label.
-        slack: See `arm.branch_angles`.
+        slack: See `ur.branch_angles`.
         q: Filled, shape (6,) [rad].
     """
     p, x, z = flange_seen(limb, base, flange)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.files import write_whole
-from mlivr_gym.kinematics.ur import forward_kinematics
+from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap

@@ -48,7 +48,7 @@ def relative_geometries(
     normals = np.einsum("kij,kni->knj", frames, rotations[stances[:, 1:], :, 2])
     rails = np.einsum("kij,kni->knj", frames, rotations[stances[:, 1:], :, 0])
     rows = np.rint(np.concatenate([moved, normals, rails], axis=2) / RESOLUTION).astype(np.int64)
-    rows = np.ascontiguousarray(rows.reshape(len(stances), -1))
+    rows = np.ascontiguousarray(rows.reshape(len(stances), 9 * (stances.shape[1] - 1)))
     rng = np.random.default_rng(0)
     mix = rng.integers(1, 2**62, rows.shape[1], dtype=np.int64) | 1
     with np.errstate(over="ignore"):

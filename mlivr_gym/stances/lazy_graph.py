@@ -29,7 +29,7 @@ class LazyGraph(StanceGraph):
 
         Stances that touch an obstacle or hold an occupied point cannot be held.
         """
-        stances = np.asarray(stances, dtype=np.int64).reshape(-1, self.limbs)
+        stances = self.rows_of_points(stances)
         found = super().postures(stances)
         if self.obstacles:
             self.clear_of_obstacles(np.arange(len(stances)), stances, found)

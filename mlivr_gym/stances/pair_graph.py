@@ -204,13 +204,14 @@ class PairGraph(StanceGraph):
 
     def find(self, stance: Sequence[int]) -> int:
         """Index of a stance given by point indices, or -1 if it is no node."""
+        self.check_stance(stance)
         key = stance[0] * len(self.grasp_map) + stance[1]
         k = int(np.searchsorted(self._keys, key))
         return k if k < len(self._keys) and self._keys[k] == key else -1
 
     def posture(self, stance: Sequence[int]) -> Postures:
         """Posture of one stance given by point indices, every array with a leading 1."""
-        s = self.find((stance[0], stance[1]))
+        s = self.find(stance)
         return super().posture(stance) if s < 0 else self.node_postures(slice(s, s + 1))
 
     def postures_of(self, states: Sequence[State]) -> Postures:
@@ -274,7 +275,11 @@ class PairGraph(StanceGraph):
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
         """The state after the step to a neighbouring stance, None if there is no such step."""
-        limb, steps = moving_limb(state.stance, after), self.successors(state)
+        steps = self.successors(state)
+        self.check_stance(after)
+        if after == state.stance:
+            return None
+        limb = moving_limb(state.stance, after)
         k = steps.find(limb, after[limb])
         return None if k < 0 else steps.after(state, k)
 
@@ -318,6 +323,7 @@ class PairGraph(StanceGraph):
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
+        self.check(state)
         if state.pose is not None:
             return super().successors(state)
         s = self.find(state.stance)

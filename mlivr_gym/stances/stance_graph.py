@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
-from mlivr_gym.errors import MapError, RobotError, StanceError
+from mlivr_gym.errors import MapError, RobotError, StanceError, shown
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.postures.given_pose import (
@@ -30,7 +30,7 @@ from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.checked_steps import CheckedSteps, join
-from mlivr_gym.transitions.state import State, Successors
+from mlivr_gym.transitions.state import State, Successors, check_numbers, check_state
 from mlivr_gym.world.grasp_map import GraspMap
 
 MOST_PAIRS = 2_000_000
@@ -121,11 +121,46 @@ class StanceGraph(CheckedSteps):
         return tuple(self.grasp_map.ids[p] for p in stance)
 
     def postures(self, stances: IntArray) -> Postures:
-        """Postures of stances, shape (k, N), feasible or not."""
-        return self.solver.solve(np.asarray(stances, dtype=np.int64).reshape(-1, self.limbs))
+        """Postures of stances, shape (k, N), feasible or not.
+
+        Raises:
+            StanceError: If they are not point indices in rows of N.
+        """
+        return self.solver.solve(self.rows_of_points(stances))
+
+    def rows_of_points(self, stances: Any) -> IntArray:
+        """Stances as point indices, shape (k, N); refuses others, see `postures`."""
+        m = len(self.grasp_map)
+        try:
+            rows = np.asarray(stances)
+        except ValueError:  # rows of different lengths
+            rows = np.zeros(0)
+        inside = rows.dtype.kind in "iu" and rows.shape[1:] == (self.limbs,)
+        if not inside or not ((rows >= 0) & (rows < m)).all():
+            raise StanceError(
+                f"stances {shown(stances)} must be rows of {self.limbs} point indices "
+                f"from 0 to {m - 1}"
+            )
+        return rows.astype(np.int64)
+
+    def check(self, state: State) -> None:
+        """Refuse what is no state on this map.
+
+        Raises:
+            StanceError: If its stance or masks are not numbers of points and branches.
+            SettingError: If it has a pose that is none.
+        """
+        check_state(state, self.limbs, len(self.grasp_map))
+        if state.pose is not None:
+            given_pose(state.pose)
+
+    def check_stance(self, stance: Sequence[int]) -> None:
+        """Refuse what is not a point index for each limb, as `check` does."""
+        check_numbers(stance, self.limbs, len(self.grasp_map) - 1, "stance")
 
     def posture(self, stance: Sequence[int]) -> Postures:
         """Posture of one stance given by point indices, every array with a leading 1."""
+        self.check_stance(stance)
         return self.postures(np.array([stance], dtype=np.int64))
 
     def is_node(self, postures: Postures) -> BoolArray:
@@ -135,6 +170,7 @@ class StanceGraph(CheckedSteps):
 
     def posture_of(self, state: State) -> Postures:
         """Posture in which a robot stands in a state: that of its stance, or a given one."""
+        self.check(state)
         if state.pose is None:
             return self.posture(state.stance)
         return self._posture_at(state.stance, state.pose)
@@ -285,6 +321,7 @@ class StanceGraph(CheckedSteps):
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
+        self.check(state)
         limb, point, postures = self.candidates(state.stance)
         stances = np.tile(np.array(state.stance, dtype=np.int64), (len(limb), 1))
         stances[np.arange(len(limb)), limb] = point
@@ -295,6 +332,8 @@ class StanceGraph(CheckedSteps):
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
         """The state after the step to a neighbouring stance, None if there is no such step."""
         both = join(self.posture_of(state), self.posture(after))
+        if after == state.stance:
+            return None
         return self.transition(state, after, both) if self.is_node(both).all() else None
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:

@@ -14,13 +14,14 @@ import zlib
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym._version import __version__
 from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
 from mlivr_gym.compiled.cache import cache_folder, source_digest
 from mlivr_gym.errors import SettingError
 from mlivr_gym.files import FileError, write_whole
@@ -185,6 +186,18 @@ def _write(graph: PairGraph, path: Path) -> None:
         return
 
 
+def _looked_up_safely(found: dict[str, Any], folds: int) -> bool:
+    """Whether all in a file by which compiled code looks things up is what that can be."""
+    edges, released = found["edges"], found["released"]
+    bounds = (
+        (edges["fold_on_line"], -1, folds), (edges["fold_on_arc"], -1, folds),
+        (edges["pair"], -1, BRANCHES * BRANCHES), (released["root"], 0, folds),
+        (released["via"], 0, folds), (released["branches"], 0, ALL + 1),
+        (found["mask"], 0, ALL + 1),
+    )  # fmt: skip
+    return all(bool(((low <= a) & (a < end)).all()) for a, low, end in bounds)
+
+
 def _read(graph: PairGraph, path: Path) -> bool:
     """Fill a graph from the cache, with a warning if the file is old; False if none can be used."""
     steps = graph.steps
@@ -207,9 +220,13 @@ def _read(graph: PairGraph, path: Path) -> bool:
     except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         return False
     if not np.array_equal(found["points"], graph.points) or any(
-        found[k].shape != a.shape or found[k].dtype.itemsize != a.dtype.itemsize
+        found[k].shape != a.shape
+        or found[k].dtype.itemsize != a.dtype.itemsize
+        or found[k].dtype.names != a.dtype.names
         for k, a in into.items()
     ):
+        return False
+    if not _looked_up_safely(found, len(graph.robot.folds)):
         return False
     for name, array in into.items():
         array[:] = found[name]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import ALL
+from mlivr_gym.errors import StanceError, shown
 
 
 class State(NamedTuple):
@@ -67,3 +69,28 @@ class Successors(NamedTuple):
 def moving_limb(before: tuple[int, ...], after: tuple[int, ...]) -> int:
     """The limb that moves on a step from one stance to another, the first that differs."""
     return next(i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b)
+
+
+def check_numbers(given: Any, count: int, most: int, what: str) -> None:
+    """Refuse what is not one whole number a limb, from 0 to `most`.
+
+    Compiled code looks things up by them.
+
+    Raises:
+        StanceError: naming what was given and what is taken.
+    """
+    if isinstance(given, (tuple, list, np.ndarray)) and len(given) == count:
+        for k in given:
+            if not isinstance(k, (int, np.integer)) or not 0 <= k <= most:
+                break
+        else:
+            return
+    raise StanceError(
+        f"{what} {shown(given)} must be {count} whole numbers from 0 to {most}, one a limb"
+    )
+
+
+def check_state(state: State, limbs: int, points: int) -> None:
+    """Refuse a state of other limbs or points; see `check_numbers`."""
+    check_numbers(state.stance, limbs, points - 1, "stance")
+    check_numbers(state.masks, limbs, ALL, "masks")

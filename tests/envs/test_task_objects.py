@@ -156,6 +156,15 @@ def test_faulty_tasks_are_refused(small_map, shuttle):
     for start, error, words in (
         (state._replace(stance=(state.stance[0],) * 2), StanceError, "0.000 m apart"),
         (state._replace(stance=(0, len(small_map) - 1)), StanceError, "spans"),
+        (state._replace(stance=(-1, state.stance[1])), StanceError, "unknown graspable point -1"),
+        (
+            state._replace(stance=tuple(small_map.ids[p] for p in state.stance)),
+            StanceError,
+            "whole numbers from 0",
+        ),
+        (state._replace(masks=(2**70, 1)), StanceError, "whole numbers from 0 to 65535"),
+        (state._replace(masks=(float("nan"), 1)), StanceError, "whole numbers from 0 to 65535"),
+        (state._replace(masks=(1,)), StanceError, "must be 2 whole numbers"),
         (state.stance, SettingError, "must be a State"),
     ):
         env.tasks = Fixed(Task(start, np.array(good)))

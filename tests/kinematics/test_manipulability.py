@@ -5,7 +5,7 @@ from compiled import called
 from oracle import flange, pinocchio_arm
 
 from mlivr_gym import Limb, robot_spec
-from mlivr_gym.kinematics.limb import MountedArm
+from mlivr_gym.collisions import limb_shapes
 from mlivr_gym.kinematics.manipulability import (
     Inversion,
     base_manipulability,
@@ -25,7 +25,7 @@ ARM, ARM_ROW = pinocchio_arm(LIMB), arm_of(LIMB)
 
 def information(robot, i, pose, branch, l_c):
     """`K^-1` of a limb of a robot."""
-    limb, out = MountedArm.row(), np.full((6, 6), np.nan)
+    limb, out = limb_shapes.Limb.row(), np.full((6, 6), np.nan)
     limb["mount"] = pose_row(robot.mount_positions[i], robot.mount_rotations[i])
     limb["arm"] = ARM_ROW
     p, z = triple(pose[:3, 3]), triple(pose[:3, 2])

@@ -5,8 +5,8 @@ from branches import arm_of
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, robot_spec
+from mlivr_gym.collisions import limb_shapes
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
-from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.kinematics.poses import pose
 
 ROBOT = robot_spec("mlivr2")
@@ -34,8 +34,12 @@ EVERY_BRANCH = 0xFFFF
 
 
 def mounted(limb=LIMB):
-    """The first limb of the robot, with the arm of `limb`, as compiled code reads it."""
-    out = MountedArm.row()
+    """The first limb of the robot, with the arm of `limb`, as compiled code reads it.
+
+    It is a limb with shapes, as in the program: what was compiled for less serves those with a
+    warning, and warnings are errors here.
+    """
+    out = limb_shapes.Limb.row()
     out["mount"] = pose(ORIGIN, MOUNT)
     out["arm"] = arm_of(limb)
     return out

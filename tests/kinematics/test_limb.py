@@ -1,0 +1,134 @@
+"""A limb's joint angles in the world against forward kinematics."""
+
+import numpy as np
+import pytest
+from branches import solutions
+from compiled import called
+from held_paths import MOUNT, ORIGIN, mounted, random_ends
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Limb, robot_spec
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.kinematics.base_path import ARC, base_path, base_poses
+from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.kinematics.limb import Angles, all_angles_at, flange_seen, wrap
+from mlivr_gym.kinematics.path_following import joints_along, poses
+from mlivr_gym.kinematics.poses import pose
+
+LIMB = Limb()
+ROBOT = LimbShapes(robot_spec("mlivr2"))
+
+
+def flange_in_world(base, spec, i, q):
+    """Position and rotation of the flange of limb `i`, of a base position and rotation."""
+    place, axes = base
+    frame = forward_kinematics(q, spec.limb.lengths)[6]
+    mount, origin = spec.mount_rotations[i], spec.mount_positions[i]
+    return (
+        place + axes @ (origin + mount @ frame[:3, 3]),
+        axes @ mount @ frame[:3, :3],
+    )
+
+
+@given(st.floats(-1e3, 1e3))
+@settings(deadline=None)
+def test_a_wrapped_angle_is_the_same_one_within_half_a_turn(angle):
+    found = called(wrap)(angle)
+    assert abs(found) <= np.pi + 1e-9
+    assert np.exp(1j * found) == pytest.approx(np.exp(1j * angle), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_flange_is_seen_as_matrices_say(seed):
+    place, axes, flange_place, flange_axes = random_ends(seed)
+    p, x, z = called(flange_seen)(mounted(), pose(place, axes), pose(flange_place, flange_axes))
+    turn = axes @ MOUNT
+    np.testing.assert_allclose(p, turn.T @ (flange_place - place - axes @ ORIGIN), atol=1e-12)
+    np.testing.assert_allclose(np.stack([x, z], 1), turn.T @ flange_axes[:, [0, 2]], atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("i", [0, 1])
+def test_angles_of_all_branches_reach_the_flange_where_there_are_some(seed, i):
+    rng, spec = np.random.default_rng(seed), robot_spec("mlivr2")
+    base = random_ends(seed)[:2]
+    q = rng.uniform(-np.pi, np.pi, 6)
+    place, axes = flange_in_world(base, spec, i, q)
+    out = Angles.rows(8)
+    all_angles_at(ROBOT.rows, i, pose(*base), pose(place, axes), out)
+    frame = forward_kinematics(q, LIMB.lengths)[6]
+    mask, _ = solutions(mounted()["arm"], frame[:3, 3], frame[:3, :3])
+    off = []
+    for branch in range(8):
+        found = out[branch]["q"]
+        assert np.isnan(found).all() != bool(mask >> branch & 1)
+        if mask >> branch & 1:
+            assert (found >= LIMB.windows[:, 0] - 1e-5).all()
+            assert (found <= LIMB.windows[:, 1]).all()
+            there, turned = flange_in_world(base, spec, i, found)
+            np.testing.assert_allclose(there, place, atol=1e-7)
+            np.testing.assert_allclose(turned, axes, atol=1e-7)
+            off.append(np.abs(np.exp(1j * found) - np.exp(1j * q)).max())
+    assert min(off) < 1e-6
+
+
+@pytest.mark.parametrize("turns", [0, 1, -2])
+@pytest.mark.parametrize("flip", [0, 1])
+def test_angles_along_a_path_reach_the_flange_and_go_on_from_the_reference(turns, flip):
+    """On the windings of the reference, the tool half a turn off where it is there."""
+    spec, start = robot_spec("mlivr2"), np.array([0.3, -1.1, 1.4, 0.2, 0.9, -2.0])
+    first = (np.zeros(3), np.eye(3))
+    place, axes = flange_in_world(first, spec, 1, start)
+    last = (np.array([0.05, -0.1, 0.08]), Rotation.from_rotvec([0.1, 0.2, -0.1]).as_matrix())
+    path = base_path(pose(*first), pose(*last), ARC, place)
+    positions, rotations = base_poses(path, np.linspace(0.0, 1.0, 25))
+    mask, branches = solutions(mounted()["arm"], *_split(forward_kinematics(start, LIMB.lengths)))
+    there = [b for b in range(8) if mask >> b & 1]
+    branch = min(there, key=lambda b: np.abs(np.exp(1j * branches[b]) - np.exp(1j * start)).max())
+    reference, out = Angles.row(), Angles.rows(25)
+    reference["q"] = start + 2.0 * np.pi * turns
+    reference["q"][5] += np.pi * flip
+    bases, flanges = poses(positions, rotations), poses(place[None], axes[None])
+    assert joints_along(ROBOT.rows, 1, bases, flanges, branch, reference, out) == 25
+    np.testing.assert_allclose(out["q"][0], reference["q"], atol=1e-9)
+    assert np.abs(np.diff(out["q"], axis=0)).max() < 0.1
+    half_turn = np.diag([(-1.0) ** flip, (-1.0) ** flip, 1.0])
+    for k in range(25):
+        found = flange_in_world((positions[k], rotations[k]), spec, 1, out["q"][k])
+        np.testing.assert_allclose(found[0], place, atol=1e-9)
+        np.testing.assert_allclose(found[1], axes @ half_turn, atol=1e-9)
+
+
+def test_a_joint_goes_on_where_the_flange_makes_whole_turns():
+    """The flange turns three times about its axis, and joint 6 with it."""
+    spec, start = robot_spec("mlivr2"), np.array([0.3, -1.1, 1.4, 0.2, 0.9, -2.0])
+    first, turns = (np.zeros(3), np.eye(3)), np.linspace(0.0, 6.0 * np.pi, 61)
+    place, axes = flange_in_world(first, spec, 0, start)
+    about = Rotation.from_rotvec(turns[:, None] * [0.0, 0.0, 1.0]).as_matrix()
+    flanges, reference = poses(np.tile(place, (61, 1)), axes @ about), Angles.row()
+    reference["q"] = start
+    branches, out = Angles.rows(8), Angles.rows(61)
+    all_angles_at(ROBOT.rows, 0, pose(*first), flanges[0], branches)
+    off = np.abs(np.exp(1j * branches["q"]) - np.exp(1j * start)).max(axis=1)
+    branch = int(np.nanargmin(off))
+    bases = poses(first[0][None], first[1][None])
+    assert joints_along(ROBOT.rows, 0, bases, flanges, branch, reference, out) == 61
+    np.testing.assert_allclose(out["q"], start + turns[:, None] * np.eye(6)[5], atol=1e-9)
+
+
+def test_poses_out_of_reach_are_counted_out():
+    far = poses(np.array([[0.0, 0, 0], [9.0, 0, 0]]), np.array([np.eye(3)] * 2))
+    spec, start = robot_spec("mlivr2"), np.array([0.3, -1.1, 1.4, 0.2, 0.9, -2.0])
+    place, axes = flange_in_world((np.zeros(3), np.eye(3)), spec, 0, start)
+    reference, out, all_out = Angles.row(), Angles.rows(2), Angles.rows(8)
+    reference["q"] = start
+    flanges = poses(place[None], axes[None])
+    all_angles_at(ROBOT.rows, 0, far[0], flanges[0], all_out)
+    branch = int(np.nanargmin(np.abs(np.exp(1j * all_out["q"]) - np.exp(1j * start)).max(axis=1)))
+    assert joints_along(ROBOT.rows, 0, far, flanges, branch, reference, out) == 1
+
+
+def _split(frames):
+    return frames[6, :3, 3], frames[6, :3, :3]

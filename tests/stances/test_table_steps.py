@@ -1,0 +1,98 @@
+"""Steps in tables of any content against loops over lists of Python."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym.stances.step_tables import StepTables
+from mlivr_gym.stances.table_steps import (
+    any_step,
+    find_step,
+    legal_actions,
+    legal_positions,
+    steps_of_state,
+)
+
+POINTS = 6
+
+
+def random_tables(rng):
+    """Steps between every two stances that share a point, some left out; few bits in the masks."""
+    points = [(a, b) for a in range(POINTS) for b in range(POINTS) if a != b]
+    points = [points[k] for k in sorted(rng.choice(len(points), 18, replace=False))]
+    n, start, after, kept = len(points), [0], [], []
+    for s in range(n):
+        for moving in range(2):
+            for s2 in sorted(range(n), key=lambda s2, j=moving: points[s2][j]):
+                same = points[s2][1 - moving] == points[s][1 - moving]
+                if s2 != s and same and rng.random() < 0.7:
+                    after.append(s2)
+                    kept.append(int(rng.integers(1, 8)))
+            start.append(len(after))
+    return StepTables(
+        np.array(points, dtype=np.int32), rng.normal(size=(n, 3)),
+        rng.integers(0, 8, (n, 2)).astype(np.int32), rng.integers(0, 8, (n, 2)).astype(np.int32),
+        np.array(start), np.array(after, dtype=np.int32), np.array(kept, dtype=np.int32),
+    )  # fmt: skip
+
+
+def plain_steps(tables, s, masks):
+    """Limb, index of the step, stance after it, and what the other limb keeps."""
+    out = []
+    for moving in range(2):
+        if not masks[moving] & tables.releasable[s, moving]:
+            continue
+        for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
+            kept = int(masks[1 - moving] & tables.kept[e])
+            if kept:
+                out.append((moving, e, int(tables.after[e]), kept))
+    return out
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_steps_that_leave_a_state(seed):
+    rng = np.random.default_rng(seed)
+    tables = random_tables(rng)
+    for s in range(len(tables.points)):
+        masks = rng.integers(0, 8, 2).tolist()
+        truth = plain_steps(tables, s, masks)
+        steps, kept = np.zeros(40, dtype=np.int64), np.zeros(40, dtype=np.int64)
+        first, count = steps_of_state(s, *masks, tables, steps, kept)
+        assert first == sum(moving == 0 for moving, *_ in truth)
+        assert steps[:count].tolist() == [e for _, e, _, _ in truth]
+        assert kept[:count].tolist() == [mask for *_, mask in truth]
+        assert any_step(s, *masks, tables) == bool(truth)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_actions_and_where_they_lead(seed):
+    rng = np.random.default_rng(seed)
+    tables, k = random_tables(rng), 30
+    stances, masks = rng.integers(0, len(tables.points), k), rng.integers(0, 8, (k, 2))
+    actions = np.zeros((k, 2 * POINTS), dtype=np.int8)
+    legal_actions(stances, masks, tables, actions)
+    legal, again = np.zeros((2, k, 2, POINTS), dtype=np.int8)
+    position = np.zeros((k, 2, POINTS, 3))
+    legal_positions(stances, masks, tables, legal, position, again)
+    expected = np.zeros((2, k, 2, POINTS), dtype=np.int8)
+    places = np.zeros_like(position)
+    for i in range(k):
+        for moving, _, s2, kept in plain_steps(tables, stances[i], masks[i]):
+            point = tables.points[s2, moving]
+            expected[0, i, moving, point] = 1
+            expected[1, i, moving, point] = bool(kept & tables.releasable[s2, 1 - moving])
+            places[i, moving, point] = tables.base_in_world[s2]
+    np.testing.assert_array_equal(actions.reshape(k, 2, POINTS), expected[0])
+    np.testing.assert_array_equal(legal, expected[0])
+    np.testing.assert_array_equal(again, expected[1])
+    np.testing.assert_array_equal(position, places)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_step_is_found_by_where_it_leads(seed):
+    tables = random_tables(np.random.default_rng(seed))
+    for s in range(len(tables.points)):
+        for moving in range(2):
+            here = range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1])
+            for s2 in range(len(tables.points)):
+                truth = next((e for e in here if tables.after[e] == s2), -1)
+                assert find_step(s, moving, s2, tables) == truth
