@@ -11,11 +11,11 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.paper import default_setup
 from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.schema import Place, Whole
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.values import whole
 from mlivr_gym.world.boxes import Box, load_obstacles
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
@@ -235,7 +235,7 @@ def check_counts(args: argparse.Namespace) -> None:
     ):
         value = getattr(args, name, None)
         if value is not None:
-            whole(value, f"--{name}", SettingError, least, most)
+            Whole(least, most).read(value, Place(f"--{name}", SettingError))
 
 
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
