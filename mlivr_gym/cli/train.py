@@ -66,7 +66,8 @@ def run(args: argparse.Namespace) -> int:
     """Train a policy and write its checkpoint."""
     check_counts(args)
     need("torch", "stable_baselines3", "sb3_contrib", extra="agents")
-    from mlivr_gym.agents.training import hyperparameters, train
+    from mlivr_gym.agents.hyperparameters import hyperparameters
+    from mlivr_gym.agents.training import train
 
     settings = hyperparameters(args.method, args.hyperparameters)
     bars: dict[str, Callable[[int, int, str], None]] = {}
