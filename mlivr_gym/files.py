@@ -41,10 +41,11 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         os.umask(umask)
         os.chmod(name, 0o666 & ~umask)
         os.replace(name, target)
-    except OSError as error:
+    except (OSError, ValueError) as error:  # such as a null character in the name
         if name is not None:
             Path(name).unlink(missing_ok=True)
-        raise FileError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+        reason = error.strerror if isinstance(error, OSError) else None
+        raise FileError(f"cannot write {str(path)!r}: {reason or error}") from None
 
 
 def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) -> dict[str, Any]:

@@ -226,6 +226,26 @@ def fits_a_picture(size: tuple[int, int]) -> bool:
     return min(size) >= SMALLEST_PICTURE and max(size) <= LARGEST_PICTURE
 
 
+def refuse_ignored(args: argparse.Namespace, chosen: str, taken: tuple[str, ...]) -> None:
+    """Refuse arguments of world, obstacles and query that what was chosen decides itself.
+
+    Args:
+        args: All arguments.
+        chosen: The argument that decides.
+        taken: Arguments that have a meaning beside it.
+
+    Raises:
+        SettingError: naming one that would have no effect.
+    """
+    for parser in (world_arguments(), obstacle_arguments(), query_arguments()):
+        for name, default in vars(parser.parse_args([])).items():
+            if name not in taken and getattr(args, name, default) != default:
+                raise SettingError(
+                    f"--{name.replace('_', '-')} has no effect beside --{chosen}, "
+                    "which decides it; leave it out"
+                )
+
+
 def check_counts(args: argparse.Namespace) -> None:
     """Refuse a seed, a number of episodes or a width of a beam that cannot be."""
     for name, least, most in (
