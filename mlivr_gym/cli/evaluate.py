@@ -151,7 +151,8 @@ def make_acting(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None
     checkpoint = Path(name).name and os.path.isfile(Path(name).with_suffix(".pt"))
     if name != "pretrained" and not checkpoint:
         raise SettingError(
-            f"policy is {shown(name)}; it must be pretrained, a checkpoint, or {', '.join(PLANNERS)}"
+            f"policy is {shown(name)}; it must be pretrained, a checkpoint, or "
+            f"{', '.join(PLANNERS)}"
         )
     need("torch", "stable_baselines3", "sb3_contrib", extra="agents")
     from mlivr_gym.agents.learned import beam_policy, load_policy

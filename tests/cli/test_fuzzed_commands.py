@@ -177,7 +177,7 @@ def check(given, folder):
 
 @pytest.mark.parametrize("command", COMMANDS)
 @given(st.data())
-@few(0.05)
+@few(0.04)
 def test_whatever_is_typed_ends_as_documented(quick, originals, command, data):
     given = data.draw(lines(command))
     with tempfile.TemporaryDirectory() as folder:
@@ -186,7 +186,7 @@ def test_whatever_is_typed_ends_as_documented(quick, originals, command, data):
 
 
 @given(mutated(RAILS), mutated(ROBOT), mutated(OBSTACLES), st.sampled_from(["plan", "info"]))
-@few(0.1)
+@few(0.07)
 def test_whatever_is_in_the_files_ends_as_documented(
     quick, originals, world, robot, boxes, command
 ):
@@ -199,7 +199,7 @@ def test_whatever_is_in_the_files_ends_as_documented(
 
 
 @given(st.data())
-@few(0.05)
+@few(0.03)
 def test_whatever_is_in_a_plan_ends_as_documented(quick, originals, ladder_plan, data):
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
