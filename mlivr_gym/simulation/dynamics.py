@@ -116,7 +116,8 @@ PHYSICS = Record(
     {
         field.name: Flag() if field.name in SWITCHES else Tuples((), 1e-12, 1e12)
         for field in fields(Physics)
-    },
+    }
+    | {"timestep": Tuples((), 1e-5, 0.1, "s")},
 )
 """Fields of `Physics`."""
 
