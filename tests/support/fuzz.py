@@ -12,7 +12,10 @@ from hypothesis import strategies as st
 
 from mlivr_gym import MlivrError
 
-EXAMPLES = int(os.environ.get("MLIVR_GYM_FUZZ", "600"))
+VARIABLE = "MLIVR_GYM_FUZZ"
+"""Environment variable that asks for a number of examples, others in each run."""
+
+EXAMPLES = int(os.environ.get(VARIABLE, "600"))
 """Examples in all; the tests share them."""
 
 MOST_SECONDS, MOST_BYTES = 20.0, 6 << 30
@@ -31,6 +34,7 @@ def few(share):
     return settings(
         max_examples=max(round(share * EXAMPLES), 1),
         deadline=None,
+        derandomize=VARIABLE not in os.environ,
         suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
     )
 
