@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from mlivr_gym.agents.features import TableFeatures, reach_of_points
+from mlivr_gym.agents.hyperparameters import ImitationSettings
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
 from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
@@ -29,47 +29,6 @@ from mlivr_gym.envs.observations import observations, stance_observations
 from mlivr_gym.envs.rewards import StepReward
 from mlivr_gym.planners.table_values import TableValues
 from mlivr_gym.stances.step_tables import StepTables, without_points
-
-
-@dataclass(frozen=True)
-class ImitationSettings:
-    """How a policy imitates the planner.
-
-    Attributes:
-        rounds: Times that data are gathered and learnt from; in the first the expert walks, in the
-            others the policy (behaviour cloning: the expert in all).
-        dagger: Whether the policy walks after the first round.
-        layouts: Layouts of the points in a round.
-        goals: Goals on each layout.
-        walks: Walks to each goal.
-        longest: Most steps of a walk.
-        most_removed: Largest share of the points taken out of a layout; every third layout has all
-            of them.
-        noise: Share of random possible actions on walks.
-        updates: Gradient steps in a round.
-        batch: States in a gradient step.
-        learning_rate: Largest rate of Adam; it falls to a tenth by a cosine.
-        averaging: Share that the average of the weights, which is kept in the end, keeps of itself
-            in a gradient step.
-        value_weight: Weight of the error of the value in the loss.
-        discount: Discount of that value.
-    """
-
-    rounds: int = 8
-    dagger: bool = True
-    layouts: int = 9
-    goals: int = 12
-    walks: int = 10
-    longest: int = 14
-    most_removed: float = 0.6
-    noise: float = 0.05
-    updates: int = 300
-    batch: int = 256
-    learning_rate: float = 1e-3
-    averaging: float = 0.997
-    value_weight: float = 0.02
-    discount: float = 0.99
-
 
 SAME_GOAL = 0.01
 """Goals nearer than this to one that is held out are not learnt from [m]."""

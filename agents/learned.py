@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from mlivr_gym.agents.features import env_features
+from mlivr_gym.agents.hyperparameters import SIZES
 from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
 from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.arrays import BoolArray
@@ -18,12 +19,17 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.files import read_json, write_whole
+from mlivr_gym.files import load, write_whole
+from mlivr_gym.schema import Anything, Choice, Fields, Place
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.transitions.state import State
 
 PRETRAINED = "pointer"
 """Name of the checkpoint that ships with the package, in `envs_assets`."""
+
+
+CHECKPOINT = Fields({"network": Choice(tuple(SIZES.optional)), "sizes": Anything()}, others=True)
+"""What loading needs of a checkpoint's configuration; the rest tells of the training."""
 
 
 class CheckpointError(MlivrError):
@@ -172,17 +178,23 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
     """
     file = asset_path(PRETRAINED) if str(path) == "pretrained" else Path(path)
     try:
-        config = read_json(file.with_suffix(".json"), "checkpoint", MlivrError)
-        check_rules(
-            f"checkpoint {str(path)!r}", config.get("rules"), "train it anew", CheckpointError
-        )
+        config = load(file.with_suffix(".json"), "checkpoint", CheckpointError, _configuration)
         weights = torch.load(file.with_suffix(".pt"), map_location="cpu", weights_only=True)
         policy = make_policy(env, config["network"], config["sizes"])
         policy.load_state_dict(weights)
-    except (SettingError, CheckpointError):
+    except CheckpointError:
         raise
     except Exception as error:  # torch raises many kinds
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise CheckpointError(f"cannot use checkpoint {str(path)!r}: {reason}") from None
     policy.set_training_mode(False)
     return LearnedPolicy(policy, config["network"], config)
+
+
+def _configuration(data: dict[str, Any]) -> dict[str, Any]:
+    """The configuration of a checkpoint, what loading needs of it checked."""
+    check_rules("it", data.get("rules"), "train it anew", CheckpointError)
+    config = CHECKPOINT.read(data, Place("", CheckpointError))
+    network = config["network"]
+    sizes = SIZES.read({network: config["sizes"]}, Place("sizes", CheckpointError))
+    return config | {"sizes": sizes[network]}

@@ -14,10 +14,24 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.files import read_json, write_whole
+from mlivr_gym.files import load, write_whole
 from mlivr_gym.planners import Planner
+from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.schema import (
+    NAME,
+    Anything,
+    Choice,
+    Fields,
+    Listed,
+    Maybe,
+    Place,
+    Tuples,
+    Whole,
+)
 from mlivr_gym.settings import GRAPH_RULES, check_rules
+from mlivr_gym.values import LONGEST, MOST_POINTS
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
+from mlivr_gym.world.map_entries import SPACING
 
 SPLITS = ("same", "half", "dense", "occupied")
 """The map of the training, half of its points, points every 0.1 m, and a fifth of them occupied."""
@@ -27,6 +41,34 @@ FAR = 2.0
 
 OCCUPIED = 0.2
 """Share of the points that are occupied in the last split."""
+
+
+TASK = Fields(
+    {
+        "start": Listed(NAME, 2, MOST_LIMBS),
+        "goal": Tuples((3,), most=LONGEST, unit="m"),
+        "occupied": Listed(NAME, most=MOST_POINTS),
+    }
+)
+"""A task of a test set."""
+
+TEST_SET = Fields(
+    {
+        "seed": Whole(0, 1 << 63),
+        "rules": Anything(),
+        "worlds": Listed(
+            Fields(
+                {
+                    "split": Choice(SPLITS),
+                    "spacing": SPACING,
+                    "sparse_seed": Maybe(Whole(0, 1 << 63)),
+                    "tasks": Listed(TASK),
+                }
+            )
+        ),
+    }
+)
+"""A file of a test set."""
 
 
 class World(NamedTuple):
@@ -53,25 +95,15 @@ def load_test_set(path: str | Path | None = None) -> list[World]:
             stance graph.
     """
     file = asset_path("test_set.json") if path is None else Path(path)
-    data = read_json(file, "test set", MlivrError)
-    try:
-        rules = data.get("rules")
-        worlds = [
-            World(
-                w["split"],
-                w["spacing"],
-                w["sparse_seed"],
-                tuple(
-                    Task(tuple(t["start"]), tuple(t["goal"]), tuple(t["occupied"]))
-                    for t in w["tasks"]
-                ),
-            )
-            for w in data["worlds"]
+
+    def build(data: dict[str, Any]) -> list[World]:
+        check_rules("it", data.get("rules"), "draw it anew with freeze_test_set")
+        return [
+            World(**{**world, "tasks": tuple(Task(**task) for task in world["tasks"])})
+            for world in TEST_SET.read(data, Place("", MlivrError))["worlds"]
         ]
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise MlivrError(f"cannot read test set {str(file)!r}: {error}") from None
-    check_rules(f"test set {str(file)!r}", rules, "draw it anew with freeze_test_set")
-    return worlds
+
+    return load(file, "test set", MlivrError, build)
 
 
 def held_out_goals() -> Array:

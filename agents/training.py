@@ -1,7 +1,4 @@
-"""Training of the policies: behaviour cloning, DAgger, masked PPO, and PPO from a checkpoint.
-
-Hyperparameters are data: `envs_assets/training.json`.
-"""
+"""Training of the policies: behaviour cloning, DAgger, masked PPO, and PPO from a checkpoint."""
 
 from __future__ import annotations
 
@@ -17,38 +14,22 @@ import numpy as np
 import torch
 
 from mlivr_gym import __version__
-from mlivr_gym.agents.imitation import Imitation, ImitationSettings
+from mlivr_gym.agents.hyperparameters import (
+    METHODS,
+    ImitationSettings,
+    checked,
+    hyperparameters,
+)
+from mlivr_gym.agents.imitation import Imitation
 from mlivr_gym.agents.learned import LearnedPolicy, load_policy, save_policy
 from mlivr_gym.agents.networks import make_policy, policy_class
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.agents.test_set import held_out_goals
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import SettingError, choice, shown
-from mlivr_gym.files import read_json
-
-METHODS = ("bc", "dagger", "ppo", "finetune")
-"""Names of the training methods; `finetune` is PPO in small steps from a checkpoint."""
+from mlivr_gym.errors import SettingError, choice
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
 """Called with the phase, the steps done, the steps in all and figures."""
-
-
-def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, Any]:
-    """Hyperparameters of a method from a JSON file, by default the one that ships with the package.
-
-    Raises:
-        SettingError: If the file cannot be read or lacks the method.
-    """
-    choice("method", method, METHODS)
-    file = asset_path("training.json") if path is None else Path(path)
-    data = read_json(file, "hyperparameters", SettingError)
-    for name in (method, "networks"):
-        if not isinstance(data.get(name), dict):
-            raise SettingError(
-                f"hyperparameters {str(file)!r} have no object {name!r}: {shown(data.get(name))}"
-            )
-    return {**data[method], "networks": data["networks"]}
 
 
 def train(
@@ -86,7 +67,7 @@ def train(
         KeyboardInterrupt: If it is interrupted; `out` then holds what was learned so far.
     """
     choice("method", method, METHODS)
-    settings = hyperparameters(method) if settings is None else settings
+    settings = hyperparameters(method) if settings is None else checked(settings)
     if method == "finetune" and init is None:
         raise SettingError("method 'finetune' needs a checkpoint to start from")
     request = _Request(method, network, seed, dict(env_arguments or {}), settings, init, command)

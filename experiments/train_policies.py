@@ -17,7 +17,8 @@ from typing import Any
 import torch
 from tqdm import tqdm
 
-from mlivr_gym.agents.training import hyperparameters, train
+from mlivr_gym.agents.hyperparameters import hyperparameters
+from mlivr_gym.agents.training import train
 
 RUNS = (
     "dagger-pointer",

@@ -6,7 +6,8 @@ import mlivr_gym._headless  # noqa: F401
 from mlivr_gym._version import __version__
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.specification import Limb, RobotSpec, robot_spec
+from mlivr_gym.robot.limb import Limb
+from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.transitions.state import State

@@ -21,6 +21,11 @@ def shown(value: object) -> str:
         return f"a {type(value).__name__} too long to show"
 
 
+def one_line(message: str) -> str:
+    """A message as one line that every terminal can show."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
+
+
 class MlivrError(ValueError):
     """Base class: something the caller gave cannot be used."""
 

@@ -6,10 +6,13 @@ import json
 import math
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from mlivr_gym.errors import MlivrError
+from mlivr_gym.errors import MlivrError, shown
+
+T = TypeVar("T")
 
 LARGEST_FILE = 1 << 25
 """Most bytes of a JSON file: a map of 100,000 points takes half of it."""
@@ -38,10 +41,11 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         os.umask(umask)
         os.chmod(name, 0o666 & ~umask)
         os.replace(name, target)
-    except OSError as error:
+    except (OSError, ValueError) as error:  # such as a null character in the name
         if name is not None:
             Path(name).unlink(missing_ok=True)
-        raise FileError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+        reason = error.strerror if isinstance(error, OSError) else None
+        raise FileError(f"cannot write {str(path)!r}: {reason or error}") from None
 
 
 def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) -> dict[str, Any]:
@@ -63,6 +67,7 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
             raise ValueError(f"it has more than {LARGEST_FILE} bytes")
         data = json.loads(
             content.decode("utf-8-sig"),
+            object_pairs_hook=_object,
             parse_constant=_finite,
             parse_float=_finite,
             parse_int=_whole,
@@ -82,6 +87,36 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
     else:
         return data
     raise error(f"cannot read {kind} {str(path)!r}: {reason}")
+
+
+def load(
+    path: str | Path, kind: str, error: type[MlivrError], build: Callable[[dict[str, Any]], T]
+) -> T:
+    """What is built from the object that a JSON file holds.
+
+    Args:
+        path: The file.
+        kind: What it should be, for the message: `"map"`.
+        error: Type of the error.
+        build: Makes it of the object.
+
+    Raises:
+        MlivrError: of the type `error`, naming the file, if it cannot be read or used.
+    """
+    data = read_json(path, kind, error)
+    try:
+        return build(data)
+    except MlivrError as fault:
+        raise error(f"{kind} {str(path)!r}: {fault}") from None
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"an object has the field {shown(twice)} twice")
+    return found
 
 
 def _finite(digits: str) -> float:

@@ -7,15 +7,27 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.files import read_json
+from mlivr_gym.files import FileError, load
+from mlivr_gym.schema import NAME, Anything, Fields, Listed, Place, Tuples, Whole
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.values import LONGEST
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
 SETUP = asset_path("table1_setup.json")
 """Start, goal and seed of the sparse map, written by `experiments/calibrate_start_goal.py`."""
+
+SETUP_DATA = Fields(
+    {
+        "start": Listed(NAME, 2, 2),
+        "goal": Tuples((3,), most=LONGEST, unit="m"),
+        "sparse_seed": Whole(0, 1 << 63),
+    },
+    {"source": Anything()},
+)
+"""Fields of that file."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +113,11 @@ class PlanFigures(Protocol):
 
 def default_setup() -> dict[str, Any]:
     """The calibrated start (point ids), goal [m] and seed."""
-    return read_json(SETUP, "setup of Table I")
+    return load(SETUP, "setup of Table I", FileError, _setup)
+
+
+def _setup(data: dict[str, Any]) -> dict[str, Any]:
+    return SETUP_DATA.read(data, Place("", FileError))
 
 
 def case_map(case: int, setup: dict[str, Any]) -> GraspMap:

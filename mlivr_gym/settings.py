@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from mlivr_gym.errors import MlivrError, SettingError, nonnegative, shown
+from mlivr_gym.errors import MlivrError, SettingError, shown
+from mlivr_gym.schema import Flag, Maybe, Place, Record, Tuples
 from mlivr_gym.values import LONGEST_ROBOT
 
 GRAPH_RULES = 3
@@ -54,8 +53,8 @@ def check_rules(
     found = 1 if found is None else found
     if found != GRAPH_RULES:
         raise error(
-            f"{what} was made by rules {found!r} of the stance graph, and this version has rules "
-            f"{GRAPH_RULES}: {remedy}"
+            f"{what} was made by rules {shown(found)} of the stance graph, and this version has "
+            f"rules {GRAPH_RULES}: {remedy}"
         )
 
 
@@ -88,21 +87,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Check switches and thresholds."""
-        for name in ("manipulability", "transitions", "collisions"):
-            if not isinstance(getattr(self, name), (bool, np.bool_)):
-                raise SettingError(
-                    f"{name} is {shown(getattr(self, name))}; it must be true or false"
-                )
-        for name in ("limb_threshold", "path_floor", "clearance"):
-            object.__setattr__(self, name, nonnegative(name, getattr(self, name)))
-        if self.clearance > LONGEST_ROBOT:
-            raise SettingError(
-                f"clearance is {self.clearance:g} m; it must be at most {LONGEST_ROBOT:g} m"
-            )
-        if self.base_threshold is not None:
-            object.__setattr__(
-                self, "base_threshold", nonnegative("base_threshold", self.base_threshold)
-            )
+        SETTINGS.check(self, Place("", SettingError))
 
     def thresholds(self, limbs: int) -> tuple[float, float]:
         """Least `w_m` and `w_b` that a stance of `limbs` limbs must reach.
@@ -113,3 +98,21 @@ class Settings:
             return 0.0, 0.0
         w_b = base_threshold(limbs) if self.base_threshold is None else self.base_threshold
         return self.limb_threshold, w_b
+
+
+THRESHOLD = Tuples((), 0.0)
+"""A manipulability."""
+
+SETTINGS = Record(
+    Settings,
+    {
+        "manipulability": Flag(),
+        "transitions": Flag(),
+        "limb_threshold": THRESHOLD,
+        "base_threshold": Maybe(THRESHOLD),
+        "path_floor": THRESHOLD,
+        "collisions": Flag(),
+        "clearance": Tuples((), 0.0, LONGEST_ROBOT, "m"),
+    },
+)
+"""Fields of `Settings`."""

@@ -13,3 +13,18 @@ def test_base_threshold_falls_with_the_cube_of_the_number_of_limbs():
 def test_a_negative_clearance_is_named():
     with pytest.raises(SettingError, match="clearance"):
         Settings(clearance=-0.1)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ({"collisions": "yes"}, "collisions is 'yes'; it must be true or false"),
+        ({"limb_threshold": None}, "limb_threshold is None"),
+        ({"base_threshold": "low"}, "base_threshold is 'low'"),
+        ({"path_floor": 10**400}, "path_floor is"),
+        ({"clearance": 20000.0}, "clearance is 20000, larger than 100 m; .*millimetres"),
+    ],
+)
+def test_a_faulty_setting_is_named(fault, words):
+    with pytest.raises(SettingError, match=f"^{words}"):
+        Settings(**fault)

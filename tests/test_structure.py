@@ -26,6 +26,7 @@ LAYERS = (
     {"robot"},
     {"world"},
     {"kinematics", "settings", "files"},
+    {"schema"},
     {"values"},
     {"compiled", "errors"},
     {"envs_assets", "_version", "_headless", "arrays"},

@@ -74,7 +74,9 @@ def test_checkpoints(env, tmp_path, rules):
     file.write_text(json.dumps(tamper(json.loads(file.read_text()), rules)))
     with pytest.raises(CheckpointError) as caught:
         load_policy(path, env)
-    assert str(caught.value) == sentence(f"checkpoint {str(path)!r}", rules, "train it anew")
+    assert str(caught.value) == f"checkpoint {str(file)!r}: " + sentence(
+        "it", rules, "train it anew"
+    )
 
 
 @pytest.mark.parametrize("rules", OTHERS)
@@ -84,8 +86,8 @@ def test_test_sets(tmp_path, rules):
     file.write_text(json.dumps(tamper(data, rules)))
     with pytest.raises(MlivrError) as caught:
         load_test_set(file)
-    assert str(caught.value) == sentence(
-        f"test set {str(file)!r}", rules, "draw it anew with freeze_test_set"
+    assert str(caught.value) == f"test set {str(file)!r}: " + sentence(
+        "it", rules, "draw it anew with freeze_test_set"
     )
 
 

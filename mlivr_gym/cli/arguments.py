@@ -11,11 +11,11 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.paper import default_setup
 from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.schema import Place, Whole
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.values import whole
 from mlivr_gym.world.boxes import Box, load_obstacles
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
@@ -226,6 +226,26 @@ def fits_a_picture(size: tuple[int, int]) -> bool:
     return min(size) >= SMALLEST_PICTURE and max(size) <= LARGEST_PICTURE
 
 
+def refuse_ignored(args: argparse.Namespace, chosen: str, taken: tuple[str, ...]) -> None:
+    """Refuse arguments of world, obstacles and query that what was chosen decides itself.
+
+    Args:
+        args: All arguments.
+        chosen: The argument that decides.
+        taken: Arguments that have a meaning beside it.
+
+    Raises:
+        SettingError: naming one that would have no effect.
+    """
+    for parser in (world_arguments(), obstacle_arguments(), query_arguments()):
+        for name, default in vars(parser.parse_args([])).items():
+            if name not in taken and getattr(args, name, default) != default:
+                raise SettingError(
+                    f"--{name.replace('_', '-')} has no effect beside --{chosen}, "
+                    "which decides it; leave it out"
+                )
+
+
 def check_counts(args: argparse.Namespace) -> None:
     """Refuse a seed, a number of episodes or a width of a beam that cannot be."""
     for name, least, most in (
@@ -235,7 +255,7 @@ def check_counts(args: argparse.Namespace) -> None:
     ):
         value = getattr(args, name, None)
         if value is not None:
-            whole(value, f"--{name}", SettingError, least, most)
+            Whole(least, most).read(value, Place(f"--{name}", SettingError))
 
 
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:

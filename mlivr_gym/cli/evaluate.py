@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable, Sized
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ from mlivr_gym.cli.arguments import check_counts, environment_arguments, world_a
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.extras import need
 from mlivr_gym.cli.progress import timed_bar
-from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.errors import SettingError, choice, shown
 
 if TYPE_CHECKING:  # agents and environment import MuJoCo, which loads a GL library
     from mlivr_gym.agents.evaluation import Evaluation
@@ -147,9 +148,11 @@ def make_acting(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None
         return policies.ExpertPolicy()
     if name == "random":
         return policies.RandomPolicy(seed)
-    if name != "pretrained" and not Path(name).with_suffix(".pt").exists():
+    checkpoint = Path(name).name and os.path.isfile(Path(name).with_suffix(".pt"))
+    if name != "pretrained" and not checkpoint:
         raise SettingError(
-            f"policy is {name!r}; it must be pretrained, a checkpoint, or {', '.join(PLANNERS)}"
+            f"policy is {shown(name)}; it must be pretrained, a checkpoint, or "
+            f"{', '.join(PLANNERS)}"
         )
     need("torch", "stable_baselines3", "sb3_contrib", extra="agents")
     from mlivr_gym.agents.learned import beam_policy, load_policy

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -20,14 +21,14 @@ from mlivr_gym.cli.exits import (
     prompt_interrupts,
     say_interrupted,
 )
-from mlivr_gym.errors import MlivrError, NoPlanError
+from mlivr_gym.errors import MlivrError, NoPlanError, one_line
 
 
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one sentence and exits with 2."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(REFUSED, f"mlivr-gym: {message}\n")
+        self.exit(REFUSED, f"mlivr-gym: {one_line(message)}\n")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -48,12 +49,14 @@ def _parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a file's name need not be text
+        sys.stdout.reconfigure(errors="backslashreplace")
     args = _parser().parse_args(arguments)
     try:
         with prompt_interrupts(args.grace):
             code: int = args.run(args)
     except MlivrError as error:
-        print(f"mlivr-gym: {error}", file=sys.stderr)
+        print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
         return NO_PLAN if isinstance(error, NoPlanError) else REFUSED
     except KeyboardInterrupt as stop:
         say_interrupted(str(stop))

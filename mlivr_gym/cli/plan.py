@@ -13,6 +13,7 @@ from mlivr_gym.cli.arguments import (
     world_arguments,
 )
 from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import counter
 from mlivr_gym.pictures.plan_figure import plan_figure
 from mlivr_gym.planners import Planner, PlanningResult
@@ -38,6 +39,7 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 def run(args: argparse.Namespace) -> int:
     """Plan, describe the plan, and write what is asked for."""
+    claim(args.out, args.picture)
     graph = chosen_graph(args)
     result = find_plan(graph, args)
     plan = result.unwrap()

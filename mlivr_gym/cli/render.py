@@ -16,9 +16,11 @@ from mlivr_gym.cli.arguments import (
     chosen_map,
     chosen_task,
     fits_a_picture,
+    refuse_ignored,
     world_arguments,
 )
 from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.outputs import claim
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import write_whole
@@ -67,6 +69,7 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 def run(args: argparse.Namespace) -> int:
     """Draw a stance, or stances of a plan, and export the scene if that is asked for."""
     _check(args)
+    claim(args.out, args.mjcf)
     obstacles: Sequence[Box]
     if args.plan:
         grasp_map = chosen_map(args)
@@ -79,9 +82,11 @@ def run(args: argparse.Namespace) -> int:
         args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
         start = chosen_task(graph, args)[0] if args.start is None else args.start
         drawn = [graph.configuration(graph.state(start))]
+    scene = _exported(grasp_map, robot, obstacles) if args.mjcf else None
     draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles)
-    if args.mjcf:
-        _export(args.mjcf, grasp_map, robot, obstacles)
+    if scene is not None:
+        write_whole(args.mjcf, scene)
+        print(f"scene: {args.mjcf}")
     return SUCCESS
 
 
@@ -91,6 +96,8 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError("give either --plan or --start, not both")
     if args.stance is not None and not args.plan:
         raise SettingError("--stance needs --plan: it chooses among the stances of a plan")
+    if args.plan:
+        refuse_ignored(args, "plan", ("map", "start"))
     if not fits_a_picture(args.size):
         raise SettingError(
             f"--size is {tuple(args.size)}; width and height must lie between "
@@ -140,11 +147,11 @@ def draw(
         print(f"picture: {path}", flush=True)
 
 
-def _export(path: str, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]) -> None:
-    """Write the scene as MJCF."""
+def _exported(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]) -> str:
+    """The scene as MJCF."""
     from mlivr_gym.simulation.scene import compiled, scene_spec  # imports MuJoCo, hence GL
 
     spec = scene_spec(grasp_map, robot, obstacles)
     compiled(spec)
-    write_whole(path, spec.to_xml())
-    print(f"scene: {path}")
+    exported: str = spec.to_xml()
+    return exported

@@ -18,13 +18,14 @@ from mlivr_gym.cli.arguments import (
     fits_a_picture,
     obstacle_arguments,
     query_arguments,
+    refuse_ignored,
     world_arguments,
 )
 from mlivr_gym.cli.exits import FAILED, SUCCESS
+from mlivr_gym.cli.outputs import claim, make_folder
 from mlivr_gym.cli.plan import find_plan
 from mlivr_gym.cli.progress import Bar
 from mlivr_gym.errors import RenderError, SettingError
-from mlivr_gym.files import FileError
 from mlivr_gym.motion.plan_motion import plan_trajectory
 from mlivr_gym.motion.trajectory import Durations
 from mlivr_gym.paper import CASES, case_graph, default_setup
@@ -37,6 +38,9 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 if TYPE_CHECKING:
     from mlivr_gym.simulation.execution import Execution
+
+FILES = ("plan.json", "trajectory.csv", "simulation.npz", "simulation.json", "simulation.png")
+"""What the command writes, besides the film."""
 
 MOST_FRAMES = 5000
 """Most pictures of a film; they are kept until it is written."""
@@ -112,8 +116,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Execute a plan from a file, of a case of Table I, or made first."""
+    _check_film(args)
     if bool(args.plan) + bool(args.case) + bool(args.start or args.goal) > 1:
         raise SettingError("give either --plan, or --case, or --start and --goal")
+    if args.plan:
+        refuse_ignored(args, "plan", ("map",))
+    if args.case:
+        refuse_ignored(args, "case", ("no_collisions",))
+    files = [*FILES, *([] if args.no_film else [args.film])]
+    claim(*(Path(args.out) / name for name in files), folder=args.out)
     if args.plan:
         grasp_map = chosen_map(args)
         plan = Plan.load(args.plan, grasp_map)
@@ -133,24 +144,21 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
     from mlivr_gym.simulation.dynamics import Physics, check_masses
     from mlivr_gym.simulation.execution import execute
 
-    _check_film(args)
     out, durations = Path(args.out), Durations.of_step(args.duration)
     physics = Physics(
         timestep=args.timestep,
         feedforward=not args.no_feedforward,
         assume_ur5e_masses=args.assume_ur5e_masses,
     )
-    check_masses(plan.world.robot, physics)  # before anything is written
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"cannot make folder {args.out!r}: {error.strerror or error}") from None
-    plan.save(out / "plan.json")
-    plan_trajectory(graph, plan, durations).every(0.1).save_csv(out / "trajectory.csv")
+    check_masses(plan.world.robot, physics)
+    trajectory = plan_trajectory(graph, plan, durations).every(0.1)
     bar = Bar("steps carried out", len(plan.steps))
     execution = execute(graph, plan, durations, physics, bar.show)
     bar.close()
     _report(graph, execution)
+    make_folder(out)
+    plan.save(out / "plan.json")
+    trajectory.save_csv(out / "trajectory.csv")
     _save(execution, out)
     if not args.no_film:
         _film(args, graph, execution, out / args.film)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mlivr_gym.cli.exits import FAILED, SUCCESS
+from mlivr_gym.cli.outputs import claim, make_folder
 from mlivr_gym.cli.render import draw
 from mlivr_gym.files import write_whole
 from mlivr_gym.paper import CASES, PAPER, case_graph, default_setup, relations
@@ -21,6 +22,15 @@ from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.grasp_map import jem_map
+
+FILES = (
+    "table1.json",
+    "table1.md",
+    *(f"case{case}{checked}.png" for case in CASES for checked in ("", "_collisions")),
+    "scene_start.png",
+    "scene_goal.png",
+)
+"""What the command writes."""
 
 HEURISTIC_WITH_COLLISIONS = "cost_to_go"
 """Heuristic of the queries with collisions checked."""
@@ -42,6 +52,7 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 def run(args: argparse.Namespace) -> int:
     """Write the table and its pictures; 1 if a relation of the paper does not hold."""
     out = Path(args.out)
+    claim(*(out / name for name in FILES), folder=out)
     print(
         "planning the four cases of Table I, without and with collisions checked "
         "(the first run compiles the kernels) ...",
@@ -73,7 +84,7 @@ def run_cases(
     Returns:
         The plans with collisions checked, and the data of the table.
     """
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     setup = default_setup()
     plans, rows = _plan_cases(out, progress, heuristic, setup, collisions=False)
     safe, safe_rows = _plan_cases(out, progress, HEURISTIC_WITH_COLLISIONS, setup, collisions=True)

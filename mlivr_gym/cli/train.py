@@ -11,7 +11,9 @@ from pathlib import Path
 from mlivr_gym.cli.arguments import check_counts, environment_arguments, world_arguments
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
 from mlivr_gym.cli.extras import need
+from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import timed_bar
+from mlivr_gym.files import FileError
 
 
 def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -66,8 +68,13 @@ def run(args: argparse.Namespace) -> int:
     """Train a policy and write its checkpoint."""
     check_counts(args)
     need("torch", "stable_baselines3", "sb3_contrib", extra="agents")
-    from mlivr_gym.agents.training import hyperparameters, train
+    from mlivr_gym.agents.hyperparameters import hyperparameters
+    from mlivr_gym.agents.training import train
 
+    out = Path(args.out)
+    if not out.name:
+        raise FileError(f"cannot write a checkpoint to {args.out!r}: it is a folder")
+    claim(out.with_suffix(".pt"), out.with_suffix(".json"))
     settings = hyperparameters(args.method, args.hyperparameters)
     bars: dict[str, Callable[[int, int, str], None]] = {}
 
@@ -93,6 +100,5 @@ def run(args: argparse.Namespace) -> int:
         progress=progress,
         logs=args.logs,
     )
-    checkpoint = Path(args.out).with_suffix(".pt")
-    print(f"{checkpoint} and .json: trained in {policy.config['seconds']:.0f} s")
+    print(f"{out.with_suffix('.pt')} and .json: trained in {policy.config['seconds']:.0f} s")
     return SUCCESS

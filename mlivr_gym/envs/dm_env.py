@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-import dm_env
 import numpy as np
-from dm_env import specs
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
+
+try:
+    import dm_env
+    from dm_env import specs
+except ModuleNotFoundError:
+    raise ModuleNotFoundError(
+        "this needs the package 'dm_env': pip install 'mlivr-gym[dm]'", name="dm_env"
+    ) from None
 
 
 class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]

@@ -11,8 +11,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, PlanError
-from mlivr_gym.files import read_json, write_whole
-from mlivr_gym.motion.plan_files import check_form, parts_of, plan_data
+from mlivr_gym.files import load, write_whole
+from mlivr_gym.motion.plan_files import parts_of, plan_data
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -106,11 +106,7 @@ class Plan:
             PlanError: If a field is missing or faulty, or the plan belongs to another map or to
                 other rules of the stance graph.
         """
-        check_form(data)
-        try:
-            plan = cls(*parts_of(data))
-        except MlivrError as error:
-            raise PlanError(f"the plan has a faulty field: {error}") from None
+        plan = cls(*parts_of(data))
         if grasp_map is not None:
             plan._check_map(grasp_map)
         return plan
@@ -135,8 +131,4 @@ class Plan:
         Raises:
             PlanError: If the file cannot be read or does not hold a plan for this map.
         """
-        data = read_json(path, "plan", PlanError)
-        try:
-            return cls.from_dict(data, grasp_map)
-        except PlanError as error:
-            raise PlanError(f"plan {str(path)!r}: {error}") from None
+        return load(path, "plan", PlanError, lambda data: cls.from_dict(data, grasp_map))

@@ -18,10 +18,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.errors import PlanError, SettingError
+from mlivr_gym.errors import PlanError, SettingError, one_line
 from mlivr_gym.files import write_whole
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath
+from mlivr_gym.schema import NAME, Listed, Numbers, Place
+from mlivr_gym.values import LONGEST, MOST_POINTS
 
 FREE = -1
 """Grasp state of a limb that holds nothing."""
@@ -143,11 +145,12 @@ class Trajectory:
             PlanError: If the file cannot be read or is not a trajectory.
         """
         try:
-            with np.load(path, allow_pickle=False) as data:
-                arrays = {name: data[name] for name in _ARRAYS}
-                return cls(**arrays, points=tuple(data["points"].tolist()))
-        except (OSError, ValueError, KeyError) as error:
-            raise PlanError(f"cannot read trajectory {str(path)!r}: {error}") from None
+            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
+                arrays = {name: data[name] for name in (*_ARRAYS, "points")}
+            return cls(**_checked(arrays))
+        except Exception as error:  # NumPy, zipfile and zlib raise many kinds
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise PlanError(f"cannot read trajectory {str(path)!r}: {one_line(reason)}") from None
 
     def save_csv(self, path: str | Path) -> None:
         """Write one line a sample.
@@ -194,6 +197,30 @@ class Trajectory:
 
 
 _ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "points")
+
+
+def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
+    """The arrays of a file of one shape of k samples and N limbs, and the ids as a tuple."""
+    points = Listed(NAME, 1, MOST_POINTS).read(arrays.pop("points"), Place("points", PlanError))
+    shape = arrays["joint_positions"].shape
+    k, limbs = (shape[0], shape[1]) if len(shape) == 3 else (0, 0)
+    kinds = {
+        "times": Numbers((k,), 0.0, unit="s"),
+        "step": Numbers((k,), 0.0),
+        "phase": Numbers((k,), 0.0, len(PHASES) - 1.0),
+        "joint_positions": Numbers((k, limbs, 6)),
+        "joint_velocities": Numbers((k, limbs, 6)),
+        "base_positions": Numbers((k, 3), most=LONGEST, unit="m"),
+        "base_quaternions": Numbers((k, 4), -1.001, 1.001),
+        "grasps": Numbers((k, limbs), float(FREE), len(points) - 1.0),
+    }
+    if k < 2:
+        raise PlanError("it must hold joint_positions of shape (k, N, 6), k two or more")
+    found: dict[str, Any] = {
+        name: kind.read(arrays[name], Place(name, PlanError)).astype(arrays[name].dtype)
+        for name, kind in kinds.items()
+    }
+    return found | {"points": points}
 
 
 def quintic(s: Array) -> Array:

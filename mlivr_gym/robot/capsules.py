@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mlivr_gym.errors import ShapeError, shown
-from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, Triple, number, numbers, triple
+from mlivr_gym.errors import ShapeError
+from mlivr_gym.schema import Choice, Place, Record, Tuples
+from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, Triple
 
 LINKS = ("base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3", "gripper")
 """Links of a limb in order from the body; the gripper is fixed to the last."""
@@ -29,22 +30,26 @@ class Capsule:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        if self.link not in LINKS:
-            raise ShapeError(
-                f"capsule on unknown link {shown(self.link)}; valid links are {', '.join(LINKS)}"
-            )
-        for name in ("start", "end"):
-            where = f"capsule on {self.link}: {name}"
-            ends = triple(numbers(getattr(self, name), (3,), where, ShapeError, LONGEST_ROBOT))
-            object.__setattr__(self, name, ends)
-            if self.link in LINKS[6:] and max(abs(ends[0]), abs(ends[1])) > 1e-9:
-                raise ShapeError(
-                    f"capsule on {self.link}: {name} {ends} must lie on the flange axis, x = y = 0"
+        place = Place("capsule", ShapeError)
+        CAPSULE.check(self, place)
+        for name in ("start", "end") if self.link in LINKS[6:] else ():
+            x, y, _ = getattr(self, name)
+            if max(abs(x), abs(y)) > SMALLEST:
+                found = list(getattr(self, name))
+                raise place.field(name).fault(
+                    f"is {found}; on {self.link} it must lie on the flange axis, x = y = 0"
                 )
-        radius = number(self.radius, f"capsule on {self.link}: radius", ShapeError, LONGEST_ROBOT)
-        if radius < SMALLEST:
-            raise ShapeError(
-                f"capsule on {self.link}: radius is {radius:g}; it must be above 0 "
-                f"(at least {SMALLEST:g} m)"
-            )
-        object.__setattr__(self, "radius", radius)
+
+
+END = Tuples((3,), most=LONGEST_ROBOT, unit="m")
+
+CAPSULE = Record(
+    Capsule,
+    {
+        "link": Choice(LINKS),
+        "start": END,
+        "end": END,
+        "radius": Tuples((), SMALLEST, LONGEST_ROBOT, "m"),
+    },
+)
+"""Fields of a `Capsule`."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import MISSING, asdict, dataclass, field, fields, replace
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,12 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import MlivrError, RobotError, shown
-from mlivr_gym.files import read_json
-from mlivr_gym.robot.capsules import LINKS, Capsule
-from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, entries, number, numbers, text, whole
+from mlivr_gym.errors import RobotError, shown
+from mlivr_gym.files import load, read_json
+from mlivr_gym.robot.capsules import CAPSULE, LINKS, Capsule
+from mlivr_gym.robot.limb import FARTHEST_TURN, LIMB, Limb
+from mlivr_gym.schema import NAME, Listed, Maybe, Place, Record, Tuples, Whole
+from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 
 LIMB_COLOURS = (
     "#1f77b4",
@@ -43,9 +45,6 @@ def ur5e_data() -> dict[str, Any]:
     return read_json(asset_path("ur5e.json"), "robot", RobotError)
 
 
-FARTHEST_TURN = 100.0
-"""Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
-
 MASSES = (1e-3, 1e6)
 """Least and largest mass of a part [kg]: a gram, and twice the ISS."""
 
@@ -58,93 +57,11 @@ MOST_CAPSULES = 64
 MOST_LIMBS = 8
 """Most limbs of a robot."""
 
+MOST_FOLDS = 4
+"""Most rows of `RobotSpec.folds`."""
+
 MOST_POSES = 64
 """Most heights or rolls that are tried for a stance; the robots that ship have four and five."""
-
-
-WINDOW_STARTS = (
-    -1.65, 1.75 - 2.0 * np.pi, -np.pi, 1.75 - 2.0 * np.pi, -np.pi, -0.75 * np.pi,
-)  # fmt: skip
-"""Where the windows of a UR limb begin [rad], see `Limb.windows`.
-
-Joints 3 and 5 never pass half a turn while a limb holds, since the arm is singular there. Joints 1,
-2 and 4 of limbs that hold points of the JEM pass 1.65 rad on 0.05 % of the steps only. Joint 6 may
-be half a turn further, the flip: one of the two passes the ends of its window only where the tool
-turns by half a turn and more.
-"""
-
-
-@dataclass(frozen=True)
-class Limb:
-    """A six-joint arm of the UR family, standard DH convention `Rz(theta) Tz(d) Tx(a) Rx(alpha)`.
-
-    The default lengths [m] are the UR5e's, published by the manufacturer.
-    """
-
-    d1: float = 0.1625
-    a2: float = -0.425
-    a3: float = -0.3922
-    d4: float = 0.1333
-    d5: float = 0.0997
-    d6: float = 0.0996
-    joint_limits: tuple[tuple[float, float], ...] = ((-2 * np.pi, 2 * np.pi),) * 6
-    """Lower and upper limit of each joint [rad]."""
-    window_starts: tuple[float, ...] = WINDOW_STARTS
-    """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""
-
-    def __post_init__(self) -> None:
-        """Check lengths and limits."""
-        for name in ("d1", "a2", "a3", "d4", "d5", "d6"):
-            value = number(getattr(self, name), f"limb length {name}", RobotError, LONGEST_ROBOT)
-            if name in ("a2", "a3", "d4") and abs(value) < SMALLEST:
-                raise RobotError(f"limb length {name} is {value:g}; it must not be 0")
-            object.__setattr__(self, name, value)
-        limits = numbers(self.joint_limits, (6, 2), "joint_limits", RobotError)
-        if not (limits[:, 0] < limits[:, 1]).all() or np.abs(limits).max() > FARTHEST_TURN:
-            raise RobotError(
-                f"joint_limits {limits.tolist()} must be lower below upper, "
-                f"from {-FARTHEST_TURN:g} to {FARTHEST_TURN:g} rad"
-            )
-        object.__setattr__(self, "joint_limits", tuple((float(a), float(b)) for a, b in limits))
-        starts = numbers(self.window_starts, (6,), "window_starts", RobotError, FARTHEST_TURN)
-        object.__setattr__(self, "window_starts", tuple(starts.tolist()))
-
-    @property
-    def lengths(self) -> Array:
-        """The six lengths d1, a2, a3, d4, d5, d6 [m], shape (6,)."""
-        return np.array([self.d1, self.a2, self.a3, self.d4, self.d5, self.d6], dtype=np.float64)
-
-    @property
-    def limits(self) -> Array:
-        """Joint limits [rad], shape (6, 2)."""
-        return np.array(self.joint_limits)
-
-    @property
-    def windows(self) -> Array:
-        """Least and largest angle of each joint of a limb that holds [rad], shape (6, 2).
-
-        A window is one turn from `window_starts` on, moved into the joint limits as far as needed,
-        and no more than they allow. Within it a posture has one winding: a limb never needs to turn
-        back, so every walk of steps that are legal one by one can be carried out. A step on which a
-        joint of a limb that holds would leave its window is no edge for the branch concerned.
-        """
-        low, high = self.limits.T
-        start = np.clip(self.window_starts, low, np.maximum(low, high - 2.0 * np.pi))
-        return np.stack([start, np.minimum(start + 2.0 * np.pi, high)], axis=1)
-
-    def folds_in_windows(self, folds: Sequence[Sequence[float]]) -> Array:
-        """Those of some folds, joints 1 to 5 [rad], that lie in the windows, shape (k, 5)."""
-        low, high = self.windows[:5].T
-        angles = np.array(folds, dtype=np.float64).reshape(-1, 5)
-        angles = low + np.mod(angles - low, 2.0 * np.pi)
-        inside: Array = angles[(angles <= high).all(axis=1)]
-        return inside
-
-    @property
-    def reach(self) -> float:
-        """An upper bound of the flange's distance from the mount [m]."""
-        return float(np.abs(self.lengths).sum())
-
 
 FOLDS = (
     (-0.6, np.pi, 2.4, 0.0, -0.75),
@@ -202,7 +119,7 @@ class RobotSpec:
         gripper_mass: Mass of a gripper [kg].
     """
 
-    name: str = "mlivr2"
+    name: str = "robot"
     limbs: int = 2
     limb: Limb = field(default_factory=Limb)
     mount_radius: float = 0.1
@@ -221,58 +138,17 @@ class RobotSpec:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        text(self.name, "the name of the robot", RobotError)
-        object.__setattr__(self, "limbs", whole(self.limbs, "limbs", RobotError, 2, MOST_LIMBS))
-        if not isinstance(self.limb, Limb):
-            raise RobotError(f"limb is {shown(self.limb)}; it must be a Limb")
-        for name, most in (("heights", LONGEST_ROBOT), ("rolls", np.inf)):
-            given = entries(getattr(self, name), name, RobotError, MOST_POSES)
-            if not given:
-                raise RobotError(f"{name} must be one or more numbers")
-            values = numbers(given, (len(given),), name, RobotError, most).tolist()
-            object.__setattr__(
-                self, name, geometric_order(values) if name == "rolls" else tuple(sorted(values))
+        ROBOT.check(self, Place("", RobotError))
+        object.__setattr__(self, "heights", tuple(sorted(self.heights)))
+        object.__setattr__(self, "rolls", geometric_order(self.rolls))
+        if self.capsules is not None and all(shape.link == "base" for shape in self.capsules):
+            raise RobotError(
+                "capsules has none on a link that moves; leave it out for those of the UR5e"
             )
-        self._check_folds_and_shapes()
-        for name in ("mount_radius", "tool_length", "grasp_separation", "lift"):
-            self._check(name, 0.0, LONGEST_ROBOT)
-        for name in ("characteristic_length", "span"):
-            self._check(name, SMALLEST, LONGEST_ROBOT)
-        self._check("body_size", SMALLEST_BODY, LONGEST_ROBOT)
-        for name in ("body_mass", "gripper_mass"):
-            self._check(name, *MASSES)
         if self.span <= self.grasp_separation:
             raise RobotError(
                 f"span is {self.span!r}; it must exceed grasp_separation {self.grasp_separation!r}"
             )
-
-    def _check_folds_and_shapes(self) -> None:
-        folds = entries(self.folds, "folds", RobotError)
-        if not 1 <= len(folds) <= 4:
-            raise RobotError(
-                f"folds has {len(folds)} rows; it must have one to four, of five joint angles each"
-            )
-        rows = numbers(folds, (len(folds), 5), "folds", RobotError).tolist()
-        object.__setattr__(self, "folds", tuple(tuple(row) for row in rows))
-        if self.capsules is not None:
-            capsules = tuple(entries(self.capsules, "capsules", RobotError, MOST_CAPSULES))
-            if any(not isinstance(capsule, Capsule) for capsule in capsules):
-                raise RobotError(f"capsules are {shown(capsules)}; each must be a Capsule")
-            if all(capsule.link == "base" for capsule in capsules):
-                raise RobotError(
-                    "capsules has none on a link that moves; leave it out for those of the UR5e"
-                )
-            object.__setattr__(self, "capsules", capsules)
-
-    def _check(self, name: str, least: float, most: float) -> None:
-        value = number(getattr(self, name), name, RobotError)
-        if not least <= value <= most:
-            unit = "kg" if name.endswith("mass") else "m: lengths are in metres"
-            raise RobotError(
-                f"{name} of robot {self.name!r} is {value:g}; "
-                f"it must lie between {least:g} and {most:g} {unit}"
-            )
-        object.__setattr__(self, name, value)
 
     @property
     def mount_rotations(self) -> Array:
@@ -344,58 +220,59 @@ class RobotSpec:
         return asdict(self)
 
     @classmethod
-    def from_dict(cls, data: Any) -> RobotSpec:
+    def from_dict(cls, data: Any, name: str = "robot") -> RobotSpec:
         """Build a robot from plain data, the inverse of `to_dict`.
 
         Missing fields keep their defaults.
 
+        Args:
+            data: The plain data.
+            name: Used when the data names none.
+
         Raises:
             RobotError: naming an unknown field or a faulty value.
         """
-        if not isinstance(data, dict):
-            raise RobotError(f"a robot is a JSON object, not {shown(data)}")
-        values = {
-            **_fields(cls, data, "robot"),
-            "limb": Limb(**_fields(Limb, data.get("limb", {}), "limb")),
-        }
-        if data.get("capsules") is not None:
-            capsules = entries(data["capsules"], "capsules", RobotError, MOST_CAPSULES)
-            values["capsules"] = tuple(
-                Capsule(**_fields(Capsule, entry, "capsule")) for entry in capsules
-            )
-        return cls(**values)
+        given = {"name": name} | data if isinstance(data, dict) else data
+        return ROBOT.read(given, Place("", RobotError))
 
     @classmethod
     def load(cls, path: str | Path) -> RobotSpec:
-        """Read a robot from a JSON file.
+        """Read a robot from a JSON file; one without a name is called like the file.
 
         Raises:
             RobotError: If the file cannot be read or a field is faulty.
         """
-        data = read_json(path, "robot", RobotError)
-        try:
-            return cls.from_dict(data)
-        except MlivrError as error:
-            raise type(error)(f"robot {str(path)!r}: {error}") from None
+        name = Path(path).stem
+        return load(path, "robot", RobotError, lambda data: cls.from_dict(data, name))
 
 
-def _fields(kind: type[Any], data: Any, what: str) -> dict[str, Any]:
-    """The data of a record, if it has known fields only, and all that have no default."""
-    if not isinstance(data, dict):
-        raise RobotError(f"{what} must be an object, not {shown(data)}")
-    known = [entry.name for entry in fields(kind)]
-    for name in data:
-        if name not in known:
-            raise RobotError(
-                f"unknown {what} field {shown(name)}; valid fields are {', '.join(known)}"
-            )
-    for entry in fields(kind):
-        if entry.name not in data and entry.default is MISSING and entry.default_factory is MISSING:
-            raise RobotError(f"{what} lacks field {entry.name!r}")
-    return data
+SIZE = Tuples((), 0.0, LONGEST_ROBOT, "m")
+"""A length that may be zero."""
 
+ROBOT = Record(
+    RobotSpec,
+    {
+        "name": NAME,
+        "limbs": Whole(2, MOST_LIMBS),
+        "limb": LIMB,
+        "mount_radius": SIZE,
+        "tool_length": SIZE,
+        "characteristic_length": Tuples((), SMALLEST, LONGEST_ROBOT, "m"),
+        "grasp_separation": SIZE,
+        "span": Tuples((), SMALLEST, LONGEST_ROBOT, "m"),
+        "heights": Tuples((None,), -LONGEST_ROBOT, LONGEST_ROBOT, "m", (1, MOST_POSES)),
+        "rolls": Tuples((None,), -FARTHEST_TURN, FARTHEST_TURN, "rad", (1, MOST_POSES)),
+        "lift": SIZE,
+        "folds": Tuples((None, 5), -FARTHEST_TURN, FARTHEST_TURN, "rad", (1, MOST_FOLDS)),
+        "capsules": Maybe(Listed(CAPSULE, most=MOST_CAPSULES)),
+        "body_size": Tuples((), SMALLEST_BODY, LONGEST_ROBOT, "m"),
+        "body_mass": Tuples((), *MASSES, "kg"),
+        "gripper_mass": Tuples((), *MASSES, "kg"),
+    },
+)
+"""Fields of a `RobotSpec`."""
 
-MLIVR2 = RobotSpec()
+MLIVR2 = RobotSpec(name="mlivr2")
 """Two UR5e on opposite faces of a 0.2 m cube of 20 kg."""
 
 ROBOTS = {f"mlivr{n}": replace(MLIVR2, name=f"mlivr{n}", limbs=n) for n in (2, 3, 4)}

@@ -28,6 +28,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, SettingError
 from mlivr_gym.robot.specification import RobotSpec, ur5e_data
+from mlivr_gym.schema import Flag, Place, Record, Tuples
 from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
@@ -86,10 +87,7 @@ class Physics:
 
     def __post_init__(self) -> None:
         """Check that every figure is finite and above zero."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.type != "bool" and not (np.isfinite(value) and value > 0.0):
-                raise SettingError(f"{field.name} is {value!r}; it must be finite and above 0")
+        PHYSICS.check(self, Place("physics", SettingError))
 
     @classmethod
     def of(cls, given: Physics | dict[str, Any] | None) -> Physics:
@@ -98,7 +96,7 @@ class Physics:
         Raises:
             SettingError: See `from_dict`.
         """
-        return given if isinstance(given, cls) else cls.from_dict(given or {})
+        return cls.from_dict({} if given is None else given)
 
     @classmethod
     def from_dict(cls, data: Any) -> Physics:
@@ -107,14 +105,21 @@ class Physics:
         Raises:
             SettingError: If it names a figure that there is not, or one is no number above 0.
         """
-        known = [field.name for field in fields(cls)]
-        if not isinstance(data, dict) or set(data) - set(known):
-            what = sorted(map(str, set(data) - set(known)))[0] if isinstance(data, dict) else data
-            raise SettingError(f"unknown figure of physics {what!r}; valid are {', '.join(known)}")
-        for name, value in data.items():
-            if not isinstance(value, int | float):
-                raise SettingError(f"{name} is {value!r}; it must be a number")
-        return cls(**data)
+        return PHYSICS.read(data, Place("physics", SettingError))
+
+
+SWITCHES = ("feedforward", "assume_ur5e_masses")
+"""Fields of `Physics` that are true or false."""
+
+PHYSICS = Record(
+    Physics,
+    {
+        field.name: Flag() if field.name in SWITCHES else Tuples((), 1e-12, 1e12)
+        for field in fields(Physics)
+    }
+    | {"timestep": Tuples((), 1e-5, 0.1, "s")},
+)
+"""Fields of `Physics`."""
 
 
 def torque_limits() -> Array:

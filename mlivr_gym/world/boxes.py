@@ -12,19 +12,20 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import ShapeError, shown
-from mlivr_gym.files import read_json
-from mlivr_gym.values import (
-    LONGEST,
-    MOST_POINTS,
-    SMALLEST,
-    Triple,
-    entries,
-    numbers,
-    rotation,
-    text,
-    triple,
-    unique,
+from mlivr_gym.files import load
+from mlivr_gym.schema import (
+    NAME,
+    Choice,
+    Fields,
+    Kind,
+    Listed,
+    Place,
+    Record,
+    Rotation,
+    Text,
+    Tuples,
 )
+from mlivr_gym.values import LONGEST, MOST_POINTS, SMALLEST, Triple, triple, unique
 
 KINDS = ("panel", "rack", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
 """What a box can be."""
@@ -71,23 +72,7 @@ class Box:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        text(self.id, "the id of a box", ShapeError)
-        if self.kind not in KINDS:
-            kinds = ", ".join(KINDS)
-            raise ShapeError(
-                f"box {self.id!r}: unknown kind {shown(self.kind)}; valid kinds are {kinds}"
-            )
-        where = f"box {self.id!r}:"
-        for name in ("centre", "half"):
-            values = numbers(getattr(self, name), (3,), f"{where} {name}", ShapeError, LONGEST)
-            object.__setattr__(self, name, triple(values))
-        if min(self.half) < SMALLEST:
-            raise ShapeError(
-                f"{where} half edges {list(self.half)} must be above 0 (at least {SMALLEST:g} m)"
-            )
-        object.__setattr__(
-            self, "rotation", Box.rows(rotation(self.rotation, f"{where} rotation", ShapeError))
-        )
+        BOX_DATA.check(self, Place(f"box {shown(self.id)}", ShapeError))
 
     @staticmethod
     def rows(rotation: Array) -> tuple[Triple, Triple, Triple]:
@@ -100,12 +85,11 @@ class Box:
         cls, id: str, kind: str, low: Sequence[float], high: Sequence[float], face: str = ""
     ) -> Box:
         """A box along the world's axes from its lower to its upper corner [m]."""
-        lower = numbers(low, (3,), f"box {shown(id)}: min", ShapeError, LONGEST)
-        upper = numbers(high, (3,), f"box {shown(id)}: max", ShapeError, LONGEST)
+        place = Place(f"box {shown(id)}", ShapeError)
+        lower = np.array(CORNER.read(low, place.field("min")))
+        upper = np.array(CORNER.read(high, place.field("max")))
         if not (lower < upper).all():
-            raise ShapeError(
-                f"box {shown(id)}: min {lower.tolist()} must be below max {upper.tolist()}"
-            )
+            raise place.fault(f"has its min {lower.tolist()} not below its max {upper.tolist()}")
         return cls(
             id, kind, triple(0.5 * (lower + upper)), triple(0.5 * (upper - lower)), UNIT, face
         )
@@ -120,24 +104,7 @@ class Box:
         Raises:
             ShapeError: If a field is missing, unknown or faulty.
         """
-        if not isinstance(data, dict) or "id" not in data:
-            raise ShapeError(f"a box is an object with an 'id', not {shown(data)}")
-        name = text(data["id"], "the id of a box", ShapeError)
-        corners, middle = {"min", "max"} <= set(data), {"centre", "half"} <= set(data)
-        known = {"id", "kind", "face"} | (
-            {"min", "max"} if corners else {"centre", "half", "rotation"}
-        )
-        unknown = sorted(set(data) - known)
-        if corners == middle or unknown:
-            fault = f"unknown field {shown(unknown[0])}" if unknown else "its place is missing"
-            raise ShapeError(
-                f"box {name!r}: {fault}; give 'min' and 'max', or 'centre', 'half' and, "
-                "if turned, 'rotation'"
-            )
-        kind, face = str(data.get("kind", kind)), str(data.get("face", ""))
-        if corners:
-            return cls.between(name, kind, data["min"], data["max"], face)
-        return cls(name, kind, data["centre"], data["half"], data.get("rotation", UNIT), face)
+        return BoxData(kind).read(data, Place("", ShapeError))
 
     def to_dict(self) -> dict[str, Any]:
         """The box as plain data, the inverse of `from_dict`."""
@@ -153,15 +120,69 @@ class Box:
         return np.stack([centre - half, centre + half])
 
 
-def boxes_from(data: Any, kind: str) -> tuple[Box, ...]:
-    """Boxes from a list of plain data.
+CORNER = Tuples((3,), most=LONGEST, unit="m")
+"""A point of the world."""
 
-    Raises:
-        ShapeError: If an entry is faulty or an id appears twice.
+BOX_DATA = Record(
+    Box,
+    {
+        "id": NAME,
+        "kind": Choice(KINDS),
+        "centre": CORNER,
+        "half": Tuples((3,), SMALLEST, LONGEST, "m"),
+        "rotation": Rotation(),
+        "face": Text(least=0),
+    },
+)
+"""Fields of a `Box`."""
+
+
+_LOOKS: dict[str, Kind[Any]] = {"kind": BOX_DATA.kinds["kind"], "face": BOX_DATA.kinds["face"]}
+_CORNERS = Fields({"id": NAME, "min": CORNER, "max": CORNER}, _LOOKS)
+
+
+@dataclass(frozen=True)
+class BoxData:
+    """A box as plain data: `min` and `max`, or `centre`, `half` and, if turned, `rotation`.
+
+    Attributes:
+        kind: What it is where the data do not say.
     """
-    boxes = tuple(Box.from_dict(entry, kind) for entry in entries(data, "boxes", ShapeError))
-    unique([box.id for box in boxes], "box", ShapeError)
-    return boxes
+
+    kind: str = "obstacle"
+
+    def read(self, value: object, place: Place) -> Box:
+        """The box."""
+        if not isinstance(value, dict) or {"centre", "half", "rotation"} & value.keys():
+            return BOX_DATA.read(
+                {"kind": self.kind} | value if isinstance(value, dict) else value, place
+            )
+        if not {"min", "max"} & value.keys():
+            raise place.fault("needs 'min' and 'max', or 'centre' and 'half'")
+        data = {"kind": self.kind, "face": ""} | _CORNERS.read(value, place)
+        low, high = data["min"], data["max"]
+        return place.build(Box.between, data["id"], data["kind"], low, high, data["face"])
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """A list of boxes as plain data, each with an id of its own.
+
+    Attributes:
+        kind: What they are where the data do not say.
+    """
+
+    kind: str = "obstacle"
+
+    def read(self, value: object, place: Place) -> tuple[Box, ...]:
+        """The boxes."""
+        boxes = Listed(BoxData(self.kind)).read(value, place)
+        unique([box.id for box in boxes], f"{place.path}: box", place.error)
+        return boxes
+
+
+OBSTACLES = Fields({}, {"boxes": Boxes(), "occupied": Listed(NAME, most=MOST_POINTS)})
+"""A file of obstacles."""
 
 
 def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
@@ -172,12 +193,7 @@ def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
     Raises:
         ShapeError: If the file cannot be read or an entry is faulty; it names file and entry.
     """
-    data = read_json(path, "obstacles", ShapeError)
-    try:
-        if set(data) - {"boxes", "occupied"}:
-            raise ShapeError("must be an object with 'boxes' and 'occupied' and nothing else")
-        occupied = entries(data.get("occupied", []), "'occupied'", ShapeError, MOST_POINTS)
-        names = tuple(text(point, "a point of 'occupied'", ShapeError) for point in occupied)
-        return boxes_from(data.get("boxes", []), "obstacle"), names
-    except ShapeError as error:
-        raise ShapeError(f"obstacles {str(path)!r}: {error}") from None
+    data = load(
+        path, "obstacles", ShapeError, lambda data: OBSTACLES.read(data, Place("", ShapeError))
+    )
+    return data.get("boxes", ()), data.get("occupied", ())

@@ -21,23 +21,23 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import (
     GoalError,
     MapError,
-    MlivrError,
     SettingError,
     UnknownPointError,
-    nonnegative,
+    shown,
 )
-from mlivr_gym.files import read_json
-from mlivr_gym.values import LONGEST, MOST_POINTS, entries, numbers, text, unique
-from mlivr_gym.world.boxes import Box, boxes_from
+from mlivr_gym.files import load
+from mlivr_gym.schema import Place, are_rotations
+from mlivr_gym.values import MOST_POINTS, unique
+from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.map_entries import (
-    check_point,
+    CLEARANCE,
+    MODULE,
+    POINTS,
+    ROOM,
+    SPACING,
     clear_of_handrails,
     discretise,
-    given_number,
-    handrail_of,
-    point_of,
-    segment_of,
-    vector_of,
+    point_row,
 )
 from mlivr_gym.world.rails import Handrail, Segment
 from mlivr_gym.world.surroundings import handrail_boxes, module_boxes, track_box
@@ -52,7 +52,7 @@ class GraspMap:
         positions: Points in the map's frame, which is the world [m], shape (m, 3).
         rotations: Axes of the points in that frame, shape (m, 3, 3); columns are x along the rail,
             y, and z the outward surface normal.
-        faces: m names out of `FACES`.
+        faces: Name of the face that each point lies on, m of them.
         cabin: Lower and upper corner of the space a base may be in [m], shape (2, 3).
         name: Short name of the map.
         segments: Rails that the points lie on.
@@ -72,31 +72,26 @@ class GraspMap:
 
     def __post_init__(self) -> None:
         """Check shapes and values, and freeze the arrays."""
-        m = len(self.ids)
-        text(self.name, "the name of the map", MapError)
-        if not 0 < m <= MOST_POINTS:
-            count = f"{m or 'no'} graspable point(s)"
-            raise MapError(f"map {self.name!r} has {count}; at most {MOST_POINTS} are taken")
+        place = Place(f"map {shown(self.name)}", MapError)
+        if not len(self.ids):
+            raise place.fault("has no graspable point")
+        for name, kind in POINTS.required.items():
+            object.__setattr__(self, name, kind.read(getattr(self, name), place.field(name)))
         unique(self.ids, "point", MapError)
         unique([box.id for box in self.boxes], "box", MapError)
         object.__setattr__(self, "_index", {point: i for i, point in enumerate(self.ids)})
-        for attribute, shape in (
-            ("positions", (m, 3)),
-            ("rotations", (m, 3, 3)),
-            ("cabin", (2, 3)),
-        ):
-            array = np.array(getattr(self, attribute), dtype=np.float64)
-            if array.shape != shape:
-                raise MapError(f"{attribute} must have shape {shape}, not {array.shape}")
+        for name in ("faces", "positions", "rotations"):
+            if len(getattr(self, name)) != len(self.ids):
+                count = len(getattr(self, name))
+                raise place.field(name).fault(f"are {count}, of {len(self.ids)} points")
+        for array in (self.positions, self.rotations, self.cabin):
             array.setflags(write=False)
-            object.__setattr__(self, attribute, array)
-        for point, face, position, turn in zip(
-            self.ids, self.faces, self.positions, self.rotations, strict=True
-        ):
-            check_point(point, face, position, turn)
-        numbers(self.cabin, (2, 3), "cabin", MapError, LONGEST)
+        faulty = np.flatnonzero(~are_rotations(self.rotations))
+        if len(faulty):
+            first = place.field("rotations").entry(int(faulty[0]))
+            raise first.fault("must be a right-handed rotation matrix")
         if not (self.cabin[0] < self.cabin[1]).all():
-            raise MapError(f"cabin {self.cabin.tolist()} must have its min below max")
+            raise place.field("cabin").fault(f"{self.cabin.tolist()} must have its min below max")
 
     _index: dict[str, int] = field(init=False, repr=False, compare=False, default_factory=dict)
 
@@ -172,7 +167,7 @@ class GraspMap:
         if (array < low).any() or (array > high).any():
             raise GoalError(
                 f"goal {array.tolist()} lies outside the cabin, which reaches from {low.tolist()} "
-                f"to {high.tolist()}"
+                f"to {high.tolist()} (field 'cabin' of the map)"
             )
         return array
 
@@ -212,11 +207,8 @@ class GraspMap:
             MapError: If the file cannot be read or any entry is faulty; the message names the
                 entry.
         """
-        data = read_json(path, "map", MapError)
-        try:
-            return cls.from_dict(data, spacing, clearance, name=Path(path).stem)
-        except MlivrError as error:
-            raise type(error)(f"map {str(path)!r}: {error}") from None
+        given = _given(spacing, clearance)
+        return load(path, "map", MapError, lambda data: _built(data, given, Path(path).stem))
 
     @classmethod
     def from_dict(
@@ -228,55 +220,30 @@ class GraspMap:
     ) -> GraspMap:
         """Build a map from parsed JSON.
 
-        Fields (all lengths in [m]): `points` (list of `id`, `face`, `position`, `normal`, `rail`),
-        `segments` (list of `id`, `face`, `start`, `end`, `normal`), `spacing` of points along
-        segments (0.2), `handrails` (list of `id`, `face`, `min`, `max`), `clearance` round
-        handrails inside which points are left out (0.03), `cabin` (`min`, `max`; by default the
-        points' bounding box), `boxes` (whatever else the robot must not touch, see
-        `Box.from_dict`), `name`. A point of a segment counts with the rail's width. What `to_dict`
-        returns is known by its `ids` and taken as it is.
+        Fields, all of them optional and lengths in [m]: `points` (list of `id`, `face`,
+        `position`, `normal`, `rail`), `segments` (list of `id`, `face`, `start`, `end`, `normal`,
+        and if wanted `width` and `thickness`), `spacing` of points along segments (0.2),
+        `handrails` (list of `id`, `face`, `min`, `max`, and if known `axis`, `bar_min` and
+        `bar_max`), `clearance` round handrails inside which points are left out (0.03), `cabin`
+        (`min`, `max`: where the base may be; by default the box of all points, larger by `ROOM` on
+        every side), `boxes` (whatever else the robot must not touch, see `Box.from_dict`), `scene`
+        and `racks` (see `SCENE` and `RACK`), `name`, and the remarks `description`, `frame`,
+        `sources` and `provenance`. Any other field is refused. A face may have any name: handrails
+        keep points of the same face away. A point of a segment counts with the rail's width. What
+        `to_dict` returns is known by its `ids` and taken as it is.
 
         Args:
             data: The parsed JSON object.
             spacing: Overrides the file's spacing [m].
             clearance: Overrides the file's clearance [m].
             name: Used when the data names none.
+
+        Raises:
+            MapError: If the data are faulty; the message names the field.
+            SettingError: If spacing or clearance are.
         """
-        if not isinstance(data, dict):
-            raise MapError("a map is a JSON object with 'points' or 'segments'")
-        if "ids" in data:
-            return _map_of_fields(data)
-        spacing = given_number(spacing, data, "spacing", 0.2)
-        if not 0.0 < spacing < float("inf"):
-            raise SettingError(f"spacing is {spacing!r}; it must be finite and above 0")
-        clearance = nonnegative("clearance", given_number(clearance, data, "clearance", 0.03))
-        segments, handrails = _rails(data.get("segments", []), data.get("handrails", []))
-        points = entries(data.get("points", []), "points", MapError, MOST_POINTS)
-        rows = [point_of(entry, i) for i, entry in enumerate(points)]
-        for segment in segments:
-            rows.extend(discretise(segment, spacing, MOST_POINTS - len(rows)))
-        rows = clear_of_handrails(rows, handrails, clearance)
-        if not rows:
-            raise MapError("the map has no graspable point")
-        ids, faces, positions, rotations, _ = zip(*rows, strict=True)
-        return cls(
-            ids=ids,
-            positions=np.array(positions),
-            rotations=np.array(rotations),
-            faces=faces,
-            cabin=_cabin(data.get("cabin"), np.array(positions)),
-            name=data.get("name", name),
-            segments=segments,
-            handrails=handrails,
-            boxes=(
-                *module_boxes(
-                    data.get("scene", {}), entries(data.get("racks", []), "racks", MapError)
-                ),
-                *map(track_box, segments),
-                *(box for rail in handrails for box in handrail_boxes(rail)),
-                *boxes_from(data.get("boxes", []), "panel"),
-            ),
-        )
+        given = _given(spacing, clearance)
+        return Place("", MapError).build(_built, data, given, name)
 
 
 def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
@@ -297,73 +264,54 @@ def as_map(given: str | Path | GraspMap | dict[str, Any] | None) -> GraspMap:
     return given if isinstance(given, GraspMap) else GraspMap.load(given)
 
 
-_FIELDS = (
-    "name",
-    "ids",
-    "faces",
-    "positions",
-    "rotations",
-    "cabin",
-    "segments",
-    "handrails",
-    "boxes",
-)
-"""What `GraspMap.to_dict` writes."""
-
-
-def _rails(segments: Any, handrails: Any) -> tuple[tuple[Segment, ...], tuple[Handrail, ...]]:
-    """Rails and handrails from lists of plain data."""
-    rails = entries(segments, "segments", MapError)
-    bars = entries(handrails, "handrails", MapError)
-    return (
-        tuple(segment_of(entry, i) for i, entry in enumerate(rails)),
-        tuple(handrail_of(entry, i) for i, entry in enumerate(bars)),
-    )
-
-
-def _cabin(given: Any, positions: Array) -> Array:
-    """Lower and upper corner of the cabin [m], shape (2, 3), by default of all points."""
-    if given is None:
-        cabin = np.array([np.min(positions, axis=0), np.max(positions, axis=0)])
-        flat = cabin[1] - cabin[0] < 1e-9
-        cabin[0, flat] -= 1.0
-        cabin[1, flat] += 1.0
-        return cabin
-    if not isinstance(given, dict):
-        raise MapError("cabin must be an object with 'min' and 'max'")
-    return np.array([vector_of(given, "min", "cabin"), vector_of(given, "max", "cabin")])
-
-
-def _map_of_fields(data: dict[str, Any]) -> GraspMap:
-    """The inverse of `GraspMap.to_dict`."""
-    for name in (*_FIELDS, *data):
-        if (name in data) != (name in _FIELDS):
-            fault = "is missing" if name in _FIELDS else "is unknown"
-            raise MapError(
-                f"field {name!r} of the map {fault}; a map with 'ids' has {', '.join(_FIELDS)}"
-            )
-    ids, faces = (
-        tuple(entries(data[name], name, MapError, MOST_POINTS)) for name in ("ids", "faces")
-    )
-    if not all(isinstance(name, str) for name in (*ids, *faces)):
-        raise MapError("ids and faces must be lists of strings")
-    if len(ids) != len(faces):
-        raise MapError(f"the map has {len(ids)} ids but {len(faces)} faces")
-    shapes = {"positions": (len(ids), 3), "rotations": (len(ids), 3, 3), "cabin": (2, 3)}
-    arrays = {
-        name: numbers(data[name], shape, name, MapError, LONGEST if name != "rotations" else np.inf)
-        for name, shape in shapes.items()
+def _given(spacing: float | None, clearance: float | None) -> dict[str, float]:
+    """What a caller says in place of a file."""
+    kinds = {"spacing": (SPACING, spacing), "clearance": (CLEARANCE, clearance)}
+    return {
+        name: kind.read(value, Place(name, SettingError))
+        for name, (kind, value) in kinds.items()
+        if value is not None
     }
-    boxes = boxes_from(data["boxes"], "panel")
-    segments, handrails = _rails(data["segments"], data["handrails"])
+
+
+def _built(data: Any, given: dict[str, float], name: str) -> GraspMap:
+    """A map from plain data; see `GraspMap.from_dict`."""
+    root = Place("", MapError)
+    if isinstance(data, dict) and "ids" in data:
+        return GraspMap(**POINTS.read(data, root))
+    read = MODULE.read(data, root) | given
+    segments, handrails = read.get("segments", ()), read.get("handrails", ())
+    rows = [
+        point_row(entry, root.field("points").entry(i))
+        for i, entry in enumerate(read.get("points", ()))
+    ]
+    for i, segment in enumerate(segments):
+        place = root.field("segments").entry(i)
+        rows.extend(discretise(segment, read.get("spacing", 0.2), MOST_POINTS - len(rows), place))
+    rows = clear_of_handrails(rows, handrails, read.get("clearance", 0.03))
+    if not rows:
+        raise MapError("the map has no graspable point; give 'points' or 'segments'")
+    ids, faces, positions, rotations, _ = zip(*rows, strict=True)
     return GraspMap(
         ids=ids,
-        positions=arrays["positions"],
-        rotations=arrays["rotations"],
+        positions=np.array(positions),
+        rotations=np.array(rotations),
         faces=faces,
-        cabin=arrays["cabin"],
-        name=str(data["name"]),
+        cabin=_cabin(read.get("cabin"), np.array(positions)),
+        name=read.get("name", name),
         segments=segments,
         handrails=handrails,
-        boxes=boxes,
+        boxes=(
+            *(module_boxes(read["scene"], read.get("racks", ())) if "scene" in read else ()),
+            *map(track_box, segments),
+            *(box for rail in handrails for box in handrail_boxes(rail)),
+            *read.get("boxes", ()),
+        ),
     )
+
+
+def _cabin(given: dict[str, Any] | None, positions: Array) -> Array:
+    """Lower and upper corner of the cabin [m], shape (2, 3); see `GraspMap.from_dict`."""
+    if given is not None:
+        return np.array([given["min"], given["max"]])
+    return np.array([np.min(positions, axis=0) - ROOM, np.max(positions, axis=0) + ROOM])

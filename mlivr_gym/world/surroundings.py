@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MapError, shown
-from mlivr_gym.values import LONGEST, numbers
+from mlivr_gym.schema import NAME, Choice, Fields, Tuples
+from mlivr_gym.values import LONGEST
 from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.rails import Handrail, Segment
+from mlivr_gym.world.rails import LENGTH, Handrail, Segment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,48 +35,57 @@ def _box(
     )
 
 
-class _Figures:
-    """Figures of a map's `scene`, each by its dotted name."""
+LEVEL = Tuples((), most=LONGEST, unit="m")
+RANGE = Tuples((2,), most=LONGEST, unit="m")
 
-    def __init__(self, data: Any, where: str = "scene") -> None:
-        self._data, self._where = data, where
+SCENE = Fields(
+    {
+        "rack_zone_x": RANGE,
+        "panel_planes": Fields(
+            dict.fromkeys(("deck_z", "overhead_z", "forward_y", "aft_y"), LEVEL)
+        ),
+        "rack_outer_span": LENGTH,
+        "rack_post_length": LENGTH,
+        "corner_closeout": Tuples((2, 2), most=LONGEST, unit="m"),
+        "node2_opening": Fields({"y": RANGE, "z": RANGE}),
+        "node2_vestibule": Fields({"x": RANGE, "y": RANGE, "z": RANGE}),
+        "airlock_end": Fields(
+            {"x": RANGE, "y": RANGE, "deck_z": LEVEL, "upper_z": RANGE}, {"end_bulkhead_x": LEVEL}
+        ),
+        "airlock": Fields(
+            {"centre_yz": RANGE, "inner_radius": LENGTH, "outer_radius": LENGTH, "x": RANGE},
+            {"inner_hatch_diameter": LENGTH},
+        ),
+    },
+    {
+        "rack_post_section": RANGE,
+        "jlp_hatch_ring": Fields({"x": RANGE, "y": RANGE, "z": RANGE}),
+    },
+)
+"""A map's `scene`: plane of the rack fronts on each face, rack sections, closeouts and ends [m]."""
 
-    def get(self, name: str, *shape: int) -> Any:
-        """A number or, with a shape, nested lists of numbers [m].
-
-        Raises:
-            MapError: If it is missing or faulty.
-        """
-        found, path = self._data, self._where
-        for key in name.split("."):
-            if not isinstance(found, dict):
-                raise MapError(f"{path} must be an object, not {shown(found)}")
-            path = f"{path}.{key}"
-            if key not in found:
-                raise MapError(f"{path} is missing")
-            found = found[key]
-        return numbers(found, shape, path, MapError, LONGEST).tolist()
+RACK = Fields(
+    {"id": NAME, "face": Choice(tuple(FACE_AXES)), "x_centre": LEVEL, "run_centre": LEVEL}
+)
+"""A rack of a map: its face and the middle of its front [m]."""
 
 
-def module_boxes(scene: Any, racks: list[Any]) -> Iterator[Box]:
-    """Racks, corner closeouts and end bulkheads of a module, where the figures are given.
+def module_boxes(scene: dict[str, Any], racks: tuple[dict[str, Any], ...]) -> Iterator[Box]:
+    """Racks, corner closeouts and end bulkheads of a module.
 
     Args:
-        scene: The map's `scene`: plane of the rack fronts on each face, rack sections, closeouts
-            and ends [m].
-        racks: Face and centre of each rack [m].
+        scene: What `SCENE` reads.
+        racks: What `RACK` reads, of each rack.
 
     Raises:
-        MapError: If a figure is missing or faulty; the message names it.
+        MlivrError: If figures do not go together.
     """
-    if not isinstance(scene, dict):
-        raise MapError(f"scene must be an object, not {shown(scene)}")
-    if not scene.get("panel_planes"):
-        return
-    figures = _Figures(scene)
-    planes = {"deck": "deck_z", "overhead": "overhead_z", "forward": "forward_y", "aft": "aft_y"}
-    levels = {face: figures.get(f"panel_planes.{plane}") for face, plane in planes.items()}
-    start, end = figures.get("rack_zone_x", 2)
+    planes = scene["panel_planes"]
+    levels = {
+        "deck": planes["deck_z"], "overhead": planes["overhead_z"],
+        "forward": planes["forward_y"], "aft": planes["aft_y"],
+    }  # fmt: skip
+    start, end = scene["rack_zone_x"]
     middle, half_x = 0.5 * (start + end), 0.5 * (end - start)
     for face, (axis, sign) in FACE_AXES.items():
         run = 3 - axis
@@ -86,32 +95,26 @@ def module_boxes(scene: Any, racks: list[Any]) -> Iterator[Box]:
         centre[run] = 0.5 * sum(levels[f] for f, (a, _) in FACE_AXES.items() if a == run)
         half[run] = 1.02
         yield _box(f"{face}/shell", "panel", face, centre, half)
-    yield from _racks(figures, racks, levels)
-    yield from _closeouts(figures, middle, half_x)
-    yield from _ends(figures)
+    yield from _racks(scene, racks, levels)
+    yield from _closeouts(scene, middle, half_x)
+    yield from _ends(scene)
 
 
-def _racks(figures: _Figures, racks: list[Any], levels: dict[str, float]) -> Iterator[Box]:
-    half_width = 0.5 * figures.get("rack_outer_span")
-    half_length = 0.5 * figures.get("rack_post_length")
-    for number, entry in enumerate(racks):
-        rack = _Figures(entry, f"racks[{number}]")
-        x, run_centre = rack.get("x_centre"), rack.get("run_centre")
-        face = entry.get("face")
-        if face not in tuple(FACE_AXES):
-            valid = ", ".join(FACE_AXES)
-            raise MapError(f"racks[{number}]: unknown face {shown(face)}; valid faces are {valid}")
-        axis, sign = FACE_AXES[face]
+def _racks(
+    scene: dict[str, Any], racks: tuple[dict[str, Any], ...], levels: dict[str, float]
+) -> Iterator[Box]:
+    for rack in racks:
+        axis, sign = FACE_AXES[rack["face"]]
         run = 3 - axis
         centre, half = np.zeros(3), np.zeros(3)
-        centre[0], half[0] = x, half_width
-        centre[axis], half[axis] = levels[face] - sign * 0.02, 0.02
-        centre[run], half[run] = run_centre, half_length
-        yield _box(entry.get("id"), "rack", face, centre, half)
+        centre[0], half[0] = rack["x_centre"], 0.5 * scene["rack_outer_span"]
+        centre[axis], half[axis] = levels[rack["face"]] - sign * 0.02, 0.02
+        centre[run], half[run] = rack["run_centre"], 0.5 * scene["rack_post_length"]
+        yield _box(rack["id"], "rack", rack["face"], centre, half)
 
 
-def _closeouts(figures: _Figures, middle: float, half_x: float) -> Iterator[Box]:
-    (y0, z0), (y1, z1) = figures.get("corner_closeout", 2, 2)
+def _closeouts(scene: dict[str, Any], middle: float, half_x: float) -> Iterator[Box]:
+    (y0, z0), (y1, z1) = scene["corner_closeout"]
     for sy in (-1.0, 1.0):
         for sz in (-1.0, 1.0):
             angle = np.arctan2(sz * (z1 - z0), sy * (y1 - y0))
@@ -124,25 +127,25 @@ def _closeouts(figures: _Figures, middle: float, half_x: float) -> Iterator[Box]
             )
 
 
-def _ends(figures: _Figures) -> Iterator[Box]:
+def _ends(scene: dict[str, Any]) -> Iterator[Box]:
     """What closes the module at the airlock and at Node 2."""
-    (x0, x1), (y0, y1) = figures.get("airlock_end.x", 2), figures.get("airlock_end.y", 2)
+    end, airlock, vestibule = scene["airlock_end"], scene["airlock"], scene["node2_vestibule"]
+    (x0, x1), (y0, y1) = end["x"], end["y"]
     centre_x, half_x = 0.5 * (x0 + x1), 0.5 * (x1 - x0)
-    upper = figures.get("airlock_end.upper_z", 2)[1]
-    for face, at in (("deck", figures.get("airlock_end.deck_z")), ("overhead", upper)):
+    for face, at in (("deck", end["deck_z"]), ("overhead", end["upper_z"][1])):
         yield _box(f"{face}/airlock_end", "panel", face, (centre_x, 0.0, at), (half_x, y1, 0.01))
     for face, at in (("forward", y0), ("aft", y1)):
         yield _box(f"{face}/airlock_end", "panel", face, (centre_x, at, -0.05), (half_x, 0.01, 1.1))
-    opening = [figures.get(f"node2_opening.{axis}", 2) for axis in "yz"]
-    passage = [figures.get(f"node2_vestibule.{axis}", 2) for axis in "yz"]
+    opening = [scene["node2_opening"][axis] for axis in "yz"]
+    passage = [vestibule[axis] for axis in "yz"]
     middle_yz = [0.5 * sum(side) for side in opening]
     yield from _ring("node2/bulkhead", "starboard", (-0.02, 0.0), middle_yz, 0.6325, outer=1.13)
     half = max(0.5 * (high - low) for low, high in passage)
-    middle_yz, x = [0.5 * sum(side) for side in passage], figures.get("node2_vestibule.x", 2)
+    middle_yz, x = [0.5 * sum(side) for side in passage], vestibule["x"]
     yield from _ring("node2/passage", "starboard", x, middle_yz, half, outer=half + 0.02)
-    centre, inner = figures.get("airlock.centre_yz", 2), figures.get("airlock.inner_radius")
+    centre, inner = airlock["centre_yz"], airlock["inner_radius"]
     yield from _ring("airlock/bulkhead", "port", (x1, x1 + 0.02), centre, inner, outer=1.43)
-    tube, wall = (figures.get("airlock.x", 2)[0], x1), figures.get("airlock.outer_radius")
+    tube, wall = (airlock["x"][0], x1), airlock["outer_radius"]
     yield from _ring("airlock/tube", "port", tube, centre, inner, wall=wall)
 
 
@@ -150,7 +153,7 @@ def _ring(
     name: str,
     face: str,
     x: Sequence[float],
-    centre: list[float],
+    centre: Sequence[float],
     inner: float,
     *,
     outer: float | None = None,

@@ -5,7 +5,8 @@ import pytest
 import torch
 
 from mlivr_gym.agents import evaluate
-from mlivr_gym.agents.imitation import Imitation, ImitationSettings, optimal_set_loss
+from mlivr_gym.agents.hyperparameters import ImitationSettings
+from mlivr_gym.agents.imitation import Imitation, optimal_set_loss
 from mlivr_gym.agents.learned import LearnedPolicy
 from mlivr_gym.agents.networks import make_policy, scores_and_value
 from mlivr_gym.planners import Planner

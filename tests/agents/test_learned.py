@@ -38,7 +38,7 @@ def test_a_policy_never_returns_to_a_stance(env, monkeypatch):
 
 
 def test_faulty_checkpoints_are_named(env, policy, tmp_path):
-    with pytest.raises(CheckpointError, match=r"cannot use checkpoint.*nowhere"):
+    with pytest.raises(CheckpointError, match=r"cannot read checkpoint.*nowhere"):
         load_policy(tmp_path / "nowhere", env)
     save_policy(tmp_path / "one", policy, {"network": "pointer", "sizes": {"width": 64}})
     with pytest.raises(CheckpointError, match="cannot use checkpoint"):

@@ -6,10 +6,11 @@ import pytest
 import torch
 
 from mlivr_gym.agents import evaluate
+from mlivr_gym.agents.hyperparameters import METHODS, hyperparameters
 from mlivr_gym.agents.imitation import Imitation
 from mlivr_gym.agents.learned import load_policy, save_policy
 from mlivr_gym.agents.networks import make_policy
-from mlivr_gym.agents.training import METHODS, hyperparameters, train
+from mlivr_gym.agents.training import train
 from mlivr_gym.errors import SettingError
 
 

@@ -1,3 +1,5 @@
+import importlib
+import sys
 from functools import cache
 
 import numpy as np
@@ -81,3 +83,10 @@ def test_the_exported_model_loads_and_steps_in_dm_control(jem, limbs):
     for _ in range(10):
         physics.step()
     assert np.isfinite(physics.data.qpos).all()
+
+
+def test_without_the_extra_one_sentence_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "dm_env", None)
+    monkeypatch.delitem(sys.modules, "mlivr_gym.envs.dm_env")
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'mlivr-gym\[dm\]'"):
+        importlib.import_module("mlivr_gym.envs.dm_env")

@@ -123,17 +123,17 @@ def test_a_map_with_a_turned_box_is_the_same_to_the_last_digit(ladder):
 @pytest.mark.parametrize(
     ("words", "change"),
     [
-        ("'cabin' of the map is missing", {"cabin": None}),
-        ("'points' of the map is unknown", {"points": []}),
-        ("ids must be a list", {"ids": "abc"}),
-        ("lists of strings", {"ids": [1, 2]}),
-        ("faces", {"faces": ["deck"]}),
+        ("cabin is missing", {"cabin": None}),
+        ("unknown field 'points'", {"points": []}),
+        ("ids is 'abc'; it must be a list", {"ids": "abc"}),
+        (r"ids\[0\] is 1; it must be a text", {"ids": [1, 2]}),
+        (r"faces\[2\] is ..", {"faces": ["deck", "x", ""]}),
         ("positions is .* must be numbers", {"positions": [[1, 2], [3]]}),
         ("positions is .* must be numbers", {"positions": [[10**400, 0, 0]]}),
         ("shape", {"rotations": [[1.0]]}),
-        ("unknown face 'roof'", {"faces": ["roof"] * 15}),
-        ("boxes must be a list", {"boxes": 3}),
-        ("segment number 0", {"segments": [3]}),
+        ("faces are 1, of 15 points", {"faces": ["roof"]}),
+        ("boxes is 3; it must be a list", {"boxes": 3}),
+        (r"segments\[0\] is 3", {"segments": [3]}),
     ],
 )
 def test_faulty_plain_maps_are_named(ladder, words, change):
@@ -145,12 +145,12 @@ def test_faulty_plain_maps_are_named(ladder, words, change):
 def test_faulty_plain_arguments_are_named(ladder):
     with pytest.raises(MapError):
         MlivrEnv(map={})
-    with pytest.raises(MlivrError, match="unknown robot field 'arms'"):
+    with pytest.raises(MlivrError, match="unknown field 'arms'"):
         MlivrEnv(robot={"arms": 2})
     physical = {"map": ladder, "collisions": False, "dynamics": "mujoco"}
-    with pytest.raises(SettingError, match=r"unknown figure of physics 'gain'.*kp"):
+    with pytest.raises(SettingError, match=r"physics has an unknown field 'gain'.*kp"):
         MlivrEnv(physics={"gain": 2.0}, **physical)
     with pytest.raises(SettingError, match="kp is 'high'"):
         MlivrEnv(physics={"kp": "high"}, **physical)
-    with pytest.raises(SettingError, match="unknown figure of physics 3"):
+    with pytest.raises(SettingError, match="physics is 3; it must be an object"):
         MlivrEnv(physics=3, **physical)

@@ -4,6 +4,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from fuzz import damaged, few, loaded
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SettingError
@@ -209,6 +212,42 @@ def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
     assert [rows[k]["limb0_grasp"], rows[k]["limb1_grasp"]] == held
     with pytest.raises(PlanError, match="cannot read"):
         Trajectory.load_npz(tmp_path / "walk.csv")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"grasps": np.full((3, 2), 10**6)}, r"grasps\[0\]\[0\] is 1000000.0; it must be from -1"),
+        ({"base_positions": np.zeros((2, 3))}, r"base_positions has shape \(2, 3\)"),
+        ({"base_positions": np.full((3, 3), np.nan)}, r"base_positions\[0\]\[0\] is nan"),
+        ({"phase": np.array([0, 1, 9])}, r"phase\[2\] is 9.0; it must be from 0 to 2"),
+        ({"joint_positions": np.zeros(3)}, "must hold joint_positions of shape"),
+        ({"points": np.array(3)}, "points is .*; it must be a list"),
+        ({"times": np.array(["a", "b", "c"])}, "times is "),
+        ({"step": None}, "step"),
+    ],
+)
+def test_a_faulty_trajectory_is_named(tmp_path, walk, change, words):
+    path = tmp_path / "walk.npz"
+    replace(walk, **{
+        name: getattr(walk, name)[:3] for name in walk.__dataclass_fields__ if name != "points"
+    }).save_npz(path)  # fmt: skip
+    assert len(Trajectory.load_npz(path).times) == 3
+    with np.load(path) as data:
+        arrays = dict(data) | change
+    np.savez(path, **{name: value for name, value in arrays.items() if value is not None})
+    with pytest.raises(PlanError, match=rf"^cannot read trajectory '.*walk\.npz': .*{words}"):
+        Trajectory.load_npz(path)
+
+
+@given(st.data())
+@few(0.03)
+def test_a_damaged_trajectory_is_one_error_at_most(tmp_path, walk, data):
+    path = tmp_path / "walk.npz"
+    if not path.exists():
+        walk.every(1.0).save_npz(path)
+    content = data.draw(damaged(path.read_bytes()))
+    loaded(Trajectory.load_npz, tmp_path / "torn.npz", content)
 
 
 def test_the_windings_of_a_plan_leave_room_for_departure_and_approach(checked_graph):

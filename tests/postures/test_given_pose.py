@@ -310,7 +310,7 @@ def test_the_command_line_takes_a_pose_and_joint_angles(tmp_path, checked_graph,
     [
         ((1.0, 2.0), r"start_pose .* has shape \(2,\)"),
         ((0.0,) * 7, "quaternion .* of length 0"),
-        ((np.nan,) + (0.0,) * 5 + (1.0,), r"shape \(7,\), all finite"),
+        ((np.nan,) + (0.0,) * 5 + (1.0,), r"\[0\] is nan; it must be a number, and finite"),
         ("home", "start_pose .* is 'home'"),
     ],
 )

@@ -73,9 +73,18 @@ def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn,
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ({"id": "a", "min": [0, 0, 0], "max": [0, 1, 1]}, "min .* must be below max"),
-        ({"id": "a", "min": [0, 0, 0], "max": ["x", 1, 1]}, "must be numbers"),
-        ({"id": "a", "centre": [0, 0, 0], "half": [1, -1, 1]}, "half edges"),
+        (
+            {"id": "a", "min": [0, 0, 0], "max": [0, 1, 1]},
+            "box 'a' has its min .* not below its max",
+        ),
+        (
+            {"id": "a", "min": [0, 0, 0], "max": ["x", 1, 1]},
+            r"^max is \['x', 1, 1\]; it must be numbers",
+        ),
+        (
+            {"id": "a", "centre": [0, 0, 0], "half": [1, -1, 1]},
+            r"^half\[1\] is -1.0; it must be from 1e-09 to 1000 m",
+        ),
         (
             {
                 "id": "a",
@@ -85,11 +94,23 @@ def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn,
             },
             "rotation",
         ),
-        ({"id": "a", "centre": [0, 0, 0]}, "its place is missing"),
-        ({"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "colour": 1}, "unknown field 'colour'"),
-        ({"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "kind": "cloud"}, "unknown kind 'cloud'"),
-        ({"min": [0, 0, 0], "max": [1, 1, 1]}, "'id'"),
-        ("box", "'id'"),
+        ({"id": "a", "centre": [0, 0, 0]}, "^half is missing"),
+        (
+            {"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "colour": 1},
+            "unknown field 'colour'; valid fields are id, min, max, kind, face",
+        ),
+        (
+            {"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "kind": "cloud"},
+            "kind is 'cloud'; valid choices are 'panel', ",
+        ),
+        ({"min": [0, 0, 0], "max": [1, 1, 1]}, "id is missing"),
+        ({"id": "a"}, "needs 'min' and 'max', or 'centre' and 'half'"),
+        ({"id": "a", "max": [1, 1, 1]}, "^min is missing"),
+        (
+            {"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "half": [1, 1, 1]},
+            "unknown field 'min'",
+        ),
+        ("box", "the data is 'box'; it must be an object with id"),
     ],
 )
 def test_faulty_boxes_are_named(entry, message):

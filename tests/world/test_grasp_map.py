@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 from map_data import BOX, POINT, RAIL, SEGMENT
 
-from mlivr_gym import GraspMap, MlivrError, jem_map
+from mlivr_gym import GraspMap, MlivrError, Settings, jem_map, stance_graph
 from mlivr_gym.errors import GoalError, MapError, SettingError, UnknownPointError
+from mlivr_gym.robot.specification import ROBOTS
+from mlivr_gym.world.map_entries import ROOM
 
 
 def test_the_measured_map_has_331_of_414_points(jem):
@@ -78,39 +80,49 @@ def test_rounding_does_not_make_another_map(jem):
     ("data", "words"),
     [
         ({}, "no graspable point"),
-        ([], "JSON object"),
-        ({"points": {}}, "points must be a list"),
+        ([], r"the data is \[\]; it must be an object with"),
+        ({"points": {}}, "points is {}; it must be a list"),
         ({"points": [POINT, POINT]}, "'P' appears more than once"),
         ({"points": [POINT], "cabin": {"min": [0, 0, 0], "max": [0, 1, 1]}}, "min below max"),
         ({"points": [POINT], "cabin": 3}, "cabin"),
-        ({"segments": [{"id": "S", "face": "deck", "start": [0, 0, 0]}]}, "'end' is missing"),
+        (
+            {"segments": [{"id": "S", "face": "deck", "start": [0, 0, 0]}]},
+            r"^segments\[0\].end is missing",
+        ),
         ({"points": [POINT], "spacing": "wide"}, "spacing is 'wide'"),
         ({"points": [POINT], "spacing": 10**400}, "spacing is"),
-        ({"points": [POINT | {"position": [10**400, 0, 0]}]}, "'P': position"),
-        ({"points": [POINT | {"position": [True, True, True]}]}, "'P': position"),
-        ({"points": [POINT | {"id": "\ud800"}]}, r"point number 0: 'id' is '.ud800'; .*printable"),
-        ({"points": [POINT], "name": "\ud800"}, "name of the map"),
-        ({"points": [POINT], "name": 7}, "name of the map is 7"),
-        ({"points": [POINT], "scene": True}, "scene must be an object, not True"),
+        ({"points": [POINT | {"position": [10**400, 0, 0]}]}, r"points\[0\].position"),
+        ({"points": [POINT | {"position": [True, True, True]}]}, r"points\[0\].position"),
+        ({"points": [POINT | {"id": "\ud800"}]}, r"points\[0\].id is '.ud800'; .*printable"),
+        ({"points": [POINT], "name": "\ud800"}, "^name is"),
+        ({"points": [POINT], "name": 7}, "^name is 7"),
+        ({"points": [POINT], "scene": True}, "scene is True; it must be an object"),
         (
             {"points": [POINT], "scene": {"panel_planes": 1}},
-            "scene.panel_planes must be an object, not 1",
+            "scene.panel_planes is 1; it must be an object",
         ),
         (
             {"points": [POINT], "scene": {"panel_planes": {"deck_z": "low"}}},
             "scene.panel_planes.deck_z is 'low'",
         ),
-        ({"points": [POINT], "racks": 3}, "racks must be a list"),
+        ({"points": [POINT], "racks": 3}, "racks is 3; it must be a list"),
         (
             {"points": [POINT], "handrails": [RAIL | {"axis": "w"}]},
-            "'H': unknown axis 'w'; valid axes are x, y, z",
+            r"handrails\[0\].axis is 'w'; valid choices are 'x', 'y', 'z'",
         ),
-        ({"segments": [SEGMENT | {"width": "wide"}]}, "'S': width is 'wide'"),
+        ({"segments": [SEGMENT | {"width": "wide"}]}, r"segments\[0\].width is 'wide'"),
         (
             {"points": [POINT], "boxes": [BOX], "handrails": [RAIL | {"id": "B"}]},
             "box 'B' appears more than once",
         ),
         ({"segments": [SEGMENT], "boxes": [BOX | {"id": "S"}]}, "box 'S' appears more than once"),
+        ({"points": [POINT], "boxes": [BOX, BOX]}, "boxes: box 'B' appears more than once"),
+        (
+            {"points": [POINT], "boxes": [BOX | {"max": [0, 0, 0]}]},
+            r"^boxes\[0\]: box 'B' has its min",
+        ),
+        ({"points": [POINT], "point": []}, "unknown field 'point'; .*did you mean 'points'"),
+        ({"points": [POINT], "handrails": [RAIL | {"bar_min": [4, 0, 0]}]}, "one of bar_min and"),
     ],
 )
 def test_a_fault_of_a_map_is_named(data, words):
@@ -121,21 +133,45 @@ def test_a_fault_of_a_map_is_named(data, words):
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        ({"points": [POINT | {"position": [0, 0, 5230.0]}]}, "'P': position"),
-        ({"points": [POINT | {"position": [0, 0, 1e308]}]}, "'P': position"),
-        ({"segments": [SEGMENT | {"end": [0, 1, 1752.6]}]}, "'S': end"),
-        ({"points": [POINT], "boxes": [BOX | {"max": [1900.0, 1, 1]}]}, "'B': max"),
+        ({"points": [POINT | {"position": [0, 0, 5230.0]}]}, r"points\[0\].position\[2\]"),
+        ({"points": [POINT | {"position": [0, 0, 1e308]}]}, r"points\[0\].position\[2\]"),
+        ({"segments": [SEGMENT | {"end": [0, 1, 1752.6]}]}, r"segments\[0\].end\[2\]"),
+        ({"points": [POINT], "boxes": [BOX | {"max": [1900.0, 1, 1]}]}, r"boxes\[0\].max\[0\]"),
         (
             {"points": [POINT], "boxes": [{"id": "B", "centre": [0, 0, 0], "half": [1, 1, 1e200]}]},
-            "'B': half",
+            r"boxes\[0\].half\[2\]",
         ),
-        ({"points": [POINT], "handrails": [RAIL | {"min": [-1e19, 0, 0]}]}, "'H': min"),
-        ({"points": [POINT], "cabin": {"min": [0, 0, 0], "max": [9593, 1, 1]}}, "cabin: max"),
+        (
+            {"points": [POINT], "handrails": [RAIL | {"min": [-1e19, 0, 0]}]},
+            r"handrails\[0\].min\[0\]",
+        ),
+        ({"points": [POINT], "cabin": {"min": [0, 0, 0], "max": [9593, 1, 1]}}, r"cabin.max\[0\]"),
     ],
 )
 def test_a_map_in_millimetres_is_told_so(data, words):
     with pytest.raises(MlivrError, match=f"{words} is .*larger than 1000 m; .*millimetres"):
         GraspMap.from_dict(data)
+
+
+def test_without_a_cabin_the_base_may_be_anywhere_near_the_points():
+    """What the robots that ship reach from two points on a slope is no goal outside the cabin."""
+    points = [POINT | {"id": f"P{k}", "position": [0.5 * k, 0, 0.1 * k]} for k in range(3)]
+    loaded = GraspMap.from_dict({"points": points})
+    np.testing.assert_array_equal(loaded.cabin, [[-1.5, -1.5, -1.5], [2.5, 1.5, 1.7]])
+    for robot in ROBOTS.values():
+        holding = robot.mount_radius + robot.limb.reach + robot.tool_length
+        assert ROOM - 0.1 < holding < ROOM
+    graph = stance_graph(loaded, settings=Settings(manipulability=False, collisions=False))
+    heights = graph.posture((0, 1)).base_position
+    loaded.check_goal(heights[0])
+
+
+def test_a_face_may_have_any_name_and_handrails_keep_points_of_theirs_away():
+    rail = {"id": "H", "face": "lab wall", "min": [-0.1, -0.1, 0], "max": [0.1, 0.1, 0.1]}
+    other = POINT | {"id": "Q", "face": "lab wall"}
+    loaded = GraspMap.from_dict({"points": [POINT, other], "handrails": [rail]})
+    assert loaded.ids == ("P",)
+    assert GraspMap.from_dict({"points": [POINT, other]}).faces == ("deck", "lab wall")
 
 
 def test_missing_and_broken_files_are_named(tmp_path):
@@ -146,8 +182,8 @@ def test_missing_and_broken_files_are_named(tmp_path):
     with pytest.raises(MapError, match=r"broken\.json"):
         GraspMap.load(broken)
     faulty = tmp_path / "faulty.json"
-    faulty.write_text(json.dumps({"points": [POINT | {"face": "cellar"}]}))
-    with pytest.raises(MapError, match=r"faulty\.json.*'cellar'"):
+    faulty.write_text(json.dumps({"points": [POINT | {"face": 7}]}))
+    with pytest.raises(MapError, match=r"map '.*faulty\.json': points\[0\]\.face is 7;"):
         GraspMap.load(faulty)
 
 

@@ -14,14 +14,14 @@ from mlivr_gym.errors import MapError
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"normal": [0, 0, 2]}, "'P': normal"),
-        ({"position": [0, float("nan"), 0]}, "'P': position"),
-        ({"rail": [0, 0, 1]}, "'P': the rail"),
-        ({"rail": [0, 0, 0]}, "'P': the rail"),
-        ({"face": "cellar"}, "'cellar'"),
-        ({"id": ""}, "number 0"),
-        ({"position": [0, 0]}, "'P': position"),
-        ({"position": "here"}, "'P': position"),
+        ({"normal": [0, 0, 2]}, r"^points\[0\].normal is .*of length 2"),
+        ({"position": [0, float("nan"), 0]}, r"^points\[0\].position\[1\] is nan"),
+        ({"rail": [0, 0, 1]}, r"^points\[0\] has a rail that is not at right angles"),
+        ({"rail": [0, 0, 0]}, r"^points\[0\] has a rail without a direction"),
+        ({"face": ["cellar"]}, r"^points\[0\].face is \['cellar'\]"),
+        ({"id": ""}, r"^points\[0\].id is ''"),
+        ({"position": [0, 0]}, r"^points\[0\].position has shape"),
+        ({"position": "here"}, r"^points\[0\].position is 'here'"),
     ],
 )
 def test_a_fault_of_a_point_names_the_entry(change, words):
@@ -29,7 +29,7 @@ def test_a_fault_of_a_point_names_the_entry(change, words):
         GraspMap.from_dict({"points": [POINT | change]})
 
 
-@pytest.mark.parametrize("spacing", [1e-300, 1e-9, 1e-7, 1e-6])
+@pytest.mark.parametrize("spacing", [1e-9, 1e-7, 1e-6])
 def test_too_small_a_spacing_is_refused_before_the_points_are_made(spacing):
     for make in (
         lambda: GraspMap.from_dict({"segments": [SEGMENT], "spacing": spacing}),

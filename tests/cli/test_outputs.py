@@ -1,0 +1,135 @@
+"""A command that is refused or fails leaves nothing behind, and replaces nothing in silence."""
+
+import json
+import os
+
+import pytest
+
+from mlivr_gym.cli.outputs import claim, make_folder
+from mlivr_gym.errors import PlanError, SceneError
+from mlivr_gym.files import FileError
+
+
+def files(folder):
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+@pytest.mark.parametrize("name", [".", "", "nowhere/x.png", "file/x.png", "a\0b", "n" * 300])
+def test_what_cannot_be_written_is_refused(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    with pytest.raises(FileError, match="cannot write") as told:
+        claim(name)
+    assert str(told.value).isprintable()
+    assert files(tmp_path) == {"file"}
+
+
+def test_what_will_be_replaced_is_told(tmp_path, capsys):
+    old, new = tmp_path / "old.json", tmp_path / "new.json"
+    old.touch()
+    claim(old, None, new)
+    assert capsys.readouterr().out == f"will be replaced: {old}\n"
+    with pytest.raises(FileError, match="written twice"):
+        claim(new, tmp_path / "x" / ".." / "new.json", folder=tmp_path / "x" / "..")
+
+
+def test_a_folder_that_will_be_made_may_be_missing(tmp_path):
+    folder = tmp_path / "a" / "b"
+    claim(folder / "plan.json", folder=folder)
+    with pytest.raises(FileError, match="there is no folder"):
+        claim(folder / "c" / "walk.gif", folder=folder)
+    (tmp_path / "f").touch()
+    with pytest.raises(FileError, match="is no folder"):
+        claim(tmp_path / "f" / "x" / "plan.json", folder=tmp_path / "f" / "x")
+    with pytest.raises(FileError, match="cannot make folder"):
+        make_folder(tmp_path / "f" / "x")
+    assert files(tmp_path) == {"f"}
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_may_not_be_written_is_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(FileError, match="may not be written"):
+        claim(tmp_path / "plan.json")
+
+
+def test_plan_that_cannot_write_its_picture_does_not_write_the_plan(run, tmp_path):
+    out = tmp_path / "plan.json"
+    code, _, err = run("plan", "--out", str(out), "--picture", str(tmp_path / "no" / "x.png"))
+    assert (code, err.count("\n")) == (2, 1)
+    assert "there is no folder" in err
+    assert not files(tmp_path)
+
+
+def test_a_simulation_that_is_refused_leaves_nothing(run, tmp_path, plan_file, monkeypatch):
+    def fail(*_):
+        raise PlanError("a step cannot be followed")
+
+    monkeypatch.setattr("mlivr_gym.simulation.execution.execute", fail)
+    code, _, err = run("simulate", "--plan", str(plan_file), "--out", str(tmp_path / "walk"))
+    assert code == 2
+    assert "cannot be followed" in err
+    assert not files(tmp_path)
+
+
+def test_a_scene_that_cannot_be_exported_leaves_no_picture(run, tmp_path, plan_file, monkeypatch):
+    def fail(*_):
+        raise SceneError("MuJoCo cannot build it")
+
+    monkeypatch.setattr("mlivr_gym.simulation.scene.compiled", fail)
+    out, scene = tmp_path / "x.png", tmp_path / "scene.xml"
+    code, _, err = run("render", "--plan", str(plan_file), "--out", str(out), "--mjcf", str(scene))
+    assert code == 2
+    assert "cannot build" in err
+    assert not files(tmp_path)
+
+
+def test_a_training_whose_checkpoint_cannot_be_written_does_not_begin(run, tmp_path, monkeypatch):
+    pytest.importorskip("sb3_contrib")
+
+    def begin(*_, **__):
+        raise AssertionError
+
+    monkeypatch.setattr("mlivr_gym.agents.training.train", begin)
+    for out in (str(tmp_path / "no" / "policy"), "", "."):
+        code, _, err = run("train", "--out", out)
+        assert code == 2
+        assert err.startswith("mlivr-gym: cannot write ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        (
+            ["simulate", "--plan", "PLAN", "--robot", "mlivr3"],
+            "--robot has no effect beside --plan",
+        ),
+        (["simulate", "--plan", "PLAN", "--clearance", "0.05"], "--clearance has no effect"),
+        (
+            ["simulate", "--case", "3", "--occupied", "D1a:4"],
+            "--occupied has no effect beside --ca",
+        ),
+        (["simulate", "--case", "3", "--cost", "steps"], "--cost has no effect beside --case"),
+        (["render", "--plan", "PLAN", "--no-transitions"], "--no-transitions has no effect"),
+    ],
+)
+def test_an_argument_without_effect_is_refused(run, tmp_path, plan_file, arguments, name):
+    given = [str(plan_file) if word == "PLAN" else word for word in arguments]
+    code, _, err = run(*given, "--out", str(tmp_path / "out"))
+    assert code == 2
+    assert name in err
+    assert not files(tmp_path)
+
+
+def test_the_film_and_the_summary_of_an_earlier_walk_are_told(run, tmp_path, plan_file):
+    """The word comes before anything is worked out, so that Ctrl-C keeps the earlier results."""
+    walk = tmp_path / "walk"
+    walk.mkdir()
+    (walk / "simulation.json").write_text(json.dumps({"earlier": True}))
+    code, out, _ = run(
+        "simulate", "--plan", str(plan_file), "--out", str(walk), "--duration", "0", "--no-film"
+    )
+    assert code == 2
+    assert f"will be replaced: {walk / 'simulation.json'}" in out
+    assert files(walk) == {"simulation.json"}
+    assert json.loads((walk / "simulation.json").read_text()) == {"earlier": True}

@@ -1,0 +1,126 @@
+"""Faulty input: data with parts replaced, files with bytes changed, and how many of each."""
+
+import copy
+import os
+import resource
+import time
+from contextlib import contextmanager
+
+import numpy as np
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+
+from mlivr_gym import MlivrError
+
+VARIABLE = "MLIVR_GYM_FUZZ"
+"""Environment variable that asks for a number of examples, others in each run."""
+
+EXAMPLES = int(os.environ.get(VARIABLE, "600"))
+"""Examples in all; the tests share them."""
+
+MOST_SECONDS, MOST_BYTES = 20.0, 6 << 30
+"""What one example may take [s], and what it may ask for besides what is in use."""
+
+values = st.one_of(
+    st.sampled_from([None, True, [], {}, "", "x", "\ud800", "a\0b", "limb0/flange", "body", "-"]),
+    st.sampled_from([0, -1, 8, 1_000_000, 2**63, 10**250, 1e-300, 1e5, 1e19, 1e300, np.nan]),
+    st.sampled_from(["x" * 10_000, [[[[]]]], {"a": {"b": []}}, [[0, 1], [2]], ["1", 2, None], 0.2]),
+    st.floats(), st.integers(), st.text(max_size=5), st.lists(st.floats(), max_size=4),
+).map(copy.deepcopy)  # fmt: skip
+
+
+def few(share):
+    """Settings of a test that takes a share of the examples."""
+    return settings(
+        max_examples=max(round(share * EXAMPLES), 1),
+        deadline=None,
+        derandomize=VARIABLE not in os.environ,
+        suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    )
+
+
+FACTORS = (-1, 0, 1e-9, 1e3, 1e9)
+
+changes = st.lists(
+    st.tuples(
+        st.lists(st.integers(0, 9999), min_size=1, max_size=6),
+        st.sampled_from(["scale", "leave out", "double", "add", "deeper", "replace"]),
+        values,
+        st.text(max_size=3),
+        st.sampled_from(FACTORS),
+    ),
+    min_size=1,
+    max_size=3,
+)
+"""Where, how and by what; what is drawn does not depend on the data."""
+
+
+def mutated(data):
+    """The data with one to three parts replaced, scaled, left out, doubled, put deeper or added."""
+    return changes.map(lambda drawn: _changed(data, drawn))
+
+
+def _changed(data, drawn):
+    data = copy.deepcopy(data)
+    for path, how, other, key, factor in drawn:
+        place, last = None, None
+        for number in path:
+            inner = data if place is None else place[last]
+            if not isinstance(inner, (dict, list)) or not inner:
+                break
+            keys = list(inner) if isinstance(inner, dict) else range(len(inner))
+            place, last = inner, keys[number % len(keys)]
+        if place is None:
+            continue
+        value = place[last]
+        if how == "scale" and type(value) in (int, float):
+            place[last] = value * factor
+        elif how == "leave out":
+            del place[last]
+        elif how == "double" and isinstance(place, list):
+            place.append(copy.deepcopy(value))
+        elif how == "add" and isinstance(place, dict):
+            place[key] = other
+        elif how == "deeper":
+            place[last] = {key: value} if factor > 0 else [value]
+        else:
+            place[last] = other
+    return data
+
+
+def damaged(content):
+    """The bytes with some changed, put in, or cut off."""
+    most = len(content)
+    places = st.tuples(
+        st.integers(0, most), st.integers(0, 9), st.binary(max_size=9), st.integers(0, 2 * most)
+    )
+    return places.map(lambda p: (content[: p[0]] + p[2] + content[p[0] + p[1] :])[: p[3]])
+
+
+@contextmanager
+def bounded():
+    """An example must end in time and without asking for all memory there is."""
+    with open("/proc/self/statm", encoding="ascii") as stream:
+        used = int(stream.read().split()[0]) * resource.getpagesize()
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (used + MOST_BYTES, before[1]))
+    began = time.perf_counter()
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+    assert time.perf_counter() - began < MOST_SECONDS
+
+
+def loaded(load, path, content):
+    """What a loader makes of a file, or None where it refuses it in one line that names it."""
+    path.write_bytes(content)
+    try:
+        with bounded():
+            return load(path)
+    except MlivrError as error:
+        told = str(error)
+        assert path.stem in told
+        assert told.isprintable()
+        assert len(told) < 1500
+    return None
