@@ -41,6 +41,6 @@ def test_policies_follow_walks_to_their_end(env):
 def test_planners_go_on_after_grasps_that_fail(small_map):
     """After a failed attempt the limb that held has fewer branches than a plan may count on."""
     env = MlivrEnv(map=small_map, grasp_failure=0.45)
-    result = evaluate(env, planner_policy("steps"), 5, seed=26)
+    result = evaluate(env, planner_policy("steps"), 10, seed=26)
     assert result.success.all()
     assert result.failed_grasps.sum() > 5
