@@ -128,8 +128,8 @@ def tests_of(stratum: str, path: str) -> list[str]:
 
     def order(file: Path) -> tuple[bool, bool, bool, str]:
         name = file.relative_to(ROOT / "tests").as_posix()
-        own = file.stem == f"test_{Path(path).stem}"
-        return name in LONG, not own, not imported.search(file.read_text(encoding="utf-8")), name
+        named = file.stem == f"test_{Path(path).stem}"
+        return name in LONG, not named, not imported.search(file.read_text(encoding="utf-8")), name
 
     return [file.relative_to(ROOT).as_posix() for file in sorted(set(files), key=order)]
 

@@ -125,7 +125,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         base_translation: Sum of base displacements since reset [m].
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 2}  # noqa: RUF012
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 2}  # noqa: RUF012
     goal: Array
     steps: int
     base_translation: float
