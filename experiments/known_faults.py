@@ -74,7 +74,7 @@ FAULTS = [
     Fault("P30", f"{STANCES}/step_tables.py", " + graph.robot.fingerprint.encode()", "",
           "tests/stances/test_step_tables.py"),
     Fault("P31", "planners/estimates.py", "if not (self.graph.occupied or self.graph.obstacles):",
-          "if True:", "tests/collisions/test_obstacles.py tests/planners/test_planner.py"),
+          "if True:", "tests/planners/test_estimates.py"),
     Fault("P12", "agents/evaluation.py", "    return _Episode(\n        success,",
           "    return _Episode(\n        True,", "tests/agents/test_evaluation.py"),
     Fault("P13", "agents/imitation.py", "legal & (costs <= least[:, None] + 1e-6)",

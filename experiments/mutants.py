@@ -177,7 +177,7 @@ class Tree:
             os.killpg(process.pid, 9)
             process.communicate()
             return None, "takes too long"
-        failed = re.search(r"^(?:FAILED|ERROR) (\S+)", said, re.MULTILINE)
+        failed = re.search(r"^(?:FAILED|ERROR) (tests/.*?)(?: - .*)?$", said, re.MULTILINE)
         return process.returncode, failed[1] if failed else said[-200:].strip()
 
     def run(self, mutant: Mutant, tests: list[str]) -> dict[str, Any]:
