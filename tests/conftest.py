@@ -6,14 +6,37 @@ if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
 
 import numpy as np
 import pytest
+from cache_of_tests import KEPT
 from hypothesis import settings
 from paper import NO_COLLISIONS
+from shared_graphs import put_back, shared
+from time_limit import MOST, time_limit
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
 
-# The same examples in every run.
-settings.register_profile("reproducible", derandomize=True)
-settings.load_profile("reproducible")
+# The same examples in every run; HYPOTHESIS_PROFILE=fresh draws others.
+# No deadline for single ones: the first may compile machine code.
+settings.register_profile("reproducible", derandomize=True, deadline=None)
+settings.register_profile("fresh", print_blob=True, deadline=None)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "reproducible"))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    with time_limit(MOST):
+        return (yield)
+
+
+@pytest.fixture(autouse=True)
+def shared_graphs_are_left_as_they_were():
+    yield
+    assert not put_back()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def the_cache_of_the_user_is_left_alone():
+    yield
+    assert not (KEPT / "user" / "mlivr-gym").exists()
 
 
 @pytest.fixture(scope="session")
@@ -24,18 +47,18 @@ def jem():
 @pytest.fixture(scope="session")
 def graph(jem):
     """Every stance of the module, collisions not looked at."""
-    return stance_graph(jem, settings=NO_COLLISIONS)
+    return shared(stance_graph(jem, settings=NO_COLLISIONS))
 
 
 @pytest.fixture(scope="session")
 def checked_graph(jem):
     """Every stance of the module that touches nothing."""
-    return stance_graph(jem)
+    return shared(stance_graph(jem))
 
 
 @pytest.fixture(scope="session")
 def kinematic_graph(jem):
-    return stance_graph(jem, settings=Settings(manipulability=False, collisions=False))
+    return shared(stance_graph(jem, settings=Settings(manipulability=False, collisions=False)))
 
 
 @pytest.fixture(scope="session")
@@ -48,12 +71,12 @@ def small_map(jem):
 
 @pytest.fixture(scope="session")
 def small_graph(small_map):
-    return stance_graph(small_map, settings=NO_COLLISIONS)
+    return shared(stance_graph(small_map, settings=NO_COLLISIONS))
 
 
 @pytest.fixture(scope="session")
 def small_checked_graph(small_map):
-    return stance_graph(small_map)
+    return shared(stance_graph(small_map))
 
 
 @pytest.fixture

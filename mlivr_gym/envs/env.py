@@ -1,4 +1,4 @@
-"""The Gymnasium environment `MLIVR-JEM-v0`."""
+"""The Gymnasium environment `MLIVR-JEM-v0`, the first version of it."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from mlivr_gym.envs.observations import Observation, Observer, observation_space
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import Reward, StepOutcome, TaskReward
+from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import TaskGenerator, draw_task, generator_of
 from mlivr_gym.envs.viewer import Viewer
 from mlivr_gym.errors import StanceError, choice, nonnegative
@@ -98,16 +99,19 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     then has one bit a limb.
 
     ## Unreliable Grasps
-    With `grasp_failure` above 0 an attempt to grasp a point fails with that point's probability
-    (`failure_probability`). The base then goes back along its path and the limb grasps the point
-    that it released: the attempt costs a step and twice the base displacement, and
-    `info["grasp_failed"]` is True.
+    With `grasp_failure` above 0 an attempt to grasp a point fails if the next number of the stream
+    is below that point's `failure_probability`. The base then goes back along its path and the limb
+    grasps the point that it released: the attempt costs a step and twice the base displacement, and
+    `info["grasp_failed"]` is True. Limbs that hold are then on the branches that the step allows,
+    the limb that went back on all on which it can be released.
 
-    ## Arguments
-    See `__init__`.
+    ## Random Numbers
+    Tasks and failures are drawn from one `envs.streams.Stream`, begun with the seed of `reset`;
+    without a seed it goes on. Copy i of `MlivrVectorEnv` draws as with seed + i.
 
-    ## Version History
-    * v0: first version.
+    ## Changing World
+    When points or obstacles of `graph` change in an episode, masks and steps are those of the new
+    world. The robot stays where it is; if no step is left, every action is masked out.
 
     Attributes:
         graph: The stance graph.
@@ -120,10 +124,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         base_translation: Sum of base displacements since reset [m].
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012
-        "render_modes": ["rgb_array", "human"],
-        "render_fps": 2,
-    }
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 2}  # noqa: RUF012
     goal: Array
     steps: int
     base_translation: float
@@ -221,7 +222,8 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         self._moves = CurrentMoves(self.graph, bool(precompute))
         self._state: State | None = None
-        self._measures: dict[str, Any] = {}
+        self._stream, self._seeded = Stream(0), False
+        self._entered, self._measures = self.graph.version, dict[str, Any]()
         self._observer = Observer(self.graph)
         self._viewer = Viewer(self.graph, int(width), int(height))
 
@@ -252,24 +254,27 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode; see the class for `options`."""
+        """Start an episode; see the class. A goal alone takes the start of a drawn task."""
         super().reset(seed=seed)
+        if seed is not None or not self._seeded:
+            number = int(self.np_random.integers(2**63)) if seed is None else seed
+            self._stream, self._seeded = Stream.of_seed(number), True
         graph, walk = self.graph, self._walk
         given = ResetOptions.of(options, graph, plans=walk is not None)
         start, goal = given.state(graph), given.goal
         if goal is not None:
             goal = graph.grasp_map.check_goal(goal)
         if start is None or goal is None:
-            task = draw_task(self.tasks, graph, self.np_random, self.goal_tolerance, start)
+            task = draw_task(self.tasks, graph, self._stream, self.goal_tolerance, start)
             start = task.start if start is None else start
             goal = task.goal if goal is None else goal
-        self.goal = goal
         if walk is not None:
             start = walk.start(start, given.plan)
             self._measures = walk.measures
-        self._enter(start)
-        if not self._mask.any():
+        if not self.moves.successors(start):
             raise StanceError(f"no step leaves the start stance {graph.ids(start.stance)}")
+        self.goal = goal
+        self._enter(start)
         self.steps, self.base_translation = 0, 0.0
         if self.render_mode == "human":
             self.render()
@@ -285,6 +290,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             gymnasium.error.ResetNeeded: Before the first reset, and after a step that failed.
             SettingError: If the action is not in the action space.
         """
+        self._keep_up()
         state, points = self.state, len(self.graph.grasp_map)
         if self._measures.get("failure"):
             raise gymnasium.error.ResetNeeded("the last step failed: call reset()")
@@ -297,7 +303,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             after = self.moves.take(state, action)
             moved = math.dist(self.moves.place(after).base_in_world, self._place.base_in_world)
             risk = self.failure_probability[point]
-            failed = bool(risk > 0.0 and self.np_random.random() < risk)
+            failed = bool(risk > 0.0 and self._stream.random() < risk)
             if failed:
                 moved, after = 2.0 * moved, self._went_back(after, limb)
             if self._walk is not None:
@@ -324,15 +330,20 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset.
         """
-        if self._state is None:
-            raise gymnasium.error.ResetNeeded("call reset() before action_masks()")
+        self._keep_up()
         return self._mask.copy()
 
     def successors(self) -> Successors:
         """The steps that leave the present state."""
         return self.moves.successors(self.state)
 
+    def _keep_up(self) -> None:
+        """Look at the present state anew if the world has changed."""
+        if self._entered != self.graph.version or self._state is None:
+            self._enter(self.state)
+
     def _enter(self, state: State) -> None:
+        self._entered = self.graph.version
         self._state, self._place = state, self.moves.place(state)
         self._distance = math.dist(self._place.base_in_world, self.goal)
         self._mask = self.moves.mask(state)
@@ -359,8 +370,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def render(self) -> NDArray[np.uint8] | None:
         """The scene with its present obstacles, as a picture or in a window.
 
-        Returns:
-            Shape (height, width, 3); None with `render_mode="human"`.
+        Shape (height, width, 3); None with `render_mode="human"`.
 
         Raises:
             RenderError: If there is no GL library, or no screen for a window.

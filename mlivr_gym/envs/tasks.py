@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.envs.streams import Randomness, Stream
 from mlivr_gym.errors import SettingError, StanceError, choice, shown
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -60,14 +61,17 @@ class TaskGenerator(Protocol):
 class WalkTasks:
     """A random start, and the goal where a walk towards a random graspable point ends.
 
-    Each of at most `MOST_STEPS` steps goes to the stance whose base is nearest to that point. Goals
-    closer to the start than the goal tolerance are drawn again.
+    For two limbs the start is a stance of the graph, drawn by its index until a step leaves it;
+    then a point is drawn by its index. Each of at most `MOST_STEPS` steps goes to the stance whose
+    base is nearest to that point, the first of them in the order of the graph, as long as that is
+    nearer than before. If the walk ends outside the cabin, or not farther from the start than the
+    goal tolerance, both are drawn again, or the point alone if the start is given.
     """
 
     def draw(
         self,
         graph: StanceGraph,
-        rng: np.random.Generator,
+        rng: Randomness,
         tolerance: float,
         start: State | None = None,
     ) -> Task:
@@ -102,19 +106,24 @@ def generator_of(given: str | TaskGenerator | dict[str, Any]) -> TaskGenerator:
 def draw_task(
     generator: TaskGenerator,
     graph: StanceGraph,
-    rng: np.random.Generator,
+    stream: Stream,
     tolerance: float,
     start: State | None = None,
 ) -> Task:
     """Draw a task, and check it where the generator is a user's; arguments as in `TaskGenerator`.
 
+    A user's generator draws from `numpy.random.default_rng(stream.state)`, with a whole number of
+    which below 2^63 the stream then goes on.
+
     Raises:
         MlivrError: If none is found, or the start cannot be held or the goal lies outside the
             cabin.
     """
-    task = generator.draw(graph, rng, tolerance, start)
     if isinstance(generator, WalkTasks):
-        return task
+        return generator.draw(graph, stream, tolerance, start)
+    rng = np.random.default_rng(stream.state)
+    task = generator.draw(graph, rng, tolerance, start)
+    stream.state = int(rng.integers(2**63))
     if not isinstance(task.start, State):
         raise SettingError(f"tasks draw the start {shown(task.start)}; it must be a State")
     graph.state(task.start.stance, task.start.pose)
@@ -122,7 +131,7 @@ def draw_task(
     return Task(task.start, graph.grasp_map.check_goal(task.goal))
 
 
-def random_state(graph: StanceGraph, rng: np.random.Generator) -> State:
+def random_state(graph: StanceGraph, rng: Randomness) -> State:
     """A random stance that at least one step leaves.
 
     Raises:
@@ -137,7 +146,7 @@ def random_state(graph: StanceGraph, rng: np.random.Generator) -> State:
     )
 
 
-def _random_stance(graph: StanceGraph, rng: np.random.Generator) -> State | None:
+def _random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
     """A random stance, or None if the one drawn cannot be held.
 
     It is one of all, or where these are not known one of a batch round a random point.
@@ -168,7 +177,7 @@ def _random_stance(graph: StanceGraph, rng: np.random.Generator) -> State | None
 
 
 def sample_task(
-    graph: StanceGraph, rng: np.random.Generator, tolerance: float, start: State | None = None
+    graph: StanceGraph, rng: Randomness, tolerance: float, start: State | None = None
 ) -> Task:
     """A start and a goal that a walk over edges joins; see `WalkTasks`.
 
@@ -188,7 +197,7 @@ def sample_task(
         origin = graph.posture_of(state).base_position[0]
         position = _walk(graph, state, origin, target)
         inside = (position >= grasp_map.cabin[0]).all() and (position <= grasp_map.cabin[1]).all()
-        if inside and np.linalg.norm(position - origin) > tolerance:
+        if inside and _square(position - origin) > tolerance * tolerance:
             return Task(state, position)
     raise StanceError(
         f"no goal that can be reached was found on map {grasp_map.name!r} in {TRIES} draws"
@@ -197,14 +206,21 @@ def sample_task(
 
 def _walk(graph: StanceGraph, state: State, origin: Array, target: Array) -> Array:
     """Base position at the end of a walk from `origin` towards `target` [m]."""
-    best, position = float(np.linalg.norm(origin - target)), origin
+    best, position = float(_square(origin - target)), origin
     for _ in range(MOST_STEPS):
         steps = graph.successors(state)
         if not steps:
             break
-        distance = np.linalg.norm(steps.base_in_world - target, axis=1)
-        k = int(np.argmin(distance))
-        if distance[k] >= best:
+        square = _square(steps.base_in_world - target)
+        k = int(np.argmin(square))
+        if square[k] >= best:
             break
-        best, position, state = float(distance[k]), steps.base_in_world[k], steps.after(state, k)
+        best, position, state = float(square[k]), steps.base_in_world[k], steps.after(state, k)
     return position
+
+
+def _square(vectors: Array) -> Array:
+    """Squared lengths of vectors, shape (..., 3), summed in the order of `envs.batch`."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    square: Array = x * x + y * y + z * z
+    return square

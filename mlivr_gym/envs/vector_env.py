@@ -23,6 +23,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, observations, stance_observations
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.rewards import StepOutcome
+from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import WalkTasks, draw_task
 from mlivr_gym.errors import SettingError, StanceError, choice
 from mlivr_gym.stances.step_tables import StepTables, state_of
@@ -41,13 +42,15 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     `grasp_failed`, each (k,) if not said otherwise.
 
     Rewards and task generators are the same objects: a reward is called with arrays of shape (k,),
-    a generator once for each copy that starts anew. With `tasks="walk"` start and goal are drawn by
-    the rule of `MlivrEnv`, hence with the same probabilities, but each copy draws from a stream of
-    random numbers of another kind (splitmix64): equal seeds give equal episodes of this class, not
-    those of a `MlivrEnv` with that seed. Failed grasps are drawn from the same streams.
+    a generator once for each copy that starts anew. Each copy draws its tasks and failed grasps
+    from its own stream: with seed s copy i goes as a `MlivrEnv` with seed s + i goes under the same
+    actions, over any number of episodes.
 
-    By default a copy whose episode has ended starts anew on the next step, whose action it ignores;
-    with `autoreset_mode="Disabled"` call `reset(options={"reset_mask": ...})`.
+    By default a copy whose episode has ended starts anew on the next step, whose action it ignores,
+    with reward 0; with `autoreset_mode="Disabled"` call `reset(options={"reset_mask": ...})`.
+
+    When points or obstacles of `env.graph` change, the tables are read or worked out anew, and
+    masks and steps are those of the new world, as in `MlivrEnv`.
 
     Attributes:
         tables: The steps.
@@ -87,6 +90,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.env = MlivrEnv(**(kwargs | {"precompute": True})) if env is None else env
         moves = self.env.table_moves()
         self.tables: StepTables = moves.tables
+        self._version = self.env.graph.version
         self.num_envs, self.max_episode_steps = (
             num_envs,
             max_episode_steps or np.iinfo(np.int64).max,
@@ -128,6 +132,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             MlivrError: If seed or options cannot be used, or no goal can be reached from a start;
                 no copy has moved then.
         """
+        self._keep_up()
         given = dict(options or {})
         which = self._chosen(given.pop("reset_mask", self._all))
         starts = self._rows("start", given.pop("start", None))
@@ -192,7 +197,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 if self._seeded[k]:
                     continue
                 number = int(self.np_random.integers(2**63))
-            self._streams[k] = np.random.SeedSequence(number).generate_state(1, np.uint64)[0]
+            self._streams[k] = Stream.of_seed(number).state
             self._seeded[k] = True
 
     def step(self, actions: Any) -> tuple[Observation, Array, BoolArray, BoolArray, dict[str, Any]]:
@@ -207,6 +212,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 and copies do not start anew by themselves.
         """
         self._need_reset()
+        self._keep_up()
         actions = action_numbers(actions, self.num_envs, 2 * len(self._stance_at))
         env, restart = self.env, self._ended.copy()
         if restart.any():
@@ -240,7 +246,14 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             gymnasium.error.ResetNeeded: If a copy was never reset.
         """
         self._need_reset()
+        self._keep_up()
         return self._legal(self.stances, self.masks)
+
+    def _keep_up(self) -> None:
+        """Read the tables anew if the world has changed; stances keep their indices."""
+        if self._version != self.env.graph.version:
+            self.tables = self.env.table_moves().tables
+            self._version = self.env.graph.version
 
     def _need_reset(self) -> None:
         if not self._started.all():
@@ -286,14 +299,14 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         """The same with another generator, each copy from its stream."""
         env = self.env
         for k in np.flatnonzero(which):
-            rng = np.random.default_rng(self._streams[k])
+            stream = Stream(int(self._streams[k]))
             start = state_of(self.tables, int(stances[k]), masks[k]) if given else None
-            task = draw_task(env.tasks, env.graph, rng, env.goal_tolerance, start)
+            task = draw_task(env.tasks, env.graph, stream, env.goal_tolerance, start)
             if task.start.pose is not None:
                 raise SettingError("tasks draw a start pose, which the vector environment lacks")
             stances[k], masks[k] = self._stance_at[task.start.stance], task.start.masks
             goals[k] = task.goal
-            self._streams[k] = rng.integers(2**63)
+            self._streams[k] = stream.state
         self._need_step(which, stances, masks)
 
     def _begin(self, which: BoolArray) -> None:

@@ -11,12 +11,12 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import StanceError
 from mlivr_gym.postures.postures import FIELDS, Postures
+from mlivr_gym.schema import Place, Whole
 from mlivr_gym.stances.obstacles import ChangingWorld
 from mlivr_gym.transitions.edge import Edge, edge_of
 from mlivr_gym.transitions.records import StanceSet
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, moving_limb
-from mlivr_gym.values import whole
 
 
 class CheckedSteps(ChangingWorld):
@@ -44,7 +44,7 @@ class CheckedSteps(ChangingWorld):
 
     def mask_after_grasp(self, state: State, limb: int) -> int:
         """Branches and flips on which a limb may be that has just grasped, in a state's posture."""
-        whole(limb, "limb", StanceError, 0, self.limbs - 1)
+        Whole(0, self.limbs - 1).read(limb, Place("limb", StanceError))
         posture = self.posture_of(state)
         if not self.settings.transitions:
             return int(posture.mask[0, limb])

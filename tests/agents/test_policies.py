@@ -1,5 +1,6 @@
 """Policies that need no training: the expert, random actions, and followers of plans."""
 
+import numpy as np
 import pytest
 
 from mlivr_gym.agents import ExpertPolicy, RandomPolicy, baseline_policy, evaluate, planner_policy
@@ -41,6 +42,41 @@ def test_policies_follow_walks_to_their_end(env):
 def test_planners_go_on_after_grasps_that_fail(small_map):
     """After a failed attempt the limb that held has fewer branches than a plan may count on."""
     env = MlivrEnv(map=small_map, grasp_failure=0.45)
-    result = evaluate(env, planner_policy("steps"), 5, seed=26)
+    result = evaluate(env, planner_policy("steps"), 10, seed=26)
     assert result.success.all()
     assert result.failed_grasps.sum() > 5
+
+
+def test_a_plan_is_made_once_an_episode_and_anew_where_it_no_longer_holds(env):
+    """Anew at the start of an episode, for another goal and off the plan; otherwise followed."""
+    policy = planner_policy("steps")
+    env.reset(seed=0)
+
+    def act(observation):
+        return policy.act(env, observation, env.action_masks())
+
+    fewest, planner = 0, Planner(env.graph)
+    while fewest < 4:
+        env.reset()
+        start, goal = env.state.stance, env.goal
+        fewest = len(planner.plan(start, goal, "steps").unwrap().steps)
+    options = {"start": start, "goal": goal}
+    for episode in (1, 2):
+        observation, info = env.reset(options=options)
+        while not info["is_success"]:
+            observation, *_, info = env.step(act(observation))
+            assert policy.plans == episode
+        assert info["steps"] == fewest
+    observation, _ = env.reset(options=options)
+    for plans in (3, 3):
+        observation, *_ = env.step(act(observation))
+        assert policy.plans == plans
+    env.goal = env.goal + 0.01
+    observation, *_ = env.step(act(observation))
+    assert policy.plans == 4
+    env.reset(options=options)
+    action = act(env._observation())
+    others = np.flatnonzero(env.action_masks())
+    observation, *_ = env.step(int(others[others != action][0]))
+    act(observation)
+    assert policy.plans == 6

@@ -32,12 +32,16 @@ def test_table_values_are_the_planners_cost_to_go(env, cost):
             env.step(int(rng.choice(actions)))
 
 
-def test_expected_costs_solve_the_bellman_equation(env):
-    """Each stance's expected steps against one sweep of the equation with failures written out."""
+@pytest.mark.parametrize("cost", ["steps", "base"])
+def test_expected_costs_solve_the_bellman_equation(env, cost):
+    """Each stance's expected cost against one sweep of the equation with failures written out.
+
+    A failed grasp costs a step, or the displacement there and back, and the stance stays.
+    """
     risk = np.random.default_rng(0).uniform(0.0, 0.6, len(env.graph.grasp_map))
     env.reset(seed=3)
     tables = env.table_moves().tables
-    values = TableValues(tables, env.goal[None], 0.2, Cost.named("steps"), risk)
+    values = TableValues(tables, env.goal[None], 0.2, Cost.named(cost), risk)
     checked = 0
     for s in np.random.default_rng(1).permutation(len(tables.points))[:40]:
         for held in range(2):
@@ -53,8 +57,10 @@ def test_expected_costs_solve_the_bellman_equation(env):
                         if tables.releasable[after, held] >> b & 1:
                             rest = min(rest, values.grasped[0, after, 1 - held])
                         p = risk[tables.points[after, 1 - held]]
-                        # V = 1 + p V + (1 - p) rest
-                        best = min(best, (1.0 + (1.0 - p) * rest) / (1.0 - p))
+                        d = np.linalg.norm(tables.base_in_world[after] - tables.base_in_world[s])
+                        one, two = (1.0, 1.0) if cost == "steps" else (d, 2.0 * d)
+                        # V = p (two + V) + (1 - p) (one + rest)
+                        best = min(best, (p * two + (1.0 - p) * (one + rest)) / (1.0 - p))
                 assert mine == pytest.approx(best, abs=1e-6)
                 checked += 1
     assert checked > 100

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from pinocchio_robots import pinocchio_robot
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, Settings, robot_spec
@@ -15,7 +16,6 @@ from mlivr_gym.cli.simulate import add_arguments
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import RobotError
 from mlivr_gym.motion.trajectory import FREE
-from mlivr_gym.robot.specification import ur5e_data
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.scene import set_configuration
@@ -36,47 +36,6 @@ def floating(jem, plan):
     )
     data.qvel[:] = np.random.default_rng(0).uniform(-0.2, 0.2, model.nv)
     return simulation
-
-
-def pinocchio_robot(robot):
-    """The robot from the manufacturer's joint origins and inertias, on a free flyer."""
-    data, model = ur5e_data(), pin.Model()
-    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-    size, mass = robot.body_size, robot.body_mass
-    model.appendBodyToJoint(base, pin.Inertia.FromBox(mass, size, size, size), pin.SE3.Identity())
-    for i in range(robot.limbs):
-        place = pin.SE3(robot.mount_rotations[i], robot.mount_positions[i])
-        parent = base
-        for k, (origin, link) in enumerate(
-            zip(data["urdf_joint_origins"], data["links"], strict=True)
-        ):
-            here = pin.SE3(
-                pin.rpy.rpyToMatrix(*map(float, origin["rpy"])),
-                np.array(origin["xyz"], dtype=float),
-            )
-            parent = model.addJoint(
-                parent,
-                pin.JointModelRZ(),
-                place * here if k == 0 else here,
-                f"limb{i}/joint{k + 1}",
-            )
-            inertia = pin.Inertia(
-                link["mass"],
-                np.array(link["com_urdf"], dtype=float),
-                np.array(link["inertia_urdf"]),
-            )
-            model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
-        radius, length = data["gripper"]["radius"], robot.tool_length
-        gripper = pin.Inertia.FromCylinder(robot.gripper_mass, radius, length)
-        model.appendBodyToJoint(
-            parent, gripper, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5 * length]))
-        )
-        model.addFrame(
-            pin.Frame(
-                f"grasp{i}", parent, pin.SE3(np.eye(3), np.array([0.0, 0.0, length])), pin.OP_FRAME
-            )
-        )
-    return model
 
 
 @pytest.mark.parametrize("limbs", [2, 3])

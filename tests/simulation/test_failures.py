@@ -12,7 +12,7 @@ from mlivr_gym.motion.trajectory import FREE, Durations
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.failures import FailureWatch, Measured
-from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.simulator import Simulation, SimulationError
 
 
 def failed(graph, plan, **changes):
@@ -118,3 +118,67 @@ def test_the_first_failure_is_found_also_across_chunks():
         measured(50, finite=finite, joints=joints), "approach", [True, True]
     )
     assert (index, failure.kind) == (10, "divergence")
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("limb", "joint"), [(0, 0), (0, 5), (1, 2)])
+def test_both_limits_of_every_joint_are_watched(sign, limb, joint):
+    """Beyond the margin of 3 degrees, and not within it."""
+    limits = np.tile([-1.0, 2.0], (6, 1))
+    edge = 2.0 if sign > 0.0 else -1.0
+    for beyond, fails in ((np.deg2rad(2.9), False), (np.deg2rad(3.1), True)):
+        joints = np.zeros((20, 2, 6))
+        joints[7:, limb, joint] = edge + sign * beyond
+        found = FailureWatch(Physics(), limits, 0).first(
+            measured(20, joints=joints), "swing", [True, True]
+        )
+        assert (found is not None) == fails
+    index, failure = found
+    assert (index, failure.kind, failure.limb) == (7, "joint limit", limb)
+    assert failure.values == {"joint": joint + 1.0, "angle_rad": joints[7, limb, joint]}
+
+
+@pytest.mark.parametrize("limb", [0, 1])
+@pytest.mark.parametrize(
+    ("name", "most", "key"),
+    [("forces", 200.0, "force_N"), ("grasp_torques", 100.0, "torque_N_m")],
+)
+def test_a_hold_is_lost_above_its_force_and_above_its_torque(limb, name, most, key):
+    """Of limbs that hold alone, and by the length of the vector."""
+    limits = np.tile([-2 * np.pi, 2 * np.pi], (6, 1))
+    for size in (0.99, 1.01):
+        wrench = np.zeros((20, 2, 3))
+        wrench[4:, limb] = size * most * np.array([2.0, -1.0, 2.0]) / 3.0
+        given = measured(20, **{name: wrench})
+        assert FailureWatch(Physics(), limits, 0).first(given, "swing", [limb != 0, limb == 0]) is (
+            None
+        )
+        found = FailureWatch(Physics(), limits, 0).first(given, "swing", [True, True])
+        assert (found is not None) == (size > 1.0)
+    index, failure = found
+    assert (index, failure.kind, failure.limb) == (4, "lost hold", limb)
+    assert failure.values[key] == pytest.approx(1.01 * most)
+    assert failure.values[f"allowed_{key}"] == most
+
+
+def test_figures_are_those_of_the_documentation():
+    physics = Physics()
+    assert physics.capture_distance == 0.01
+    assert np.rad2deg(physics.capture_angle) == pytest.approx(2.0)
+    assert physics.hold_force == 200.0
+    assert physics.hold_torque == 100.0
+    assert np.rad2deg(physics.limit_margin) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(("degrees", "held"), [(1.5, True), (-1.5, True), (3.0, False)])
+def test_a_gripper_that_is_turned_too_far_cannot_hold(plan, simulation, degrees, held):
+    """About its normal, so that it stays on its point; the capture angle is 2 degrees."""
+    position, quaternion, joints = plan.configuration(0)
+    joints = joints.copy()
+    joints[1, 5] += np.deg2rad(degrees)
+    points = [simulation.grasp_map.index(point) for point in plan.stances[0]]
+    if held:
+        simulation.reset(position, quaternion, joints, points)
+        return
+    with pytest.raises(SimulationError, match=r"limb 1 is .*3\.00 deg.*cannot hold"):
+        simulation.reset(position, quaternion, joints, points)

@@ -1,9 +1,11 @@
 """Tables of steps: with points taken away, and from the cache."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mlivr_gym import Settings, stance_graph
+from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.stances.pair_graph import fill_rows
 from mlivr_gym.stances.step_tables import cache_file, step_tables, without_points
@@ -62,3 +64,23 @@ def test_what_is_cached_is_what_was_worked_out(small_map, monkeypatch, tmp_path)
     assert cache_file(other) != cache_file(first)
     monkeypatch.setenv(CACHE_VARIABLE, "")
     assert cache_file(first) is None
+
+
+def test_the_cache_tells_robots_maps_and_settings_apart(small_map, monkeypatch, tmp_path):
+    """Whatever decides on a step is in the name of the file."""
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    fewer = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
+    robot, checked = robot_spec("mlivr2"), Settings(collisions=False)
+    graphs = [
+        stance_graph(fewer, robot, checked),
+        stance_graph(fewer, replace(robot, characteristic_length=0.9), checked),
+        stance_graph(fewer, replace(robot, body_mass=2.0 * robot.body_mass), checked),
+        stance_graph(fewer, replace(robot, span=0.9 * robot.span), checked),
+        stance_graph(fewer.subset(np.arange(len(fewer)) > 0, "smaller"), robot, checked),
+        stance_graph(fewer, robot),
+        stance_graph(fewer, robot, Settings(clearance=0.015)),
+        stance_graph(fewer, robot, Settings(limb_threshold=0.11, collisions=False)),
+        stance_graph(fewer, robot, Settings(manipulability=False, collisions=False)),
+    ]
+    assert len({cache_file(graph) for graph in graphs}) == len(graphs)
+    assert cache_file(graphs[0]) == cache_file(stance_graph(fewer, "mlivr2", checked))

@@ -1,0 +1,189 @@
+"""The faults that passed every test of version 0.1.0: does a test fail with each of them today?
+
+    python experiments/known_faults.py [id ...]
+
+Each is planted in a copy of the sources where its place is today, and the tests named beside it
+run. Writes `results/known_faults.md`; what has run stays in `results/known_faults.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from mutants import RESULTS, ROOT, Tree
+from mutation import Mutant
+
+SWEEPS = "tests/collisions/test_sweep_holds.py"
+REWARDS, FAILURES = "tests/envs/test_rewards.py", "tests/simulation/test_failures.py"
+ENVS, STANCES, CLI = "mlivr_gym/envs", "mlivr_gym/stances", "mlivr_gym/cli"
+
+
+class Fault(NamedTuple):
+    """A fault of the table."""
+
+    id: str
+    """Its name there."""
+    path: str
+    """Source file today."""
+    before: str
+    """Text that is replaced, which occurs once."""
+    after: str
+    """What stands there instead."""
+    test: str
+    """Tests that must fail."""
+
+
+FAULTS = [
+    Fault("K2b", "mlivr_gym/collisions/sweep.py", "    if here.limbs and motion.meeting:\n",
+          "    if here.limbs and motion.meeting and motion.second.kind == SWINGS:\n"
+          "        here.limbs = 0\n    elif here.limbs and motion.meeting:\n", SWEEPS),
+    Fault("K2", "mlivr_gym/collisions/sweep.py",
+          "against_boxes(limb, first.in_world, todo, grid, clearance, room.behind)",
+          "against_boxes(limb, first.in_world, todo, grid, "
+          "0.0 if motion.first.kind == HOLDS else clearance, room.behind)", SWEEPS),
+    Fault("K5", "mlivr_gym/collisions/sweep.py", "    if here.limbs and motion.meeting:\n",
+          "    if here.limbs and motion.meeting and motion.second.kind == HOLDS:\n"
+          "        here.limbs = 0\n    elif here.limbs and motion.meeting:\n", SWEEPS),
+    Fault("K12", "mlivr_gym/collisions/placing.py", "spin[row, 4] + _largest(plus[4], minus[4])",
+          "spin[row, 4]", "tests/collisions/test_placing.py"),
+    Fault("K1", "mlivr_gym/collisions/sweep.py",
+          "against_boxes(limb, first.in_world, todo, grid, clearance, room.behind)",
+          "against_boxes(limb, first.in_world, todo, grid, "
+          "0.5 * clearance if motion.first.kind == SWINGS else clearance, room.behind)",
+          "tests/collisions/test_sweep_swings.py"),
+    Fault("P2", f"{ENVS}/env.py", "2.0 * moved", "moved", REWARDS),
+    Fault("P2b", f"{ENVS}/batch.py", "2.0 * moved[k]", "moved[k]", REWARDS),
+    Fault("P18", "planners/table_values.py", "(1.0 + failure) / (1.0 - failure)",
+          "1.0 / (1.0 - failure)", "tests/planners/test_table_values.py"),
+    Fault("P3", f"{ENVS}/env.py", "masks=(*after.masks[:limb], grasped, *after.masks[limb + 1 :])",
+          "masks=(*self.state.masks[:limb], grasped, *self.state.masks[limb + 1 :])", REWARDS),
+    Fault("P4", f"{ENVS}/rewards.py", "self.discount * after", "after", REWARDS),
+    Fault("P5", f"{ENVS}/env.py", "self._mask[action]), self.graph.max_step",
+          "self._mask[action]), 0.0", REWARDS),
+    Fault("P5v", f"{ENVS}/batch.py", "moved[k], outcome[k] = max_step, 1",
+          "moved[k], outcome[k] = 0.0, 1", REWARDS),
+    Fault("P43", f"{ENVS}/batch.py", "if kept_on_edge(of_held, kept[e]):", "if kept[e]:",
+          "tests/envs/test_tasks.py"),
+    Fault("P42", f"{ENVS}/batch.py", "inside and away > tolerance * tolerance", "inside",
+          "tests/envs/test_tasks.py"),
+    Fault("P30", f"{STANCES}/step_tables.py", " + graph.robot.fingerprint.encode()", "",
+          "tests/stances/test_step_tables.py"),
+    Fault("P31", "planners/estimates.py", "if not (self.graph.occupied or self.graph.obstacles):",
+          "if True:", "tests/planners/test_estimates.py"),
+    Fault("P12", "agents/evaluation.py", "    return _Episode(\n        success,",
+          "    return _Episode(\n        True,", "tests/agents/test_evaluation.py"),
+    Fault("P13", "agents/imitation.py", "legal & (costs <= least[:, None] + 1e-6)",
+          "legal & (np.arange(costs.shape[1]) == costs.argmin(axis=1)[:, None])",
+          "tests/agents/test_imitation.py"),
+    Fault("P13b", "agents/imitation.py", "least[:, None] + 1e-6", "least[:, None] + 1.0",
+          "tests/agents/test_imitation.py"),
+    Fault("P14", "agents/imitation.py", "optimal if expert else self._chosen(here)", "optimal",
+          "tests/agents/test_imitation.py"),
+    Fault("P15", "agents/imitation.py", "(value + cost)", "(value - cost)",
+          "tests/agents/test_imitation.py"),
+    Fault("P16", "agents/features.py", "looks[:, :, 6], looks[:, :, 7] = points.free, points.risk",
+          "pass", "tests/agents/test_features.py"),
+    Fault("P17", f"{STANCES}/moves.py", "held = 1 - steps.limb", "held = steps.limb",
+          "tests/agents/test_features.py"),
+    Fault("P33", "agents/sb3_env.py", "bool(truncated[k] and not terminated[k])", "False",
+          "tests/agents/test_sb3_env.py"),
+    Fault("P34", "agents/learned.py", "        if self.memory:", "        if False:",
+          "tests/agents/test_learned.py"),
+    Fault("P37", "planners/baselines.py", "                seen.add(after.stance)\n"
+          "                break", "                break", "tests/planners/test_baselines.py"),
+    Fault("P38", "planners/baselines.py", "c.total / c.visits + math", "-c.total / c.visits + math",
+          "tests/planners/test_baselines.py"),
+    Fault("P20", "mlivr_gym/simulation/feedforward.py",
+          "wrench = np.linalg.pinv(stacked[:, :, :6].swapaxes(1, 2)) @ forces[:, :6, None]",
+          "wrench = np.zeros((count, stacked.shape[1], 1))\n"
+          "    wrench[:, :6] = np.linalg.pinv(stacked[:, :6, :6].swapaxes(1, 2)) "
+          "@ forces[:, :6, None]", "tests/simulation"),
+    Fault("P23", "mlivr_gym/simulation/dynamics.py", "capture_distance: float = 0.01",
+          "capture_distance: float = 0.05", "tests/simulation"),
+    Fault("P24", "mlivr_gym/simulation/simulator.py",
+          "distance <= self.physics.capture_distance and angle <= self.physics.capture_angle",
+          "distance <= self.physics.capture_distance", "tests/simulation"),
+    Fault("P25", "mlivr_gym/simulation/failures.py",
+          "np.maximum(\n            self.limits[:, 0] - measured.joints, "
+          "measured.joints - self.limits[:, 1]\n        )",
+          "measured.joints - self.limits[:, 1]", FAILURES),
+    Fault("P26", "mlivr_gym/simulation/failures.py",
+          '("torque", "N m", measured.grasp_torques, self.physics.hold_torque),', "", FAILURES),
+    Fault("P29", "mlivr_gym/simulation/physical_walk.py",
+          "np.fmax(limits[:, 0] - held, held - limits[:, 1])", "held - limits[:, 1]",
+          "tests/simulation"),
+    Fault("P36", "mlivr_gym/world/boxes.py", '"rotation": [list(row) for row in self.rotation]',
+          '"rotation": [list(row) for row in zip(*self.rotation)]', "tests/world/test_boxes.py"),
+    Fault("P8", "mlivr_gym/motion/plan_files.py", '_texts(data["occupied"], "occupied")', "()",
+          "tests/motion/test_plan_files.py"),
+    Fault("P9", "mlivr_gym/files.py", "        os.replace(name, target)",
+          "        Path(name).unlink()\n        target.write_bytes(content.encode() "
+          "if isinstance(content, str) else content)", "tests/test_files.py"),
+    Fault("P11", f"{CLI}/arguments.py", "occupied = list(args.occupied)", "occupied = []",
+          "tests/cli/test_plan.py"),
+    Fault("P11b", f"{CLI}/arguments.py", "for k, box in enumerate(args.box)",
+          "for k, box in enumerate([])", "tests/cli/test_plan.py"),
+    Fault("P50", f"{CLI}/evaluate.py", "w.map()}, w.tasks)", "w.map()}, w.tasks[:1])",
+          "tests/agents/test_commands.py"),
+    Fault("P51", f"{CLI}/table1.py", "return FAILED if failed else SUCCESS", "return SUCCESS",
+          "tests/cli/test_table1.py"),
+    Fault("P28", f"{STANCES}/stance_graph.py", "distance >= robot.grasp_separation - 1e-9",
+          "distance > robot.grasp_separation + 1e-9", "tests/stances"),
+    Fault("P54", "planners/query.py", "1.0 if tables or plain else 2.0",
+          "1.0 if tables or plain else 5.0", "tests/planners"),
+]  # fmt: skip
+
+
+def planted(fault: Fault) -> Mutant:
+    """The fault as a mutant.
+
+    Raises:
+        SystemExit: If its text does not occur exactly once.
+    """
+    source = (ROOT / fault.path).read_text(encoding="utf-8")
+    if source.count(fault.before) != 1:
+        raise SystemExit(f"{fault.id}: {fault.before!r} occurs {source.count(fault.before)} times")
+    start = len(source[: source.index(fault.before)].encode())
+    stop = start + len(fault.before.encode())
+    line = source[: source.index(fault.before)].count("\n") + 1
+    before = " ".join(fault.before.split())
+    return Mutant(fault.path, "", "known", line, start, stop, before, fault.after, False, 0)
+
+
+def main() -> None:
+    """Run the faults, and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("ids", nargs="*", help="by default those that have not run as they are")
+    parser.add_argument(
+        "--folder", type=Path, default=Path(tempfile.gettempdir()) / "mlivr-gym-mutants"
+    )
+    args = parser.parse_args()
+    file, tree = RESULTS / "known_faults.json", Tree(args.folder)
+    results = json.loads(file.read_text()) if file.exists() else {}
+    lines = [
+        "# Faults that passed every test of version 0.1.0", "",
+        "Each is planted where its place is today by `experiments/known_faults.py`.", "",
+        "| id | place | test | fails with the fault |", "|---|---|---|---|",
+    ]  # fmt: skip
+    for fault in FAULTS:
+        digest = hashlib.sha256("\n".join(fault).encode()).hexdigest()[:12]
+        known = results.get(fault.id)
+        if fault.id in args.ids or not (args.ids or (known and known["digest"] == digest)):
+            known = {"digest": digest, **tree.run(planted(fault), fault.test.split())}
+            results[fault.id] = known
+            file.write_text(json.dumps(results, indent=1, sort_keys=True) + "\n")
+            print(fault.id, known["caught"], known["by"], known["seconds"], flush=True)
+        if known:
+            word = "yes" if known["caught"] else "NO"
+            by = known["by"] or fault.test
+            lines.append(f"| {fault.id} | `{fault.path}` | `{by}` | {word} |")
+    (RESULTS / "known_faults.md").write_text("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()

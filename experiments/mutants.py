@@ -1,0 +1,290 @@
+"""Do the tests notice faults? 150 small ones, planted one at a time in a copy of the sources.
+
+    python experiments/mutants.py [--minutes 60] [--strata agents simulation] [--again]
+
+The faults are drawn by a seed: as many from each stratum, and within it as many of each kind as
+there are. Each runs the tests that concern its module, those named after it first, until one fails.
+What has run stays in `results/mutants.json`: a run that was stopped goes on, and a fault whose
+function has changed since runs anew. `results/mutants.md` is the report.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import hashlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mutation import Mutant, mutants_of, planted
+
+ROOT = Path(__file__).parent.parent
+RESULTS = ROOT / "results"
+SEED, COUNT = 14, 150
+LIMIT = 300.0
+"""Seconds after which the tests of a fault are ended: it hangs, which no one would overlook."""
+
+
+class Stratum(NamedTuple):
+    """Sources that are drawn from together, and the tests that concern each folder of them."""
+
+    tests: dict[str, tuple[str, ...]]
+    """Test folders and files by source folder or file."""
+
+
+PLAIN = ("kinematics/test_base_path.py", "kinematics/test_manipulability.py",
+         "kinematics/test_poses.py", "kinematics/test_ur.py", "transitions/test_rule.py",
+         "compiled/test_records.py", "kinematics/test_holding.py",
+         "planners/test_queue.py")  # fmt: skip
+"""Tests that are quick without compiling; faults in kernels of their folders meet them first."""
+
+FILES = ("test_files.py", "test_mutated_files.py", "test_values.py", "test_settings.py",
+         "test_errors.py", "world", "motion/test_plan_files.py")  # fmt: skip
+
+STRATA = {
+    "kinematics": Stratum(
+        {
+            "mlivr_gym/kinematics": ("kinematics", "postures", "robot"),
+            "mlivr_gym/postures": ("postures", "kinematics/test_certificate.py", "stances"),
+            "mlivr_gym/robot": ("robot", "kinematics", "test_mutated_files.py"),
+        }
+    ),
+    "collisions": Stratum({"mlivr_gym/collisions": ("collisions", "stances")}),
+    "stances and search": Stratum(
+        {
+            "mlivr_gym/stances": ("stances", "planners", "collisions/test_obstacles.py", "envs"),
+            "mlivr_gym/transitions": ("transitions", "stances", "planners", "motion"),
+            "planners": ("planners", "motion", "agents/test_policies.py"),
+        }
+    ),
+    "environment": Stratum({"mlivr_gym/envs": ("envs", "agents/test_sb3_env.py")}),
+    "simulation": Stratum(
+        {
+            "mlivr_gym/simulation": ("simulation", "envs/test_env.py", "cli/test_simulate.py"),
+            "mlivr_gym/motion": ("motion", "simulation", "test_mutated_files.py"),
+        }
+    ),
+    "agents": Stratum({"agents": ("agents",)}),
+    "command line and files": Stratum(
+        {
+            "mlivr_gym/cli": ("cli", "agents/test_commands.py", "test_errors.py"),
+            "mlivr_gym/world": ("world", *FILES, "pictures"),
+            "mlivr_gym/files.py": FILES,
+            "mlivr_gym/values.py": FILES,
+            "mlivr_gym/settings.py": FILES,
+        }
+    ),
+}
+
+LONG = ("envs/test_env.py", "planners/test_algorithm1.py", "planners/test_pair_search.py",
+        "envs/test_against_model.py", "planners/test_planner.py", "envs/test_actions.py",
+        "motion/test_commitment.py", "postures/test_given_pose.py",
+        "collisions/test_sweep_swings.py")  # fmt: skip
+"""Test files that take longest; they come last."""
+
+
+def drawn(stratum: str, count: int, seed: int) -> list[Mutant]:
+    """Faults of a stratum, as evenly over their kinds as there are enough of each."""
+    kinds: dict[str, list[Mutant]] = defaultdict(list)
+    for place in STRATA[stratum].tests:
+        base = ROOT / place
+        for path in [base] if base.is_file() else sorted(base.rglob("*.py")):
+            for mutant in mutants_of(ROOT, path.relative_to(ROOT).as_posix()):
+                kinds[mutant.operator].append(mutant)
+    for kind in kinds.values():
+        kind.sort(key=lambda mutant: mutant.rank(seed), reverse=True)
+    found: list[Mutant] = []
+    while len(found) < count:
+        for name in sorted(kinds):
+            if kinds[name] and len(found) < count:
+                found.append(kinds[name].pop())
+    return found
+
+
+def shares(count: int, seed: int) -> dict[str, list[Mutant]]:
+    """The whole draw, by stratum."""
+    sizes = [count // len(STRATA) + (k < count % len(STRATA)) for k in range(len(STRATA))]
+    return {name: drawn(name, size, seed) for name, size in zip(STRATA, sizes, strict=True)}
+
+
+def tests_of(stratum: str, path: str) -> list[str]:
+    """The test files for a module: named after it, importing it, the rest, and long ones last."""
+    place = next(place for place in STRATA[stratum].tests if path.startswith(place))
+    files: list[Path] = []
+    for entry in STRATA[stratum].tests[place]:
+        base = ROOT / "tests" / entry
+        files += [base] if base.is_file() else sorted(base.glob("test_*.py"))
+    module = path.removeprefix("mlivr_gym/").removesuffix(".py").replace("/", ".")
+    imported = re.compile(rf"mlivr_gym\.{re.escape(module)}\b")
+
+    def order(file: Path) -> tuple[bool, bool, bool, str]:
+        name = file.relative_to(ROOT / "tests").as_posix()
+        named = file.stem == f"test_{Path(path).stem}"
+        return name in LONG, not named, not imported.search(file.read_text(encoding="utf-8")), name
+
+    return [file.relative_to(ROOT).as_posix() for file in sorted(set(files), key=order)]
+
+
+class Tree:
+    """A copy of the repository in which faults are planted."""
+
+    def __init__(self, folder: Path) -> None:
+        """Bring the copy up to date; files that are equal stay, with what is compiled of them."""
+        self.folder, self.cache = folder / "tree", folder / "cache"
+        self.sound: set[str] = set()
+        """Tests that failed with a fault and were seen to pass without."""
+        listed = subprocess.run(
+            ["git", "ls-files", "-co", "--exclude-standard"],
+            cwd=ROOT, capture_output=True, text=True, check=True,
+        ).stdout.splitlines()  # fmt: skip
+        for name in listed:
+            source, target = ROOT / name, self.folder / name
+            if source.is_symlink():
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.unlink(missing_ok=True)
+                target.symlink_to(os.readlink(source))
+            elif source.is_file() and not same(source, target):
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(source, target)
+
+    def pytest(self, tests: list[str], limit: float, **given: str) -> tuple[int | None, str]:
+        """Exit status, None if they took too long, and the test that failed."""
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider",
+                   "--tb=no", "--no-header", "-rfE", *tests]  # fmt: skip
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(self.folder),
+            "MLIVR_GYM_CACHE": str(self.cache),
+            "PYTHONDONTWRITEBYTECODE": "1",
+            **given,
+        }
+        process = subprocess.Popen(
+            command, cwd=self.folder, env=environment, text=True, start_new_session=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        try:
+            said = process.communicate(timeout=limit)[0]
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, 9)
+            process.communicate()
+            return None, "takes too long"
+        failed = re.search(r"^(?:FAILED|ERROR) (tests/.*?)(?: - .*)?$", said, re.MULTILINE)
+        return process.returncode, failed[1] if failed else said[-200:].strip()
+
+    def run(self, mutant: Mutant, tests: list[str]) -> dict[str, Any]:
+        """Plant a fault, run the tests and take it out again."""
+        path, began = self.folder / mutant.path, time.perf_counter()
+        source = path.read_bytes()
+        times = path.stat().st_atime_ns, path.stat().st_mtime_ns
+        plain = [test for test in tests if test.removeprefix("tests/") in PLAIN]
+        try:
+            path.write_bytes(planted(source, mutant))
+            status, test = 0, ""
+            if mutant.compiled and plain:
+                status, test = self.pytest(plain, LIMIT, NUMBA_DISABLE_JIT="1")
+            if status == 0:
+                status, test = self.pytest(tests, LIMIT)
+        finally:
+            path.write_bytes(source)
+            os.utime(path, ns=times)
+        if status and test.startswith("tests/") and test not in self.sound:
+            if self.pytest([test], LIMIT)[0] != 0:
+                raise SystemExit(f"{test} fails without a fault too")
+            self.sound.add(test)
+        seconds = round(time.perf_counter() - began, 1)
+        return {"caught": status != 0, "by": test if status != 0 else None, "seconds": seconds}
+
+
+def same(source: Path, target: Path) -> bool:
+    """Whether a copy is up to date."""
+    return target.is_file() and source.read_bytes() == target.read_bytes()
+
+
+def digest(mutant: Mutant) -> str:
+    """Digest of the function round a fault: a result holds as long as it stays."""
+    source = (ROOT / mutant.path).read_text(encoding="utf-8")
+    text = source
+    for node in ast.walk(ast.parse(source)):
+        inside = isinstance(node, ast.FunctionDef) and node.name == mutant.function.split(".")[-1]
+        if inside and node.lineno <= mutant.line <= (node.end_lineno or 0):
+            text = ast.get_source_segment(source, node) or source
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def report(draw: dict[str, list[Mutant]], results: dict[str, Any], equal: dict[str, str]) -> str:
+    """The report, in Markdown."""
+    total = sum(map(len, draw.values()))
+    lines = [
+        "# Faults that the tests notice", "",
+        f"{total} faults drawn with seed {SEED} by `experiments/mutants.py` (`make mutants`), the "
+        "same number from each stratum. Equivalent ones, which change nothing that can be seen, "
+        "are argued below and do not count.", "",
+        "| stratum | drawn | run | equivalent | caught | share |", "|---|---|---|---|---|---|",
+    ]  # fmt: skip
+    sums = [0, 0, 0, 0]
+    open_ones: list[Mutant] = []
+    for name, mutants in draw.items():
+        ran = [m for m in mutants if results.get(m.key, {}).get("digest") == digest(m)]
+        survivors = [m for m in ran if not results[m.key]["caught"]]
+        open_ones += survivors
+        same_thing = sum(m.key in equal for m in survivors)
+        row = [len(mutants), len(ran), same_thing, len(ran) - len(survivors)]
+        lines.append(f"| {name} | {' | '.join(map(str, row))} | {share(row)} |")
+        sums = [a + b for a, b in zip(sums, row, strict=True)]
+    lines += [f"| **all** | {' | '.join(map(str, sums))} | {share(sums)} |", "", "## Survivors", ""]
+    for mutant in open_ones:
+        why = equal.get(mutant.key)
+        kind = f"equivalent: {why}" if why else "not caught"
+        after = " ".join(mutant.after.split())
+        lines.append(f"* `{mutant.path}:{mutant.line}` ({mutant.operator}), {kind}")
+        lines += ["", "  ```diff", f"  - {mutant.before}", f"  + {after}", "  ```"]
+    return "\n".join(lines) + "\n"
+
+
+def share(row: list[int]) -> str:
+    """Share of the faults caught among those run that change something."""
+    count = row[1] - row[2]
+    return f"{100.0 * row[3] / count:.0f} %" if count else "-"
+
+
+def main() -> None:
+    """Run what has not run yet, as long as there is time."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--strata", nargs="*", default=list(STRATA), choices=list(STRATA))
+    parser.add_argument("--again", action="store_true", help="run survivors anew")
+    parser.add_argument("--count", type=int, default=COUNT)
+    parser.add_argument(
+        "--folder", type=Path, default=Path(tempfile.gettempdir()) / "mlivr-gym-mutants"
+    )
+    args = parser.parse_args()
+    file, reasons = RESULTS / "mutants.json", RESULTS / "mutants_equivalent.json"
+    results = json.loads(file.read_text()) if file.exists() else {}
+    equal = json.loads(reasons.read_text()) if reasons.exists() else {}
+    draw, tree, ends = shares(args.count, SEED), Tree(args.folder), time.time() + 60 * args.minutes
+    todo = [(name, mutant) for name in args.strata for mutant in draw[name]]
+    for k, (name, mutant) in enumerate(todo):
+        known = results.get(mutant.key)
+        again = known and args.again and not known["caught"] and mutant.key not in equal
+        if (known and known["digest"] == digest(mutant) and not again) or time.time() > ends:
+            continue
+        done = tree.run(mutant, tests_of(name, mutant.path))
+        results[mutant.key] = {"stratum": name, "digest": digest(mutant), **done}
+        word = "caught" if done["caught"] else "SURVIVED"
+        print(f"{k + 1}/{len(todo)} {word} {done['seconds']} s {mutant.line} {mutant.key}")
+        print(f"    {done['by']}", flush=True)
+        file.write_text(json.dumps(results, indent=1, sort_keys=True) + "\n")
+    (RESULTS / "mutants.md").write_text(report(draw, results, equal))
+
+
+if __name__ == "__main__":
+    main()

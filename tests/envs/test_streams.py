@@ -1,0 +1,46 @@
+"""The random numbers of an environment: splitmix64, alike in Python and in the kernel."""
+
+import numpy as np
+import pytest
+from env_model import SplitMix
+from scipy.stats import chisquare
+
+from mlivr_gym.envs.batch import random_below
+from mlivr_gym.envs.streams import Stream
+
+
+def test_splitmix64_gives_its_published_words():
+    """The first words after state 1234567, from the algorithm's reference output."""
+    words = [6457827717110365317, 3203168211198807973, 9817491932198370423]
+    stream = Stream(1234567)
+    assert [int(stream.random() * 2**53) for _ in words] == [word >> 11 for word in words]
+
+
+@pytest.mark.parametrize("bound", [2, 7, 790, 10**6])
+def test_the_kernel_draws_the_same_numbers(bound):
+    stream, other = Stream.of_seed(3), SplitMix(3)
+    states = np.array([0, stream.state], dtype=np.uint64)
+    ours = [stream.integers(bound) for _ in range(2000)]
+    assert ours == [int(random_below(states, 1, bound)) for _ in range(2000)]
+    assert ours == [other.below(bound) for _ in range(2000)]
+    assert states.tolist() == [0, stream.state]
+    assert min(ours) >= 0
+    assert max(ours) < bound
+
+
+def test_numbers_are_even():
+    stream = Stream.of_seed(0)
+    counts = np.bincount([stream.integers(20) for _ in range(20_000)], minlength=20)
+    assert chisquare(counts).pvalue > 1e-3
+    numbers = [stream.random() for _ in range(20_000)]
+    assert np.mean(numbers) == pytest.approx(0.5, abs=0.01)
+    assert 0.0 <= min(numbers) < 0.001 < 0.999 < max(numbers) < 1.0
+
+
+def test_a_choice_has_no_value_twice_and_every_order():
+    stream = Stream.of_seed(1)
+    drawn = [tuple(stream.choice([4, 5, 6], 2, replace=False)) for _ in range(3000)]
+    assert all(a != b for a, b in drawn)
+    pairs, counts = np.unique(drawn, axis=0, return_counts=True)
+    assert len(pairs) == 6
+    assert chisquare(counts).pvalue > 1e-3

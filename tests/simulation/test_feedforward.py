@@ -1,0 +1,66 @@
+"""Torques that are fed forward, against Pinocchio's inverse dynamics."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from pinocchio_robots import pinocchio_robot
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import stance_graph
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.motion.plan_motion import step_trajectory
+from mlivr_gym.motion.trajectory import FREE, Durations
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
+from mlivr_gym.simulation.feedforward import feedforward
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_limbs_that_hold_share_the_wrench_that_moves_the_base(jem, limbs):
+    """Least squares of all wrenches: with three limbs two hold, and neither bears it alone."""
+    graph = stance_graph(jem, f"mlivr{limbs}")
+    start, goal = sample_task(graph, np.random.default_rng(0), 0.5)
+    plan = Planner(graph).plan(start.stance, goal, "steps").unwrap()
+    walk = step_trajectory(graph, plan, 0, Durations.of_step(10.0), 0.002)
+    model = dynamics_spec(jem, graph.robot).compile()
+    torques, _ = feedforward(model, Physics(), walk)
+    other = pinocchio_robot(graph.robot)
+    other.gravity.linear[:] = 0.0
+    data = other.createData()
+    holding = np.flatnonzero(walk.grasps[1] != FREE)
+    assert len(holding) == limbs - 1
+    turns = Rotation.from_quat(walk.base_quaternions, scalar_first=True)
+    times, near = walk.times, 5
+
+    def state(k):
+        """Configuration and velocity in Pinocchio's order, from central differences."""
+        q = [walk.base_positions[k], turns[k].as_quat(), walk.joint_positions[k].ravel()]
+        span = times[k + near] - times[k - near]
+        speed = (walk.base_positions[k + near] - walk.base_positions[k - near]) / span
+        spin = (turns[k - near].inv() * turns[k + near]).as_rotvec() / span
+        rates = (walk.joint_positions[k + near] - walk.joint_positions[k - near]).ravel() / span
+        return np.concatenate(q), np.concatenate([turns[k].inv().apply(speed), spin, rates])
+
+    shares = []
+    for k in np.linspace(0.2, 0.8, 13) * len(times):
+        k = int(k)
+        (q, v), (_, before), (_, after) = state(k), state(k - near), state(k + near)
+        a = (after - before) / (times[k + near] - times[k - near])
+        needed = pin.rnea(other, data, q, v, a)
+        pin.computeJointJacobians(other, data, q)
+        pin.updateFramePlacements(other, data)
+        jacobian = np.concatenate(
+            [
+                pin.getFrameJacobian(
+                    other, data, other.getFrameId(f"grasp{i}"), pin.LOCAL_WORLD_ALIGNED
+                )
+                for i in holding
+            ]
+        )
+        wrench = np.linalg.lstsq(jacobian[:, :6].T, needed[:6], rcond=None)[0]
+        expected = needed[6:] - jacobian[:, 6:].T @ wrench
+        np.testing.assert_allclose(
+            torques[k].ravel(), expected, atol=0.03 * np.abs(expected).max() + 0.01
+        )
+        shares.append(np.linalg.norm(wrench.reshape(-1, 6)[:, :3], axis=1))
+    assert np.mean(shares, axis=0).min() > 0.1 * np.mean(shares)
