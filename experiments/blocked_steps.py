@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from mlivr_gym.motion.sampling import sampled_line
 from numba import njit
 
 from mlivr_gym.arrays import Array
@@ -19,7 +20,6 @@ from mlivr_gym.kinematics.holding import Holding, hold_mask
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import Pose, pose, quaternion
-from mlivr_gym.motion.sampling import sampled_line
 from mlivr_gym.motion.swings import Hold, SwingFinder
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.pair_graph import PairGraph

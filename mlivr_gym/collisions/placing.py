@@ -5,10 +5,8 @@ wrist point w, and moves no farther than the anchor moves plus its distance from
 of its link. Joints 2 to 4 are parallel and across joint 1, so link k up to 4 turns by `hypot(q1, q2
 + .. + qk)`, and joint 5 adds its turn; E, F and w follow one from the other. Two links of one limb
 are compared as one sees the other: only the joints between them count. On a line in joint space all
-this is exact. A limb whose flange is given (it holds, or departs along the normal) is solved at the
-middle and both ends of an interval; its joints are taken to stay within the larger of the two
-changes plus the whole second difference, eight times what a parabola through the three values
-needs. The limb stays away from its singularities there, which `certificate.certify` has proved.
+this is exact. For a limb whose flange is given (it holds, or departs along the normal)
+`kinematics.turns` proves how far they turn.
 
 On a moving base a point at distance rho from its origin moves in the world at most `v + omega rho`
 more. A limb that holds is also followed from its grasp, which stands still: the flange does not
@@ -30,6 +28,7 @@ from mlivr_gym.kinematics.arm import Arm
 from mlivr_gym.kinematics.families import link_frames
 from mlivr_gym.kinematics.limb import wrap
 from mlivr_gym.kinematics.poses import Pose, length, out_of
+from mlivr_gym.kinematics.turns import Turns
 from mlivr_gym.robot.specification import MOST_CAPSULES
 
 if TYPE_CHECKING:
@@ -66,6 +65,10 @@ class Placed(Record):
     """Their changes from there to the first end [rad]."""
     plus: Joints
     """Their changes to the second [rad]."""
+    turns: Turns
+    """How far they turn at most meanwhile [rad]."""
+    proved: bool
+    """Whether that is known."""
     frames: Annotated[Array, (7, 4, 3)]
     """Links in the limb base frame, see `arm.link_frames`."""
     in_body: Shapes
@@ -154,30 +157,23 @@ def changes(ends: Ends, placed: Placed) -> None:
 
 @kernel
 def joint_motion(arm: Arm, placed: Placed) -> None:
-    """Bounds of the motion of anchors and links by `minus` and `plus`."""
-    plus, minus, shift, spin = placed.plus, placed.minus, placed.shift, placed.spin
+    """Bounds of the motion of anchors and links by the turns of the joints."""
+    turns, shift, spin = placed.turns, placed.shift, placed.spin
     reach = np.sqrt(arm.d4**2 + arm.d5**2)
     for row in range(5):
-        first = _largest(plus[0], minus[0]) if row == 0 else 0.0
-        forth = back = 0.0
         for link in range(7):
             spin[row, link] = 0.0
-        spin[row, 1] = first
-        for link in range(max(row + 1, 2), 5):
-            forth += plus[link - 1]
-            back += minus[link - 1]
-            spin[row, link] = np.sqrt(first**2 + _largest(forth, back) ** 2)
-        spin[row, 5] = spin[row, 6] = spin[row, 4] + _largest(plus[4], minus[4])
+    for row in range(2):
+        first = turns.q1 if row == 0 else 0.0
+        spin[row, 1], spin[row, 2] = first, np.hypot(first, turns.q2)
+        spin[row, 3], spin[row, 4] = np.hypot(first, turns.q23), np.hypot(first, turns.q234)
+    spin[2, 3], spin[2, 4], spin[3, 4] = turns.q3, turns.q34, turns.q4
+    for row in range(5):
+        spin[row, 5] = spin[row, 6] = spin[row, 4] + turns.q5
         shift[row, BASE] = 0.0
         shift[row, ELBOW] = abs(arm.a2) * spin[row, 2]
         shift[row, FOREARM_END] = shift[row, ELBOW] + abs(arm.a3) * spin[row, 3]
         shift[row, WRIST_POINT] = shift[row, FOREARM_END] + reach * spin[row, 4]
-
-
-@kernel
-def _largest(plus: float, minus: float) -> float:
-    """Bound of a change given at both ends: the larger of the two plus the second difference."""
-    return max(abs(plus), abs(minus)) + abs(plus + minus)
 
 
 @kernel
@@ -223,11 +219,10 @@ def moved_by_base(limb: Limb, travel: float, swing: float, placed: Placed) -> No
 @kernel
 def seen_from_grasp(limb: Limb, placed: Placed) -> None:
     """Lower the bounds of motion in the world to those that follow a limb from its grasp."""
-    arm, plus, minus, motion = limb.arm, placed.plus, placed.minus, placed.in_world.motion
-    wrist_2 = _largest(plus[5], minus[5])
-    wrist_1 = wrist_2 + _largest(plus[4], minus[4])
-    fore = wrist_1 + _largest(plus[3], minus[3])
-    upper = wrist_1 + _largest(plus[3] + plus[2], minus[3] + minus[2])
+    arm, turns, motion = limb.arm, placed.turns, placed.in_world.motion
+    wrist_2 = turns.q6
+    wrist_1 = wrist_2 + turns.q5
+    fore, upper = wrist_1 + turns.q4, wrist_1 + turns.q34
     end = np.hypot(arm.d4, arm.d5) * wrist_1
     elbow = end + abs(arm.a3) * fore
     for c in range(limb.capsule_count):

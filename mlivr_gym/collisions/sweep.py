@@ -41,9 +41,10 @@ from mlivr_gym.collisions.placing import (
 from mlivr_gym.compiled.bit_sets import BRANCHES, EVERY, below, has, only
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Joints, Record, Rows
-from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
+from mlivr_gym.kinematics.base_path import BasePath, pose_on_path, travel_seen, turn_seen
 from mlivr_gym.kinematics.limb import angles_at
-from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.kinematics.poses import Pose, along, columns, vector
+from mlivr_gym.kinematics.turns import FlangeMotion, come_back, held_turns, line_turns
 from mlivr_gym.robot.specification import MOST_LIMBS
 
 DEPTH = 9
@@ -52,8 +53,11 @@ DEPTH = 9
 MOST_PIECES = 512
 """Most intervals of the first division."""
 
-FIRST_INTERVAL = 0.6
-"""Travel that an interval of the first division covers [m]; a matter of speed only."""
+FIRST_INTERVAL = 0.6, 0.3
+"""Travel that an interval of the first division covers [m], of a swing and of a limb that holds.
+
+A matter of speed only.
+"""
 
 SWINGS, HOLDS, DEPARTS = 0, 1, 2
 """What a limb does on a motion."""
@@ -203,7 +207,9 @@ def sweep(robot: Robot, grid: BoxGrid, clearance: float, room: Sweep) -> int:
             here = intervals[top]
             if not _place_limb(robot, motion, motion.first, here, room, room.first, here.first):
                 return UNDECIDED
-            answer = _compare(robot, grid, clearance, (travel, swing), here, room)
+            answer = UNDECIDED
+            if room.first.proved:
+                answer = _compare(robot, grid, clearance, (travel, swing), here, room)
             if answer > UNDECIDED:
                 return answer
             if answer == UNDECIDED:
@@ -223,7 +229,8 @@ def _pieces(robot: Robot, motion: Motion, travel: float, room: Sweep) -> int:
     _whole_motion(robot, motion.second, room.second)
     if motion.first.kind == SWINGS:
         travel += room.first.shift[0, WRIST_POINT]
-    return int(min(max(np.ceil(travel / FIRST_INTERVAL), 1.0), MOST_PIECES))
+    interval = FIRST_INTERVAL[0] if motion.first.kind == SWINGS else FIRST_INTERVAL[1]
+    return int(min(max(np.ceil(travel / interval), 1.0), MOST_PIECES))
 
 
 @kernel
@@ -232,7 +239,7 @@ def _whole_motion(robot: Robot, limb: LimbMotion, placed: Placed) -> None:
     if limb.kind == SWINGS:
         for k in range(6):
             placed.plus[k] = limb.end[k] - limb.start[k]
-            placed.minus[k] = -placed.plus[k]
+        line_turns(placed.plus, placed.turns)
         joint_motion(robot.limbs[limb.limb].arm, placed)
 
 
@@ -266,18 +273,46 @@ def _place_limb(
     placed: Placed,
     ends: Ends,
 ) -> bool:
-    """Put a limb in place in the middle of an interval; whether it can be there."""
+    """Put a limb in place in the middle of an interval; whether it can be there.
+
+    Where `placed.proved` is false it is not known how far it moves, and it is not put in place.
+    """
     if not joints_at(robot, motion, limb, here.middle, room, placed.q):
         return False
+    arm, placed.proved = robot.limbs[limb.limb].arm, True
     if limb.kind == SWINGS:
         placed.share = here.half
     else:
         placed.share = 1.0
+        flange = _flange_motion(robot, motion, limb, here, room)
+        placed.proved = held_turns(arm, placed.q, flange, placed.turns)
+        if not placed.proved:
+            return True
         changes(ends, placed)
-        joint_motion(robot.limbs[limb.limb].arm, placed)
+        come_back(placed.minus, placed.plus, placed.turns)
+        joint_motion(arm, placed)
     place_by_angles(robot.limbs[limb.limb], placed)
     capsule_motion(robot.limbs[limb.limb], placed)
     return True
+
+
+@kernel
+def _flange_motion(
+    robot: Robot, motion: Motion, limb: LimbMotion, here: Interval, room: Sweep
+) -> FlangeMotion:
+    """How a flange moves in the limb base frame from the middle of an interval to either end."""
+    if limb.kind == DEPARTS:
+        return FlangeMotion(here.half * robot.lift, 0.0, 0.0)
+    half = here.half * abs(motion.finish - motion.begin)
+    at = motion.begin + here.middle * (motion.finish - motion.begin)
+    _, _, z = columns(limb.flange.rotation)
+    wrist = along(vector(limb.flange.position), -robot.limbs[limb.limb].arm.d6, z)
+    path = motion.path
+    return FlangeMotion(
+        travel_seen(path, room.base, at, half, wrist),
+        turn_seen(path, room.base, half, z),
+        path.angle * half,
+    )
 
 
 @kernel
@@ -310,6 +345,8 @@ def _compare(
     if here.limbs and motion.meeting:
         second, other = room.second, robot.limbs[motion.second.limb]
         if not _place_limb(robot, motion, motion.second, here, room, second, here.second):
+            return UNDECIDED
+        if not second.proved:
             return UNDECIDED
         answer, here.limbs = against_limb(
             limb, first.in_body, other, second.in_body, here.limbs, clearance

@@ -20,10 +20,12 @@ from mlivr_gym.kinematics.poses import (
     along,
     angle_between,
     dot,
+    into,
     length,
     minus,
     out_of,
     relative_rotation,
+    seen_from,
     turn,
     vector,
 )
@@ -138,6 +140,86 @@ def lift_path(path: BasePath, base: Pose, grasp: Grasp, lift: float) -> None:
     for k in range(3):
         path.last.position[k] -= lift * grasp.normal[k]
     path.speed = lift
+
+
+@kernel
+def velocity_on_path(path: BasePath, s: float) -> Triple:
+    """Velocity of the base in the world at `s` on a path of unit duration [m]."""
+    start, end = vector(path.first.position), vector(path.last.position)
+    if path.kind == STRAIGHT:
+        return minus(end, start)
+    pivot, angle, growth = vector(path.pivot), path.sweep, path.radius1 - path.radius0
+    a, b = minus(start, pivot), minus(end, pivot)
+    f0, f1, g0, g1 = 1.0 - s, s, -1.0, 1.0
+    if angle >= 1e-6:
+        f0, f1 = np.sin((1.0 - s) * angle) / np.sin(angle), np.sin(s * angle) / np.sin(angle)
+        g0 = -angle * np.cos((1.0 - s) * angle) / np.sin(angle)
+        g1 = angle * np.cos(s * angle) / np.sin(angle)
+    radius = path.radius0 + s * growth
+    first = (growth * f0 + radius * g0) / path.radius0
+    second = (growth * f1 + radius * g1) / path.radius1
+    return (
+        first * a[0] + second * b[0],
+        first * a[1] + second * b[1],
+        first * a[2] + second * b[2],
+    )
+
+
+@kernel
+def travel_seen(path: BasePath, base: Pose, s: float, half: float, point: Triple) -> float:
+    """How far a point that rests in the world travels, seen from the base, on half an interval.
+
+    Its speed y seen from the base, v being the base's, w its turn and t'' its acceleration, grows
+    by y' <= w y + w v + |t''|; so after s it is at most exp(w s) (y0 + (w v + |t''|) s).
+
+    Args:
+        path: The base path.
+        base: Base in the middle of the interval.
+        s: The middle of the interval on the path.
+        half: Half the length of the interval.
+        point: The point [m].
+
+    Returns:
+        A bound of the way to either end [m].
+    """
+    seen, velocity = seen_from(base, point), into(base, velocity_on_path(path, s))
+    x, y, z = vector(path.axis)
+    w = path.angle
+    speed = length(
+        (
+            w * (y * seen[2] - z * seen[1]) + velocity[0],
+            w * (z * seen[0] - x * seen[2]) + velocity[1],
+            w * (x * seen[1] - y * seen[0]) + velocity[2],
+        )
+    )
+    bend = 0.0
+    if path.kind != STRAIGHT:
+        farthest = max(path.radius0, path.radius1)
+        bend = path.sweep * (2.0 * abs(path.radius1 - path.radius0) + farthest * path.sweep)
+    growth = w * path.speed + bend
+    return float(half * np.exp(w * half) * (speed + 0.5 * growth * half))
+
+
+@kernel
+def turn_seen(path: BasePath, base: Pose, half: float, direction: Triple) -> float:
+    """How far a direction that rests in the world turns, seen from the base, on half an interval.
+
+    The base turns about an axis that rests in it, so the rate is the same all along.
+
+    Args:
+        path: The base path.
+        base: Base somewhere on it.
+        half: Half the length of the interval.
+        direction: Unit vector.
+
+    Returns:
+        The angle to either end at most [rad].
+    """
+    seen, (x, y, z) = into(base, direction), vector(path.axis)
+    across = length(
+        (y * seen[2] - z * seen[1], z * seen[0] - x * seen[2], x * seen[1] - y * seen[0])
+    )
+    return half * path.angle * across
 
 
 @kernel

@@ -1,9 +1,9 @@
 """The proof that a limb that holds can follow a base path (compiled).
 
 A holding limb stays on its branch as long as `u`, `s5` and `s3` keep their signs. `certify` proves
-that `w_m` stays at or above a floor over the whole path, not merely at samples. On an interval of
-half length `delta` about a midpoint the wrist moves at most `d = sigma delta` in the limb frame and
-the flange axis turns at most `a = omega delta`, hence
+that `w_m` stays at or above a floor over the whole path, not merely at samples. Let the wrist move
+at most `d` in the limb frame from the middle of an interval to either end and the flange axis turn
+at most `a`, see `base_path.travel_seen` and `turn_seen`; then
 
     u^2    >= (rho - d)^2 - d4^2
     q1     changes by at most b1 = d / u_min            (|dq1/dw| = 1/u exactly)
@@ -28,13 +28,23 @@ from mlivr_gym.compiled.bit_sets import CLASSES, has_class, without_class
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.kinematics.arm import Arm
-from mlivr_gym.kinematics.base_path import CLOSEST_PIVOT, STRAIGHT, BasePath, pose_on_path
+from mlivr_gym.kinematics.base_path import (
+    CLOSEST_PIVOT,
+    STRAIGHT,
+    BasePath,
+    pose_on_path,
+    travel_seen,
+    turn_seen,
+)
 from mlivr_gym.kinematics.families import branch_terms
 from mlivr_gym.kinematics.limb import MountedArm, flange_seen
-from mlivr_gym.kinematics.poses import Pose, along, columns, length, minus, vector
+from mlivr_gym.kinematics.poses import Pose, along, columns, vector
 
 DEPTH = 12
 """Number of halvings after which an interval counts as failed."""
+
+MOST_PIECES = 64
+"""Most intervals of the first division."""
 
 FIRST_INTERVAL = 0.2
 """Wrist travel that an interval of the first division covers [m]; a matter of speed only."""
@@ -73,10 +83,13 @@ def certify(
     arm = limb.arm
     if path.kind != STRAIGHT and min(path.radius0, path.radius1) < CLOSEST_PIVOT:
         return 0
-    sigma = path.speed + path.angle * _farthest(arm, flange, path)
+    _, _, axis = columns(flange.rotation)
+    wrist = along(vector(flange.position), -arm.d6, axis)
     square_floor = (floor / (arm.a2 * arm.a3)) ** 2
     # The first intervals are about as long as the bounds can usually decide.
-    pieces = min(max(int(np.ceil(sigma / FIRST_INTERVAL)), 1), 2**DEPTH)
+    pose_on_path(path, 0.5, room.base)
+    way = 2.0 * travel_seen(path, room.base, 0.5, 0.5, wrist)
+    pieces = min(max(int(np.ceil(way / FIRST_INTERVAL)), 1), MOST_PIECES)
     shortest = 0.5 ** (DEPTH + 1)
     piece = top = 0
     while mask and (top > 0 or piece < pieces):
@@ -91,13 +104,17 @@ def certify(
         p, _, z = flange_seen(limb, room.base, flange)
         branch_terms(arm, p, z, room.terms)
         undecided = False
+        way, turned = (
+            travel_seen(path, room.base, s, half, wrist),
+            turn_seen(path, room.base, half, axis),
+        )
         for c in range(CLASSES):
             if not has_class(mask, c):
                 continue
             square = room.terms[c, 3]
             if not square >= square_floor or square <= 0.0:
                 mask = without_class(mask, c)
-            elif not _stays(arm, room.terms, c, (sigma * half, path.angle * half), square_floor):
+            elif not _stays(arm, room.terms, c, (way, turned), square_floor):
                 if half < shortest:
                     mask = without_class(mask, c)
                 undecided = True
@@ -106,17 +123,6 @@ def certify(
                 room.middle[top], room.half[top] = s + side * half, 0.5 * half
                 top += 1
     return mask
-
-
-@kernel
-def _farthest(arm: Arm, flange: Pose, path: BasePath) -> float:
-    """A bound of the wrist point's distance from the base along a path [m]."""
-    _, _, z = columns(flange.rotation)
-    wrist = along(vector(flange.position), -arm.d6, z)
-    if path.kind == STRAIGHT:
-        first = length(minus(wrist, vector(path.first.position)))
-        return max(first, length(minus(wrist, vector(path.last.position))))
-    return length(minus(wrist, vector(path.pivot))) + max(path.radius0, path.radius1)
 
 
 @kernel

@@ -21,6 +21,7 @@ from mlivr_gym.collisions.placing import (
     seen_from_link,
 )
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
+from mlivr_gym.kinematics.turns import Turns
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.simulation.scene import scene_spec
 
@@ -76,13 +77,23 @@ def farthest(q, minus, plus, shares=(-1.0, -0.6, -0.3, 0.3, 0.6, 1.0)):
     return out
 
 
+def turns_of(minus, plus):
+    """How far joints and sums of joints turn at most on that motion."""
+    out, along = Turns.row(), np.linspace(-1.0, 1.0, 401)[:, None]
+    angles = 0.5 * along * (plus - minus) + 0.5 * along**2 * (plus + minus)
+    for name in Turns.dtype.names:
+        joints = range(int(name[1]) - 1, int(name[-1]))
+        out[name] = np.abs(angles[:, list(joints)].sum(axis=1)).max()
+    return out
+
+
 def bounds(minus, plus):
     """Bound of each end's motion seen from each of the links 0 to 4, shape (5, c, 2) [m].
 
     NaN for ends on that link or before.
     """
     placed = Placed.row()
-    placed["minus"], placed["plus"], placed["share"] = minus, plus, 1.0
+    placed["turns"], placed["share"] = turns_of(minus, plus), 1.0
     called(joint_motion)(SHAPES.limb["arm"], placed)
     out = np.full((5, len(LINK), 2), np.nan)
     for row in range(5):
@@ -97,7 +108,7 @@ def bounds(minus, plus):
 def from_grasp(minus, plus):
     """Bound of each end's motion seen from the flange, infinite where there is none, (c, 2) [m]."""
     placed = Placed.row()
-    placed["minus"], placed["plus"] = minus, plus
+    placed["turns"] = turns_of(minus, plus)
     placed["in_world"]["motion"] = np.inf
     called(seen_from_grasp)(SHAPES.limb, placed)
     return placed["in_world"]["motion"][: len(LINK)]

@@ -14,12 +14,11 @@ def put_back():
     """What was left in the worlds of shared graphs, which are empty again afterwards."""
     changed = [
         f"{graph.grasp_map.name} of {graph.robot.name}: {len(graph.obstacles)} obstacles, "
-        f"{len(graph.occupied)} occupied points, {len(graph._barred)} barred steps"
+        f"{len(graph.occupied)} occupied points"
         for graph in SHARED
-        if graph.obstacles or graph.occupied or graph._barred
+        if graph.obstacles or graph.occupied
     ]
     for graph in SHARED if changed else ():
         graph.remove_obstacles()
         graph.vacate()
-        graph._barred = frozenset()
     return changed
