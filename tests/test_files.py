@@ -4,7 +4,7 @@ import pytest
 
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MapError
-from mlivr_gym.files import FileError, read_json
+from mlivr_gym.files import FileError, read_json, write_whole
 
 FAULTS = {
     "deep": (b'{"a": ' + b"[" * 3000 + b"]" * 3000 + b"}", "nested too deeply"),
@@ -15,6 +15,7 @@ FAULTS = {
     "infinity": (b'{"a": -Infinity}', "number -Infinity is not finite"),
     "list": (b"[1, 2]", "JSON object, not a list"),
     "syntax": (b'{"a": 1,}', "not JSON: .*line 1 column 9"),
+    "twice": (b'{"b": {"a": 1, "a": 2}}', "an object has the field 'a' twice"),
     "empty": (b"", "not JSON"),
     "latin": ('{"a": "é"}'.encode("latin-1"), "not UTF-8"),
 }
@@ -45,3 +46,26 @@ def test_valid_json_is_read_as_it_is(tmp_path):
     assert read_json(path, "thing") == data
     with open(asset_path("jem.json"), encoding="utf-8") as stream:
         assert read_json(asset_path("jem.json"), "map") == json.load(stream)
+
+
+@pytest.mark.parametrize("name", ["a\0b", "\ud800", "no/x.json", "n" * 300, "."])
+def test_what_cannot_be_written_is_one_error(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FileError, match="cannot write"):
+        write_whole(name, "{}")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("call", ["replace", "chmod", "fdopen"])
+def test_a_file_whose_writing_fails_stays_as_it_was(tmp_path, monkeypatch, call):
+    path = tmp_path / "plan.json"
+    path.write_text("earlier")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(f"mlivr_gym.files.os.{call}", full)
+    with pytest.raises(FileError, match="No space left"):
+        write_whole(path, "later")
+    assert path.read_text() == "earlier"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["plan.json"]

@@ -96,7 +96,7 @@ def test_a_mutated_file_is_one_error_at_most(tmp_path, kind, data):
 
 
 @given(st.data())
-@few(0.1)
+@few(0.07)
 def test_a_mutated_plan_is_one_error_at_most(tmp_path, plan, jem, data):
     content = json.dumps(data.draw(mutated(plan))).encode()
     made = loaded(lambda path: Plan.load(path, jem), tmp_path / "plan.json", content)

@@ -180,9 +180,8 @@ def parts_of(data: Any) -> tuple[Query, World, Motion, Statistics]:
 
 def _motion(data: Any, limbs: int) -> Motion:
     place = Place("motion", PlanError)
-    stances = data.get("stances") if isinstance(data, dict) else None
-    count = len(stances) if isinstance(stances, list | tuple) else 0
-    motion = motion_fields(max(count, 1), limbs).read(data, place)
+    listed = Fields({"stances": Listed(Anything(), 1, MOST_STEPS)}, others=True).read(data, place)
+    motion = motion_fields(len(listed["stances"]), limbs).read(data, place)
     lengths = np.linalg.norm(motion.base_quaternions, axis=1)
     wrong = int(np.abs(lengths - 1.0).argmax())
     if abs(lengths[wrong] - 1.0) > UNIT_TOLERANCE:

@@ -209,6 +209,23 @@ def test_whatever_is_in_a_plan_ends_as_documented(quick, originals, ladder_plan,
         check([command, "--map", "map.json", "--plan", "plan.json", "--out", "new"], folder)
 
 
+@pytest.mark.parametrize(
+    ("given", "code"),
+    [
+        (["info", "a\nb"], 2),
+        (["info", "--robot", "a\nb"], 2),
+        (["plan", "--map", "map.json", "--out", "new\udc80.json"], 0),
+        (["plan", "--map", "map.json", "--out", "a\0b"], 2),
+        (["evaluate", "--policy", ""], 2),
+        (["evaluate", "--policy", "n" * 300], 2),
+        (["train", "--method", "bc", "--out", ""], 2),
+    ],
+)
+def test_what_was_found_once_ends_as_documented(quick, originals, tmp_path, given, code):
+    shutil.copytree(originals, tmp_path, dirs_exist_ok=True)
+    assert check(given, tmp_path) == code
+
+
 def test_these_examples_reach_every_end(quick, originals, tmp_path):
     shutil.copytree(originals, tmp_path, dirs_exist_ok=True)
     common = ["--map", "map.json"]

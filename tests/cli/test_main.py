@@ -26,7 +26,7 @@ from mlivr_gym.cli.main import main
         (["render", "--plan", "nowhere.json"], "nowhere.json"),
         (["render", "--size", "1", "1"], "--size"),
         (["render", "--stance", "2"], "--stance needs --plan"),
-        (["plan", "--clearance", "1e300"], "clearance is 1e+300 m"),
+        (["plan", "--clearance", "1e300"], "clearance is 1e+300, larger than 100 m"),
         (["plan", "--cost", "weighted", "--regrasp-price", "1e300"], "regrasp_price is 1e+300"),
         (["plan", "--box", "3200", "-1000", "-1000", "3500", "1000", "300"], "millimetres"),
         (["plan", "--limit", "0"], "limit is 0"),

@@ -152,16 +152,16 @@ def test_faulty_plan_files_are_named(graph, small_map, tmp_path):
     for change, words in (
         ({"format": 99}, "99"),
         ({"motion": good["motion"] | {"w_b": [1.0]}}, "w_b has shape"),
-        ({"motion": good["motion"] | {"steps": []}}, "0 steps"),
-        ({"motion": None}, "lacks 'motion'"),
-        ({"query": good["query"] | {"goal": "there"}}, "faulty field"),
+        ({"motion": good["motion"] | {"steps": []}}, "motion.steps has 0 entries; it must have"),
+        ({"motion": None}, "motion is None; it must be an object"),
+        ({"query": good["query"] | {"goal": "there"}}, "query.goal is 'there'"),
     ):
         path.write_text(json.dumps(good | change))
         with pytest.raises(PlanError, match=words):
             Plan.load(path)
     good["motion"].pop("stances")
     path.write_text(json.dumps(good))
-    with pytest.raises(PlanError, match="lacks field 'stances' of 'motion'"):
+    with pytest.raises(PlanError, match=r"motion\.stances is missing"):
         Plan.load(path)
     with pytest.raises(PlanError, match="cannot read plan"):
         Plan.load(tmp_path / "none.json")

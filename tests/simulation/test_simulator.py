@@ -145,6 +145,9 @@ def test_measurements_are_saved(walked, tmp_path):
 def test_what_cannot_be_simulated_is_one_clear_error(checked_graph, plan, jem, simulation):
     with pytest.raises(SettingError, match="kp is -1"):
         Physics(kp=-1.0)
+    for timestep in (1e-9, 1.0):
+        with pytest.raises(SettingError, match=r"physics.timestep is .*from 1e-05 to 0.1 s"):
+            Physics(timestep=timestep)
     start = (
         plan.motion.base_positions[0],
         plan.motion.base_quaternions[0],

@@ -111,6 +111,7 @@ def test_rounding_does_not_make_another_map(jem):
             r"handrails\[0\].axis is 'w'; valid choices are 'x', 'y', 'z'",
         ),
         ({"segments": [SEGMENT | {"width": "wide"}]}, r"segments\[0\].width is 'wide'"),
+        ({"segments": [SEGMENT | {"width": -0.1}]}, r"segments\[0\].width is -0.1; .*from 1e-09"),
         (
             {"points": [POINT], "boxes": [BOX], "handrails": [RAIL | {"id": "B"}]},
             "box 'B' appears more than once",
