@@ -150,6 +150,9 @@ def test_a_departure_keeps_clear_of_the_robot_and_no_more(small_checked_graph):
     for n in range(16):
         lift = Departure(small_checked_graph, rng)
         gap, _ = limb.nearest(lift.moments)
+        if gap < 0.01:  # a branch on which the limb can hold, but not depart
+            assert lift.check()(CLEARANCE) != CLEAR
+            continue
         assert verdicts(lift.check(), gap) == [False, True]
         if n < 5:
             ours, direction = in_body(0, lift.joints), draw(rng)

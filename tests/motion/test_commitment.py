@@ -1,6 +1,7 @@
 """Plans can be executed: grasps, base paths, thresholds and joint limits."""
 
 import itertools
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +9,12 @@ import pytest
 from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import Limb, Settings, robot_spec, stance_graph
-from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym import Box, Limb, Settings, robot_spec, stance_graph
+from mlivr_gym.envs.tasks import random_state, sample_task
 from mlivr_gym.kinematics.base_path import base_path, base_poses
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
+from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.planners import Planner
 
 
@@ -101,8 +103,8 @@ def test_narrow_joint_limits_are_kept_along_the_plan(jem):
     assert np.abs(plan.motion.joint_positions).max() <= np.pi + 1e-6 + 1e-12
 
 
-def test_a_hold_that_would_leave_the_joint_limits_is_planned_round(jem):
-    """On this task the first path turns a joint of a holding limb by more than its limits allow."""
+def test_a_limb_that_holds_turns_no_joint_out_of_its_window(jem):
+    """On this task a shorter walk would turn one by more than its limits allow."""
     graph = stance_graph(jem, "mlivr3", NO_COLLISIONS)
     start, _ = sample_task(graph, np.random.default_rng(0), 0.2)
     plan = (
@@ -130,3 +132,56 @@ def test_unchecked_plans_do_without_joint_limits(small_map):
     )
     assert np.isfinite(plan.motion.joint_positions).all()
     assert {step.path for step in plan.steps} == {"unchecked"}
+
+
+def random_walk(graph, rng, count):
+    """States of a walk of `count` random legal steps; legal steps never run out."""
+    states = [random_state(graph, rng)]
+    while len(states) <= count:
+        steps = graph.successors(states[-1])
+        assert steps
+        states.append(steps.after(states[-1], int(rng.integers(len(steps.limb)))))
+    return states
+
+
+def check_walk(graph, states):
+    """Put a walk together, and look whether its joints stay in their windows all along."""
+    motion = committed_motion(graph, states).motion
+    assert motion is not None
+    low, high = graph.robot.limb.windows.T
+    assert (motion.joint_positions >= low - 1e-5).all()
+    assert (motion.joint_positions <= high + 1e-5).all()
+    for k, step in enumerate(motion.steps):
+        knots = np.array(step.knots)[:, 1:]
+        assert (knots >= low - 1e-5).all()
+        assert (knots <= high + 1e-5).all()
+        after = motion.joint_positions[k + 1, step.limb]
+        # From above the point the limb comes down without a whole turn.
+        assert np.abs(knots[-1] - after).max() < np.pi
+        assert np.abs(knots[0] - motion.joint_positions[k, step.limb]).max() < np.pi
+    return motion
+
+
+@pytest.mark.parametrize("world", ["free", "obstacles"])
+def test_every_walk_of_legal_steps_is_put_together(checked_graph, world):
+    graph, rng, kinds = checked_graph, np.random.default_rng(0), Counter()
+    if world == "obstacles":
+        ends = rng.uniform(graph.grasp_map.cabin[0], graph.grasp_map.cabin[1], (12, 3))
+        graph.add_obstacles(
+            Box.between(f"rod{k}", "obstacle", end - 0.02, end + rng.uniform(0.03, 0.5, 3))
+            for k, end in enumerate(ends)
+        )
+    try:
+        for _ in range(40):
+            motion = check_walk(graph, random_walk(graph, rng, 8))
+            kinds.update(step.swing for step in motion.steps)
+    finally:
+        graph.remove_obstacles()
+    assert min(kinds[kind] for kind in ("direct", "over", "folded", "changed")) > 0
+
+
+@pytest.mark.parametrize("limbs", [3, 4])
+def test_every_walk_of_more_limbs_is_put_together(small_map, limbs):
+    graph, rng = stance_graph(small_map, f"mlivr{limbs}"), np.random.default_rng(limbs)
+    for _ in range(4):
+        check_walk(graph, random_walk(graph, rng, 4))

@@ -199,41 +199,6 @@ def test_three_limbs_cost_what_the_other_search_finds(small_map, name, price):
     assert several > 3
 
 
-@pytest.mark.parametrize("limbs", [2, 3])
-def test_steps_taken_out_of_the_graph_are_not_taken(tiny_map, limbs):
-    """What is left costs what networkx finds with these edges removed."""
-    if limbs == 3:
-        nine = np.isin(np.arange(15), np.linspace(0, 14, 9).round())
-        tiny_map = tiny_map.subset(nine, "nine points")
-    graph = stance_graph(tiny_map, f"mlivr{limbs}", Settings() if limbs == 2 else NO_COLLISIONS)
-    rng, cost, dearer = np.random.default_rng(4), Cost(), 0
-    drawn = rng.permuted(np.tile(np.arange(len(tiny_map)), (400, 1)), axis=1)[:, :limbs].tolist()
-    starts = [stance for stance in drawn if graph.is_node(graph.posture(stance))[0]]
-    for stance in starts[:2]:
-        state = State(tuple(stance), tuple(graph.posture(stance).mask[0].tolist()))
-        truth, positions = reachable(graph, state, cost)
-        goal, blocked = positions[list(positions)[-1]], []
-        before = free = algorithm1(graph, state, goal, 0.1, cost)
-        for _ in range(3):
-            if before.status != FOUND or len(path_of(before)) < 2:
-                break
-            taken = path_of(before)
-            blocked.append((taken[-2], taken[-1].stance))
-            with graph.without(blocked):
-                after = algorithm1(graph, state, goal, 0.1, cost)
-            gone = {(one.stance, other) for one, other in blocked}
-            assert not {(a.stance, b.stance) for a, b in pairwise(path_of(after))} & gone
-            left = truth.copy()
-            left.remove_edges_from([(a, b) for a, b in truth.edges if (a.stance, b.stance) in gone])
-            expected = least_cost(left, positions, state, goal, 0.1)
-            assert (after.status == FOUND) == np.isfinite(expected)
-            if after.status == FOUND:
-                assert after.costs[-1] == pytest.approx(expected, abs=1e-9)
-            dearer += after.status != FOUND or after.costs[-1] > free.costs[-1] + 1e-6
-            before = after
-    assert dearer
-
-
 def test_inflation_limit_and_progress(small_graph):
     planner, rng = Planner(small_graph), np.random.default_rng(6)
     start, goal = max(

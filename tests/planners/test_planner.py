@@ -248,15 +248,3 @@ def test_a_plan_on_the_map_of_a_user(ladder):
     s, g = 0, int(np.argmax(np.linalg.norm(graph.base_in_world - graph.base_in_world[0], axis=1)))
     result = Planner(graph).plan(graph.points[s].tolist(), graph.base_in_world[g])
     assert result.unwrap().world.map_name == "ladder"
-
-
-def test_steps_taken_out_of_a_graph_come_back(small_graph):
-    s = 0
-    t = int(small_graph.row(0, s)[0])
-    before, after = (tuple(small_graph.points[k].tolist()) for k in (s, t))
-    step = State(before, tuple(small_graph.mask[s].tolist())), after
-    row = np.array([t])
-    known = int(small_graph.edge_masks(0, s, row)[0])
-    with small_graph.without([step, step]):
-        assert small_graph.edge_masks(0, s, row)[0] == 0
-    assert small_graph.edge_masks(0, s, row)[0] == known
