@@ -1,7 +1,12 @@
 """The commands that train and evaluate."""
 
+import argparse
 import json
 
+import pytest
+
+from mlivr_gym.agents.test_set import SPLITS, load_test_set
+from mlivr_gym.cli.evaluate import _worlds
 from mlivr_gym.cli.main import main
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -50,3 +55,14 @@ def test_ctrl_c_ends_the_command_train_with_a_checkpoint_and_130(
     assert told.count("\n") == 1
     assert (tmp_path / "policy.pt").exists()
     assert (tmp_path / "policy.json").exists()
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_a_split_is_evaluated_with_all_its_tasks(split):
+    """Each world of the split with its own map; nothing of the other splits."""
+    worlds = [world for world in load_test_set() if world.split == split]
+    found = _worlds(argparse.Namespace(split=split, episodes=7))
+    assert [(a["map"].fingerprint, tasks) for a, tasks in found] == [
+        (world.map().fingerprint, world.tasks) for world in worlds
+    ]
+    assert _worlds(argparse.Namespace(split=None, episodes=7)) == [({}, 7)]

@@ -2,6 +2,11 @@
 
 import json
 
+import pytest
+
+from mlivr_gym.cli import table1
+from mlivr_gym.planners import Plan
+
 
 def test_table1_holds_every_relation(run, tmp_path):
     code, _, _ = run("table1", "--out", str(tmp_path / "results"))
@@ -17,3 +22,17 @@ def test_table1_holds_every_relation(run, tmp_path):
     data = json.loads((tmp_path / "results" / "table1.json").read_text())
     assert len(data["relations"]) == 16
     assert all(data["relations"].values())
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_relation_that_does_not_hold_is_named_and_ends_with_1(
+    run, tmp_path, monkeypatch, plan_file, checked_graph, held
+):
+    plan = Plan.load(plan_file, checked_graph.grasp_map)
+    data = {"relations": {"shorter is shorter": True, "longer is shorter": held}}
+    monkeypatch.setattr(table1, "run_cases", lambda *_: ({3: plan}, data))
+    monkeypatch.setattr(table1, "draw", lambda *_: None)
+    code, out, _ = run("table1", "--out", str(tmp_path))
+    assert code == (0 if held else 1)
+    assert ("relation does not hold: longer is shorter" in out) != held
+    assert "shorter is shorter" not in out
