@@ -1,10 +1,13 @@
+import errno
 import json
+import os
+import stat
 
 import pytest
 
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MapError
-from mlivr_gym.files import FileError, read_json
+from mlivr_gym.files import FileError, read_json, write_whole
 
 FAULTS = {
     "deep": (b'{"a": ' + b"[" * 3000 + b"]" * 3000 + b"}", "nested too deeply"),
@@ -45,3 +48,42 @@ def test_valid_json_is_read_as_it_is(tmp_path):
     assert read_json(path, "thing") == data
     with open(asset_path("jem.json"), encoding="utf-8") as stream:
         assert read_json(asset_path("jem.json"), "map") == json.load(stream)
+
+
+@pytest.mark.parametrize("content", ["text é", b"bytes"])
+def test_a_file_is_replaced_and_never_written_into(tmp_path, content):
+    """Another name of the old file keeps the old content: what reads it never sees a half."""
+    path, other = tmp_path / "file", tmp_path / "other"
+    write_whole(path, "old")
+    os.link(path, other)
+    write_whole(path, content)
+    assert path.read_bytes() == (content if isinstance(content, bytes) else content.encode())
+    assert other.read_text() == "old"
+    assert sorted(tmp_path.iterdir()) == [path, other]
+    before = os.umask(0o027)
+    try:
+        write_whole(path, content)
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+
+@pytest.mark.parametrize("call", ["fdopen", "chmod", "replace"])
+def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch, call):
+    """Wherever writing fails, in one error, and nothing is left behind."""
+    path = tmp_path / "file"
+    path.write_text("old")
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(f"mlivr_gym.files.os.{call}", full)
+    with pytest.raises(FileError, match=r"cannot write .*file': No space left on device"):
+        write_whole(path, "new")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_that_is_not_there_is_one_error(tmp_path):
+    with pytest.raises(FileError, match=r"cannot write .*nowhere.*: No such file"):
+        write_whole(tmp_path / "nowhere" / "file", "new")
