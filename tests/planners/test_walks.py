@@ -34,7 +34,7 @@ def test_steps_that_thresholds_forbid_are_found(small_map):
         MlivrEnv(map=small_map, collisions=False),
     )
     counted = 0
-    for seed in range(10):
+    for seed in range(30):
         env.reset(seed=seed)
         plan = Planner(free).plan(env.state.stance, env.goal, "steps").unwrap()
         done = edges_along(strict, plan.stances)
