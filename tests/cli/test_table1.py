@@ -5,7 +5,9 @@ import json
 import pytest
 
 from mlivr_gym.cli import table1
+from mlivr_gym.paper import case_graph
 from mlivr_gym.planners import Plan
+from mlivr_gym.planners.walks import edges_along
 
 
 def test_table1_holds_every_relation(run, tmp_path):
@@ -22,6 +24,15 @@ def test_table1_holds_every_relation(run, tmp_path):
     data = json.loads((tmp_path / "results" / "table1.json").read_text())
     assert len(data["relations"]) == 16
     assert all(data["relations"].values())
+    for name, collisions in (("measured", False), ("measured_with_collisions", True)):
+        rows = data[name]
+        assert sorted(rows) == ["1", "2", "3", "4"]
+        for number in ("2", "4"):
+            graph = case_graph(int(number), data["setup"], collisions)
+            assert rows[number]["stances"] == len(graph)
+            plan = rows[number]["stances_of_plan"]
+            assert edges_along(graph, plan) == len(plan) - 1 == rows[number]["steps"]
+    assert data["measured_with_collisions"]["2"]["stances"] < data["measured"]["2"]["stances"]
 
 
 @pytest.mark.parametrize("held", [True, False])
