@@ -177,6 +177,8 @@ class Tree:
             os.killpg(process.pid, 9)
             process.communicate()
             return None, "takes too long"
+        if "file or directory not found" in said:
+            raise SystemExit(f"{said.strip()[-200:]}: the tests have changed during the run")
         failed = re.search(r"^(?:FAILED|ERROR) (tests/.*?)(?: - .*)?$", said, re.MULTILINE)
         last = said[-200:].strip() if process.returncode else ""
         return process.returncode, failed[1] if failed else last
