@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint types unit results compare clean
+.PHONY: demo test lint types unit mutants results compare clean
 
 demo: $(VENV)/.core
 	$(BIN)/mlivr-gym table1 --out results
@@ -23,6 +23,10 @@ types: $(VENV)/.dev
 # One worker a core; tests of one file stay together, since they share what they set up.
 unit: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto --dist loadfile
+
+# Do the tests notice faults? 150 of them, an hour at most; what has run is kept, so that it goes on.
+mutants: $(VENV)/.dev
+	$(BIN)/python experiments/mutants.py
 
 # Everything published under results/ but the comparison; takes half an hour.
 results: $(VENV)/.dev

@@ -133,9 +133,9 @@ FAULTS = [
     Fault("P51", f"{CLI}/table1.py", "return FAILED if failed else SUCCESS", "return SUCCESS",
           "tests/cli/test_table1.py"),
     Fault("P28", f"{STANCES}/stance_graph.py", "distance >= robot.grasp_separation - 1e-9",
-          "distance > robot.grasp_separation + 1e-9", "tests/stances"),
+          "distance > robot.grasp_separation + 1e-9", "tests/stances/test_stance_graph.py"),
     Fault("P54", "planners/query.py", "1.0 if tables or plain else 2.0",
-          "1.0 if tables or plain else 5.0", "tests/planners"),
+          "1.0 if tables or plain else 5.0", "tests/planners/test_query.py"),
 ]  # fmt: skip
 
 

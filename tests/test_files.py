@@ -1,4 +1,7 @@
+import errno
 import json
+import os
+import stat
 
 import pytest
 
@@ -56,16 +59,40 @@ def test_what_cannot_be_written_is_one_error(tmp_path, monkeypatch, name):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("call", ["replace", "chmod", "fdopen"])
-def test_a_file_whose_writing_fails_stays_as_it_was(tmp_path, monkeypatch, call):
-    path = tmp_path / "plan.json"
-    path.write_text("earlier")
+@pytest.mark.parametrize("content", ["text é", b"bytes"])
+def test_a_file_is_replaced_and_never_written_into(tmp_path, content):
+    """Another name of the old file keeps the old content: what reads it never sees a half."""
+    path, other = tmp_path / "file", tmp_path / "other"
+    write_whole(path, "old")
+    os.link(path, other)
+    write_whole(path, content)
+    assert path.read_bytes() == (content if isinstance(content, bytes) else content.encode())
+    assert other.read_text() == "old"
+    assert sorted(tmp_path.iterdir()) == [path, other]
+    before = os.umask(0o027)
+    try:
+        write_whole(path, content)
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
 
-    def full(*_):
-        raise OSError(28, "No space left on device")
+
+@pytest.mark.parametrize("call", ["fdopen", "chmod", "replace"])
+def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch, call):
+    """Wherever writing fails, in one error, and nothing is left behind."""
+    path = tmp_path / "file"
+    path.write_text("old")
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(f"mlivr_gym.files.os.{call}", full)
-    with pytest.raises(FileError, match="No space left"):
-        write_whole(path, "later")
-    assert path.read_text() == "earlier"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["plan.json"]
+    with pytest.raises(FileError, match=r"cannot write .*file': No space left on device"):
+        write_whole(path, "new")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_that_is_not_there_is_one_error(tmp_path):
+    with pytest.raises(FileError, match=r"cannot write .*nowhere.*: No such file"):
+        write_whole(tmp_path / "nowhere" / "file", "new")

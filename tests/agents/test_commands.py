@@ -1,7 +1,15 @@
 """The commands that train and evaluate."""
 
+import argparse
 import json
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from mlivr_gym.agents.evaluation import Evaluation
+from mlivr_gym.agents.test_set import SPLITS, load_test_set
+from mlivr_gym.cli.evaluate import _report, _worlds
 from mlivr_gym.cli.main import main
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -50,3 +58,31 @@ def test_ctrl_c_ends_the_command_train_with_a_checkpoint_and_130(
     assert told.count("\n") == 1
     assert (tmp_path / "policy.pt").exists()
     assert (tmp_path / "policy.json").exists()
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_a_split_is_evaluated_with_all_its_tasks(split):
+    """Each world of the split with its own map; nothing of the other splits."""
+    worlds = [world for world in load_test_set() if world.split == split]
+    found = _worlds(argparse.Namespace(split=split, episodes=7))
+    assert [(a["map"].fingerprint, tasks) for a, tasks in found] == [
+        (world.map().fingerprint, world.tasks) for world in worlds
+    ]
+    assert _worlds(argparse.Namespace(split=None, episodes=7)) == [({}, 7)]
+
+
+def test_what_is_reported_are_means_over_what_reached_the_goal(capsys):
+    """Steps and metres of the episodes that did, in all worlds; the first action of every one."""
+    one = Evaluation(
+        np.array([True, False, True]), np.array([2, 90, 5]), np.array([1.0, 9.0, 2.5]),
+        np.array([0.01, 0.02, 0.03]), np.zeros(3), np.zeros(3, dtype=int), np.full(3, np.nan),
+    )  # fmt: skip
+    none = replace(one, success=np.zeros(3, dtype=bool))
+    _report("walker", [one, replace(one, success=np.array([False, True, False])), none])
+    assert capsys.readouterr().out.splitlines() == [
+        "walker: 3 of 9 episodes reach the goal",
+        "  where it is reached: 32.33 steps, 4.167 m of base translation",
+        "  first action after 20.0 ms on average, world included",
+    ]
+    _report("walker", [none])
+    assert capsys.readouterr().out.splitlines()[0] == "walker: 0 of 3 episodes reach the goal"

@@ -5,10 +5,12 @@ import pytest
 import torch
 
 from mlivr_gym.agents import evaluate
+from mlivr_gym.agents.features import env_features
 from mlivr_gym.agents.hyperparameters import ImitationSettings
 from mlivr_gym.agents.imitation import Imitation, optimal_set_loss
 from mlivr_gym.agents.learned import LearnedPolicy
 from mlivr_gym.agents.networks import make_policy, scores_and_value
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
 from mlivr_gym.transitions.state import State
 
@@ -129,3 +131,34 @@ def test_imitation_lowers_its_loss_and_arrives(env):
         evaluate(env, LearnedPolicy(policy, "pointer"), 20, seed=100, max_steps=30).success_rate
         >= 0.8
     )
+
+
+def test_samples_of_a_layout_are_seen_as_the_environment_shows_them(env, short):
+    """With points taken away: what the policy learns from is what it will see."""
+    policy = make_policy(env, "pointer", {"width": 16, "summary": 8})
+    imitation = Imitation(env, policy, False, ImitationSettings(**short), 5)
+    free = np.ones(len(env.graph.grasp_map), dtype=bool)
+    free[[3, 8, 21]] = False
+    samples, _ = imitation.gather(free, expert=True)
+    seen = imitation.observe(samples)[0]
+    world = MlivrEnv(map=env.graph.grasp_map, collisions=False)
+    world.graph.occupy([3, 8, 21])
+    points = env.table_moves().tables.points
+    assert len(samples.stances) > 20
+    for k in range(0, len(samples.stances), 3):
+        stance = points[samples.stances[k]].tolist()
+        world.reset(options={"start": stance, "goal": samples.goals[k]})
+        world._enter(world.state._replace(masks=tuple(samples.masks[k].tolist())))
+        for name, rows in env_features(world).items():
+            np.testing.assert_allclose(seen[name][k].numpy(), rows[0], atol=1e-5, err_msg=name)
+
+
+def test_walks_of_the_expert_go_one_step_nearer_each_time(env, short):
+    """Without noise each walk gives one sample for each number of steps that remain."""
+    settings = ImitationSettings(**(short | {"noise": 0.0}))
+    imitation = Imitation(env, make_policy(env, "mlp", {}), True, settings, 2)
+    samples, arrived = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), expert=True)
+    counts = np.bincount(samples.cost.astype(int))[1:]
+    assert arrived == 1.0
+    assert len(counts) > 2
+    assert (np.diff(counts) <= 0).all()

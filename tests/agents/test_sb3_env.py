@@ -56,3 +56,22 @@ def test_copies_for_stable_baselines3_go_like_single_environments(env, small_map
             assert single.state.masks == tuple(copies.copies.masks[k].tolist())
     assert ended >= 25
     assert 3 <= arrived < ended
+
+
+def test_a_goal_that_is_reached_with_the_last_step_is_no_truncation(env, small_map):
+    """Both happen at once; a learner must not go on from the value of the last state."""
+    copies, single = (
+        TableVecEnv(env, 1, "plain", max_episode_steps=1),
+        MlivrEnv(map=small_map, collisions=False),
+    )
+    expert, found = ExpertPolicy(), set()
+    for seed in range(40):
+        copies.seed(seed)
+        copies.reset()
+        stance = copies.copies.tables.points[copies.copies.stances[0]].tolist()
+        single.reset(options={"start": stance, "goal": copies.copies.goals[0].copy()})
+        _, _, dones, (info,) = copies.step([expert.act(single, {}, single.action_masks())])
+        assert dones[0]
+        assert info["TimeLimit.truncated"] is not info["is_success"]
+        found.add(info["is_success"])
+    assert found == {True, False}

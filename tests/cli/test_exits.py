@@ -7,6 +7,14 @@ from mlivr_gym.cli.exits import prompt_interrupts
 from mlivr_gym.errors import MlivrError
 
 
+@pytest.fixture(autouse=True)
+def interrupts_are_not_ignored():
+    """A shell that starts the tests in the background makes them ignore Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def interrupted_then(error):
     """A library that makes another error of an interruption."""
     try:

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from mlivr_gym import stance_graph
@@ -117,3 +118,28 @@ def test_a_start_that_cannot_be_held_is_no_plan_also_where_the_goal_is_drawn(run
     code, _, err = run("plan", "--map", str(world), "--start", "R0:0", "R9:1")
     assert code == 2
     assert "'R9:1'" in err
+
+
+def test_boxes_and_occupied_points_change_the_plan_and_stay_in_its_file(run, tmp_path, jem):
+    """A box across the way, and a point that the plan used."""
+    ends = ["--start", "D2a:4", "D1b:3", "--goal", "6.3", "0.5", "0.35"]
+    plans = []
+
+    def plan(*more):
+        file = tmp_path / f"{len(plans)}.json"
+        assert run("plan", *ends, *more, "--out", str(file))[0] == 0
+        plans.append(Plan.load(file, jem))
+        return plans[-1]
+
+    free = plan()
+    middle = free.motion.base_positions[len(free.steps) // 2]
+    corners = [*(middle - 0.1), *(middle + 0.1)]
+    blocked = plan("--box", *(f"{value:.3f}" for value in corners))
+    (box,) = blocked.world.obstacles
+    np.testing.assert_allclose(np.array(box.bounds).ravel(), corners, atol=1e-3)
+    assert blocked.cost > free.cost
+    taken = next(p for stance in free.stances[1:] for p in stance if p not in free.stances[0])
+    other = next(point for point in jem.ids if not any(point in s for s in free.stances))
+    round_it = plan("--occupied", taken, other)
+    assert round_it.world.occupied == tuple(sorted([taken, other], key=jem.index))
+    assert not any(taken in stance for stance in round_it.stances)

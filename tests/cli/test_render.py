@@ -8,9 +8,11 @@ import sys
 import numpy as np
 from PIL import Image
 
+from mlivr_gym.errors import RenderError
+
 
 def test_render_falls_back_without_gl(tmp_path):
-    """With a GL library that is not there a matplotlib picture is drawn, and one line says so."""
+    """Where GL fails, or not, in a process of its own: there is a picture."""
     environment = os.environ | {"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": "osmesa"}
     out = tmp_path / "scene.png"
     command = [
@@ -27,8 +29,22 @@ def test_render_falls_back_without_gl(tmp_path):
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert out.read_bytes().startswith(b"\x89PNG")
-    lines = [line for line in done.stdout.splitlines() if "no GL" in line]
-    assert len(lines) <= 1
+
+
+def test_render_says_once_that_there_is_no_gl(run, tmp_path, monkeypatch):
+    """And draws with matplotlib, which needs none."""
+
+    def missing(*_, **__):
+        raise RenderError("MuJoCo has no GL library here")
+
+    monkeypatch.setattr("mlivr_gym.cli.render.SceneRenderer", missing)
+    out = tmp_path / "scene.png"
+    code, told, _ = run("render", "--start", "D2a:4", "D2b:4", "--out", str(out))
+    assert code == 0
+    assert [line for line in told.splitlines() if "no GL" in line] == [
+        "no GL, drawing with matplotlib instead: MuJoCo has no GL library here"
+    ]
+    assert out.read_bytes().startswith(b"\x89PNG")
 
 
 def test_render_writes_the_file_that_is_named_and_no_other(run, tmp_path, plan_file):

@@ -11,7 +11,7 @@ from coal_ruler import Ruler, grasps_of
 from mlivr_gym import Box, Capsule, GraspMap, RobotSpec, Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.errors import SettingError, ShapeError, StanceError
+from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -96,8 +96,7 @@ def test_occupied_points_are_not_grasped(jem, checked_graph, robot):
     taken = sorted({point for stance in plan.stances for point in stance} - held)[:2]
     graph.occupy(taken)
     result = Planner(graph).plan(start.stance, goal, **cost)
-    if result.plan is not None:
-        assert not any(point in taken for stance in result.plan.stances for point in stance)
+    assert not any(point in taken for stance in result.unwrap().stances for point in stance)
     graph.occupy([plan.stances[0][0]])
     assert Planner(graph).plan(plan.stances[0], goal).reason == "start infeasible"
     with pytest.raises(StanceError, match="occupied"):
@@ -115,17 +114,6 @@ def known_step(graph, held, before, after):
     row = graph._known.step(held, int(before), int(after)).copy()
     pair = None if row["pair"] < 0 else divmod(int(row["pair"]), 8)
     return tuple(int(row[name]) for name in SAME), pair
-
-
-def test_edges_serve_both_directions(checked_graph):
-    graph, rng = checked_graph, np.random.default_rng(8)
-    for s in rng.choice(len(graph), 10, replace=False):
-        for held in range(2):
-            for other in graph.row(held, int(s))[:5]:
-                same, pair = known_step(graph, held, s, other)
-                back, turned = known_step(graph, held, other, s)
-                assert same == back
-                assert pair == (None if turned is None else turned[::-1])
 
 
 def test_shapes_and_boxes_of_a_user_take_stances_away(ladder, tmp_path):
@@ -149,11 +137,12 @@ def test_shapes_and_boxes_of_a_user_take_stances_away(ladder, tmp_path):
         remaining = 0
     assert remaining < len(plain)
     thick = tuple(
-        replace(c, radius=1.3 * c.radius) if c.link == "forearm" else c for c in ROBOT.shapes
+        replace(c, radius=2.0 * c.radius) if c.link == "forearm" else c for c in ROBOT.shapes
     )
     robot = RobotSpec.from_dict(json.loads(json.dumps(replace(ROBOT, capsules=thick).to_dict())))
     assert robot.shapes == thick
-    assert len(stance_graph(ladder, robot, Settings(limb_threshold=0.05))) <= len(plain)
+    with pytest.raises(RobotError, match=f"{len(plain)} touch the robot itself"):
+        stance_graph(ladder, robot, Settings(limb_threshold=0.05))
 
 
 CLEARANCE = 0.02

@@ -93,12 +93,17 @@ class EnvironmentsAgree(RuleBasedStateMachine):
     def graphs(self):
         return [self.graph, self.vector.env.graph, *(one.unwrapped.graph for one in self.singles)]
 
-    @rule(data=st.data(), legal=st.lists(st.booleans(), min_size=COPIES, max_size=COPIES))
-    def step(self, data, legal):
+    @rule(
+        data=st.data(),
+        kinds=st.lists(
+            st.sampled_from(["near", "allowed", "any"]), min_size=COPIES, max_size=COPIES
+        ),
+    )
+    def step(self, data, kinds):
         if self.mode == "Disabled" and any(model.over for model in self.models):
             self.restart(None, [model.over for model in self.models])
             return
-        actions = [self.action(data, *pair) for pair in zip(self.models, legal, strict=True)]
+        actions = [self.action(data, *pair) for pair in zip(self.models, kinds, strict=True)]
         observations, rewards, ended, cut, infos = self.vector.step(np.array(actions))
         for k, (single, model) in enumerate(zip(self.singles, self.models, strict=True)):
             if model.over:
@@ -113,9 +118,13 @@ class EnvironmentsAgree(RuleBasedStateMachine):
                 assert shown[0] == pytest.approx(expected.reward, abs=1e-9)
                 assert tuple(shown[1:]) == expected[1:]
 
-    def action(self, data, model, legal):
-        """One that the mask allows, or any."""
-        allowed = np.flatnonzero(model.mask()) if legal and not model.over else ()
+    def action(self, data, model, kind):
+        """The one that leads nearest to the goal, one that the mask allows, or any."""
+        steps = self.graph.successors(model.state)
+        if kind == "near" and not model.over and len(steps.limb):
+            k = np.linalg.norm(steps.base_in_world - model.goal, axis=1).argmin()
+            return int(steps.limb[k] * model.points + steps.point[k])
+        allowed = np.flatnonzero(model.mask()) if kind == "allowed" and not model.over else ()
         if len(allowed):
             return int(data.draw(st.sampled_from(allowed.tolist())))
         return data.draw(st.integers(0, self.graph.limbs * model.points - 1))

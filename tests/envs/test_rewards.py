@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.rewards import StepOutcome, TaskReward
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.planners import Planner
 
@@ -123,3 +124,17 @@ def test_a_failed_grasp_costs_both_displacements_and_keeps_the_branches_that_wen
         failures, narrowed = failures + 1, narrowed + (masks[holder] != state.masks[holder])
     assert failures >= 15
     assert narrowed > 0
+
+
+def test_the_edge_of_the_goal_region_belongs_to_it():
+    """Exact numbers: at the tolerance the potential is 0, a little farther minus the distance."""
+    reward = TaskReward.of("base", success_bonus=5.0, shaping=True, discount=0.9, tolerance=0.25)
+
+    def paid(before, after, success):
+        return reward(StepOutcome(0.5, before, after, success, True))
+
+    assert paid(1.0, 0.25, True) == -0.5 + 5.0 + 0.9 * 0.0 + 1.0
+    assert paid(1.0, 0.75, False) == pytest.approx(-0.5 - 0.9 * 0.75 + 1.0)
+    assert paid(0.25, 0.75, False) == pytest.approx(-0.5 - 0.9 * 0.75)
+    both = paid(np.array([1.0, 0.25]), np.array([0.25, 0.75]), np.array([True, False]))
+    np.testing.assert_allclose(both, [5.5, -1.175])

@@ -6,7 +6,9 @@ from env_model import SplitMix
 from scipy.stats import chisquare
 
 from mlivr_gym.envs.batch import random_below
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.streams import Stream
+from mlivr_gym.envs.vector_env import MlivrVectorEnv
 
 
 def test_splitmix64_gives_its_published_words():
@@ -44,3 +46,15 @@ def test_a_choice_has_no_value_twice_and_every_order():
     pairs, counts = np.unique(drawn, axis=0, return_counts=True)
     assert len(pairs) == 6
     assert chisquare(counts).pvalue > 1e-3
+
+
+def test_without_a_seed_every_copy_has_a_stream_of_its_own(small_map, cache):
+    copies = MlivrVectorEnv(80, map=small_map, collisions=False)
+    copies.reset()
+    assert len(set(copies._streams.tolist())) == 80
+    single, states = MlivrEnv(map=small_map, collisions=False), set()
+    for _ in range(80):
+        single._seeded, single._np_random = False, None
+        single.reset()
+        states.add(single._stream.state)
+    assert len(states) == 80

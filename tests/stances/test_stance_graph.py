@@ -242,3 +242,18 @@ def test_a_map_with_too_many_pairs_of_points_is_refused_before_they_are_made(jem
 def test_thresholds_that_no_stance_meets_are_named(ladder):
     with pytest.raises(RobotError, match=r"none meets w_m >= 0.5"):
         stance_graph(ladder, settings=Settings(collisions=False, limb_threshold=0.5))
+
+
+def test_points_may_be_held_at_once_from_the_separation_of_grippers_to_the_span():
+    """Both ends belong to it, whatever is lost in rounding; checked point by point."""
+    dense = jem_map(0.1)
+    dense = dense.subset((dense.positions[:, 0] < 3.0) & np.isin(dense.faces, ["deck"]), "dense")
+    span = round(float(np.linalg.norm(dense.positions[0] - dense.positions[-1])), 4)
+    robot = replace(robot_spec("mlivr2"), span=min(span, 2.4))
+    graph = stance_graph(dense, robot, NO_COLLISIONS)
+    apart = np.linalg.norm(dense.positions[:, None] - dense.positions[None], axis=-1)
+    expected = np.argwhere((apart > 0.1 - 1e-7) & (apart < robot.span + 1e-7))
+    np.testing.assert_array_equal(graph.pairs, expected)
+    assert (np.abs(apart[tuple(graph.pairs.T)] - 0.1) < 1e-9).sum() > 20
+    for point in (0, len(dense) // 2):
+        np.testing.assert_array_equal(graph.partners(point), expected[expected[:, 0] == point, 1])

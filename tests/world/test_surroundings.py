@@ -2,11 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from mlivr_gym import GraspMap, MlivrError
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MapError
+from mlivr_gym.world.rails import Handrail
+from mlivr_gym.world.surroundings import handrail_boxes
 
 
 def test_every_figure_of_the_scene_is_needed_and_named():
@@ -47,3 +50,33 @@ def test_a_faulty_rack_is_named(change):
     jem["racks"][4] = change if change == 3 else jem["racks"][4] | change
     with pytest.raises(MlivrError, match=r"racks\[4\]|id of a box"):
         GraspMap.from_dict(jem)
+
+
+@pytest.mark.parametrize("axis", "xyz")
+def test_a_handrail_is_a_bar_on_two_posts(axis):
+    """The posts fill its bounding box at both ends and take in the ends of the bar."""
+    along = "xyz".index(axis)
+    low, high = np.array([1.0, 2.0, 3.0]), np.array([1.1, 2.1, 3.1])
+    high[along] = low[along] + 0.7
+    bar_low, bar_high = low + 0.02, high - 0.02
+    bar_low[along], bar_high[along] = low[along] + 0.03, high[along] - 0.04
+    rail = Handrail("H", "deck", tuple(low), tuple(high), axis, tuple(bar_low), tuple(bar_high))
+    bar, first, second = handrail_boxes(rail)
+    assert [(box.id, box.kind, box.face) for box in (bar, first, second)] == [
+        ("H", "handrail", "deck"),
+        ("H/post0", "stanchion", "deck"),
+        ("H/post1", "stanchion", "deck"),
+    ]
+    np.testing.assert_allclose(bar.bounds, [bar_low, bar_high])
+    ends = [high.copy(), low.copy()]
+    ends[0][along], ends[1][along] = bar_low[along] + 0.008, bar_high[along] - 0.008
+    np.testing.assert_allclose(first.bounds, [low, ends[0]])
+    np.testing.assert_allclose(second.bounds, [ends[1], high])
+
+
+@pytest.mark.parametrize("known", [{}, {"bar_min": (1.0, 2.0, 3.0)}, {"bar_max": (1.1, 2.6, 3.1)}])
+def test_a_handrail_whose_bar_is_not_known_is_its_bounding_box(known):
+    rail = Handrail("H", "deck", (1.0, 2.0, 3.0), (1.1, 2.7, 3.1), "y", **known)
+    (box,) = handrail_boxes(rail)
+    assert (box.id, box.kind) == ("H", "handrail")
+    np.testing.assert_allclose(box.bounds, [(1.0, 2.0, 3.0), (1.1, 2.7, 3.1)])
