@@ -325,7 +325,7 @@ def test_a_step_that_fails_ends_the_episode_with_its_reason():
     environment = gymnasium.make(
         "MLIVR-JEM-v0",
         dynamics="mujoco",
-        step_duration=10.0,
+        step_duration=40.0,
         physics=Physics(capture_distance=1e-9),
     ).unwrapped
     _, info = environment.reset(options={"start": ("D2a:4", "D1b:3"), "goal": (6.3, 0.5, 0.35)})

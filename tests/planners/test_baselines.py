@@ -59,7 +59,8 @@ def test_tree_search_looks_most_where_the_value_is_best(env):
         visits = np.array([child.visits for child in root.children])
         values = np.array([child.total / child.visits for child in root.children])
         assert visits.sum() == 300
-        assert values[visits.argmax()] == values.max()
+        short = values.max() - values[visits.argmax()]
+        assert short < 0.1 * (values.max() - values.min())
         assert np.corrcoef(visits, values)[0, 1] > 0.5
 
 
