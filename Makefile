@@ -32,7 +32,7 @@ mutants: $(VENV)/.dev
 results: $(VENV)/.dev
 	$(BIN)/python experiments/calibrate_start_goal.py
 	$(BIN)/python experiments/table1.py
-	$(BIN)/python experiments/collision_truth.py
+	$(BIN)/python experiments/truth.py
 	$(BIN)/python experiments/blocked.py
 	$(BIN)/python experiments/interrupted_walk.py
 	$(BIN)/python experiments/benchmark_planning.py

@@ -1,4 +1,4 @@
-"""Why the planner calls a step blocked, found by other means; part of `collision_truth.py`."""
+"""Why the planner calls a step blocked, found by other means; part of `truth.py`."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from mlivr_gym.motion.sampling import sampled_line
 from numba import njit
+from sampled_lines import sampled_line
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.motion import DEPARTS, Sweep
 from mlivr_gym.collisions.placing import Placed, place_in_body
-from mlivr_gym.collisions.sweep import DEPARTS, Sweep, sweep
+from mlivr_gym.collisions.sweep import sweep
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, BasePath, base_path, base_poses
 from mlivr_gym.kinematics.holding import Holding, hold_mask
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
@@ -23,7 +24,7 @@ from mlivr_gym.kinematics.poses import Pose, pose, quaternion
 from mlivr_gym.motion.swings import Hold, SwingFinder
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.transitions.grasp_poses import angles_above, line_of_limb
+from mlivr_gym.transitions.grasp_poses import angles_above
 
 DIRECT = "a direct swing exists"
 SAMPLED = "a sampled swing exists"
@@ -40,7 +41,7 @@ SAMPLES = 25
 
 
 class SwingEnds(NamedTuple):
-    """Two lifted postures that a line joins inside the joint limits.
+    """Two lifted postures that a line joins.
 
     Attributes:
         length: Largest turn of joints 1 to 5 [rad].
@@ -114,14 +115,12 @@ def _held_paths(
 def _lines(
     graph: PairGraph, finder: SwingFinder, starts: list[Array], ends: list[Array]
 ) -> Iterator[SwingEnds]:
-    """Pairs of lifted postures that a line joins inside the joint limits."""
-    first, last = Angles.rows(2)
+    """Pairs of lifted postures, the tool at the nearest half turn."""
     for start in starts:
         for end in ends:
-            first["q"], last["q"] = start, end
-            length = line_of_limb(graph.checks.robots, finder.limb, first, last, last)
-            if np.isfinite(length):
-                yield SwingEnds(length, finder, start, last["q"].copy())
+            half_turns = np.rint((start[5] - end[5]) / np.pi)
+            last = np.append(end[:5], end[5] + np.pi * half_turns)
+            yield SwingEnds(float(np.abs(last - start)[:5].max()), finder, start, last)
 
 
 def _departures(

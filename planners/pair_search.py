@@ -118,7 +118,7 @@ def search(
         graph: The stance graph; steps that the search wants to know are checked.
         seeds: Where to begin.
         goal: Which stances are goals, shape (n,).
-        h: Heuristic of each stance, shape (n,).
+        h: Heuristic of each stance, shape (n,); infinite where no goal can be reached from.
         weights: What is minimised.
 
     Returns:
@@ -280,7 +280,7 @@ def _expand(
             if s2 == s:
                 continue
             theirs = mask[s2, holds]
-            if closed.mask[s2, limb] & theirs == theirs:
+            if closed.mask[s2, limb] & theirs == theirs or h[s2] == np.inf:
                 continue
             dx = table.row_base[holds, k, 0] - x
             dy = table.row_base[holds, k, 1] - y

@@ -17,7 +17,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.estimates import CACHED_TABLES, Estimates, unchecked
-from mlivr_gym.planners.pair_search import FOUND, LIMIT
+from mlivr_gym.planners.pair_search import FOUND, LIMIT, NO_LIMIT
 from mlivr_gym.planners.query import GOAL_TOLERANCE, Goal, Search, SearchOptions
 from mlivr_gym.planners.searches import (
     Algorithm1Searcher,
@@ -26,6 +26,7 @@ from mlivr_gym.planners.searches import (
     Path,
     Searcher,
 )
+from mlivr_gym.planners.why_not import Cause, cause_of
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -160,14 +161,9 @@ class Planner:
         target = Goal.checked(self.graph, goal, cost, regrasp_price, goal_tolerance)
         options = SearchOptions(method, heuristic, inflation, limit, progress)
         search, clock = Search.checked(self.graph, target, options), _Clock()
-        if isinstance(start, State) and not (start_pose is None and start_joints is None):
-            raise SettingError("start is a state: start_pose and start_joints are told by it")
-        stance = self.graph.indices(start.stance if isinstance(start, State) else start)
+        self.graph.indices(start.stance if isinstance(start, State) else start)
         try:
-            if isinstance(start, State):
-                first = self.graph.checked_state(start)
-            else:
-                first = self.graph.state(stance, start_pose, start_joints)
+            first = self._first(start, start_pose, start_joints)
         except StanceError as error:
             clock.feasibility = clock.lap()
             return _no_plan("start infeasible", str(error), clock)
@@ -190,6 +186,53 @@ class Planner:
             plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m",
             path.expanded, path.generated, *times, path.tree,
         )  # fmt: skip
+
+    def why_not(
+        self,
+        start: Sequence[str | int] | State,
+        goal: Sequence[float] | Array,
+        *,
+        goal_tolerance: float = GOAL_TOLERANCE,
+        start_pose: Sequence[Any] | None = None,
+        start_joints: Sequence[Any] | Array | None = None,
+        limit: int = 2000,
+    ) -> Cause:
+        """What cuts a goal off to which `plan` has found no plan, and what would help.
+
+        The query is asked again on graphs without obstacles, collisions, thresholds or checks of
+        steps, which takes some seconds.
+
+        Args:
+            start: As in `plan`, as are the next four.
+            goal: x, y, z in the JEM frame [m].
+            goal_tolerance: Radius of the goal region [m].
+            start_pose: Base pose at the start.
+            start_joints: Joint angles at the start.
+            limit: Most expansions of each search with more than two limbs.
+
+        Raises:
+            MlivrError: If an argument cannot be used, or the start cannot be held.
+        """
+        target = Goal.checked(self.graph, goal, "steps", None, goal_tolerance)
+        first = self._first(start, start_pose, start_joints)
+        return cause_of(self.graph, first, target, NO_LIMIT if self._estimates else limit)
+
+    def _first(
+        self,
+        start: Sequence[str | int] | State,
+        pose: Sequence[Any] | None,
+        joints: Sequence[Any] | Array | None,
+    ) -> State:
+        """The state at the start.
+
+        Raises:
+            StanceError: If it cannot be held.
+        """
+        if isinstance(start, State):
+            if not (pose is None and joints is None):
+                raise SettingError("start is a state: start_pose and start_joints are told by it")
+            return self.graph.checked_state(start)
+        return self.graph.state(start, pose, joints)
 
     def _no_swing(self, path: Path, committed: CommittedMotion) -> str:
         """The sentence on a step of the graph for which no swing was found."""

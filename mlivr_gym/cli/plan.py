@@ -15,6 +15,7 @@ from mlivr_gym.cli.arguments import (
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import counter
+from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.plan_figure import plan_figure
 from mlivr_gym.planners import Planner, PlanningResult
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -53,6 +54,10 @@ def run(args: argparse.Namespace) -> int:
     return SUCCESS
 
 
+CUT_OFF = ("goal outside the reachable set", "search exhausted")
+"""Reasons for which there is no plan whose cause is looked for."""
+
+
 def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> PlanningResult:
     """Plan between start and goal of the arguments, and describe the plan.
 
@@ -61,7 +66,8 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
     """
     start, goal = chosen_task(graph, args)
     progress = counter("states explored")
-    result = Planner(graph).plan(
+    planner = Planner(graph)
+    result = planner.plan(
         start,
         goal,
         args.cost,
@@ -76,6 +82,10 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         progress=progress,
     )
     progress(-1)
+    if result.reason in CUT_OFF:
+        how = {"start_pose": args.start_pose, "start_joints": args.start_joints}
+        cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **how)
+        raise NoPlanError(f"{result.message}; {cause.message}")
     plan = result.unwrap()
     print(
         f"from {' '.join(start)} to {goal}: {result.message}, "

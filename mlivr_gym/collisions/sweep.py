@@ -15,21 +15,27 @@ and the body, with limbs at rest, and with one other limb that swings or holds m
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
 
-from mlivr_gym.arrays import IntArray
-from mlivr_gym.collisions.against_boxes import Behind, against_boxes, base_against_boxes
+from mlivr_gym.collisions.against_boxes import against_boxes, base_against_boxes
 from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
 from mlivr_gym.collisions.limb_shapes import Limb, Robot
+from mlivr_gym.collisions.motion import (
+    DEPARTS,
+    DEPTH,
+    HOLDS,
+    SWINGS,
+    Interval,
+    LimbMotion,
+    Motion,
+    Sweep,
+)
 from mlivr_gym.collisions.placing import (
     WRIST_POINT,
     Ends,
     Placed,
-    Shapes,
     capsule_motion,
     changes,
     joint_motion,
@@ -38,17 +44,13 @@ from mlivr_gym.collisions.placing import (
     seen_from_grasp,
     to_world,
 )
-from mlivr_gym.compiled.bit_sets import BRANCHES, EVERY, below, has, only
+from mlivr_gym.compiled.bit_sets import EVERY, below, has, only
 from mlivr_gym.compiled.kernels import kernel, part
-from mlivr_gym.compiled.records import Joints, Record, Rows
-from mlivr_gym.kinematics.base_path import BasePath, pose_on_path, travel_seen, turn_seen
+from mlivr_gym.compiled.records import Joints
+from mlivr_gym.kinematics.base_path import pose_on_path, travel_seen, turn_seen
 from mlivr_gym.kinematics.limb import angles_at
-from mlivr_gym.kinematics.poses import Pose, along, columns, vector
+from mlivr_gym.kinematics.poses import along, columns, vector
 from mlivr_gym.kinematics.turns import FlangeMotion, come_back, held_turns, line_turns
-from mlivr_gym.robot.specification import MOST_LIMBS
-
-DEPTH = 9
-"""Halvings after which an interval counts as blocked."""
 
 MOST_PIECES = 512
 """Most intervals of the first division."""
@@ -58,101 +60,6 @@ FIRST_INTERVAL = 0.6, 0.3
 
 A matter of speed only.
 """
-
-SWINGS, HOLDS, DEPARTS = 0, 1, 2
-"""What a limb does on a motion."""
-
-MOST_RESTING = BRANCHES * (MOST_LIMBS - 1)
-"""Most places of limbs at rest."""
-
-
-class LimbMotion(Record):
-    """What one limb does on a motion."""
-
-    limb: int
-    """Which limb."""
-    kind: int
-    """`SWINGS`, `HOLDS` or `DEPARTS`."""
-    branch: int
-    """Branch on which it holds or departs."""
-    flange: Pose
-    """Its flange in the world while it holds, or before it departs."""
-    start: Joints
-    """Joint angles at the start of a swing [rad]."""
-    end: Joints
-    """Joint angles at its end [rad]."""
-
-
-class Motion(Record):
-    """A motion of the base and of one or two limbs, and what the first of them is compared with."""
-
-    path: BasePath
-    """Path of the base."""
-    begin: float
-    """Where the base is on it at the start."""
-    finish: float
-    """Where it is at the end."""
-    first: LimbMotion
-    """What the limb does that is checked."""
-    second: LimbMotion
-    """What another limb does meanwhile."""
-    boxes: bool
-    """Whether the first limb is compared with boxes, and the base if it moves while that swings."""
-    body: bool
-    """Whether it is compared with itself and the body."""
-    resting: bool
-    """Whether it is compared with limbs at rest."""
-    meeting: bool
-    """Whether it is compared with the second limb."""
-
-
-class Interval(Record):
-    """An interval of a motion that waits."""
-
-    middle: float
-    """Its middle, as a share of the motion."""
-    half: float
-    """Half its length."""
-    boxes: int
-    """Capsules to compare with boxes; the base counts as one capsule more."""
-    itself: int
-    """Pairs of the limb's capsules to compare."""
-    body: int
-    """Capsules to compare with the body."""
-    limbs: int
-    """Limbs at rest, or capsules to compare with the second limb."""
-    first: Ends
-    """The first limb at both ends."""
-    second: Ends
-    """The second limb at both ends."""
-
-
-class Resting(Record):
-    """Places of limbs at rest."""
-
-    count: int
-    """Their number."""
-    limb: Annotated[IntArray, (MOST_RESTING,), np.int64]
-    """Which limb each is of."""
-    shapes: Annotated[Rows[Shapes], (MOST_RESTING,)]
-    """The capsules of each in the body frame."""
-
-
-class Sweep(Record):
-    """Room for the check of one motion, and limbs at rest."""
-
-    motion: Motion
-    first: Placed
-    second: Placed
-    base: Pose
-    lifted: Pose
-    intervals: Annotated[Rows[Interval], (DEPTH + 3,)]
-    first_ahead: Joints
-    """Joint angles of the first limb at the end of the last piece [rad]."""
-    second_ahead: Joints
-    """Joint angles of the second limb there [rad]."""
-    behind: Behind
-    resting: Resting
 
 
 @kernel

@@ -88,8 +88,8 @@ def certify(
     square_floor = (floor / (arm.a2 * arm.a3)) ** 2
     # The first intervals are about as long as the bounds can usually decide.
     pose_on_path(path, 0.5, room.base)
-    way = 2.0 * travel_seen(path, room.base, 0.5, 0.5, wrist)
-    pieces = min(max(int(np.ceil(way / FIRST_INTERVAL)), 1), MOST_PIECES)
+    travel = 2.0 * travel_seen(path, room.base, 0.5, 0.5, wrist)
+    pieces = min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), MOST_PIECES)
     shortest = 0.5 ** (DEPTH + 1)
     piece = top = 0
     while mask and (top > 0 or piece < pieces):
@@ -104,7 +104,7 @@ def certify(
         p, _, z = flange_seen(limb, room.base, flange)
         branch_terms(arm, p, z, room.terms)
         undecided = False
-        way, turned = (
+        travel, turned = (
             travel_seen(path, room.base, s, half, wrist),
             turn_seen(path, room.base, half, axis),
         )
@@ -114,7 +114,7 @@ def certify(
             square = room.terms[c, 3]
             if not square >= square_floor or square <= 0.0:
                 mask = without_class(mask, c)
-            elif not _stays(arm, room.terms, c, (way, turned), square_floor):
+            elif not _stays(arm, room.terms, c, (travel, turned), square_floor):
                 if half < shortest:
                     mask = without_class(mask, c)
                 undecided = True

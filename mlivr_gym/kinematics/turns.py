@@ -123,6 +123,6 @@ def come_back(minus: Joints, plus: Joints, turns: Turns) -> None:
 
 
 @kernel
-def _between(way: float, minus: float, plus: float) -> float:
+def _between(most: float, minus: float, plus: float) -> float:
     """Half the way and the larger change."""
-    return 0.5 * (way + min(max(abs(minus), abs(plus)), way))
+    return 0.5 * (most + min(max(abs(minus), abs(plus)), most))

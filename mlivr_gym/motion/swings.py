@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.sweep import Sweep
+from mlivr_gym.collisions.motion import Sweep
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.motion.regrasp import Regrasp

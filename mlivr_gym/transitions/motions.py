@@ -6,7 +6,8 @@ from typing import Any
 
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import Robot
-from mlivr_gym.collisions.sweep import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep, sweep
+from mlivr_gym.collisions.motion import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep
+from mlivr_gym.collisions.sweep import sweep
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.kinematics.base_path import BasePath, set_path

@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.sweep import Sweep
+from mlivr_gym.collisions.motion import Sweep
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Record, Rows, Vector
 from mlivr_gym.kinematics.arm import JointAxes

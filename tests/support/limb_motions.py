@@ -16,7 +16,8 @@ from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR, segments_distance
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.sweep import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep, sweep
+from mlivr_gym.collisions.motion import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep
+from mlivr_gym.collisions.sweep import sweep
 from mlivr_gym.kinematics.base_path import base_poses
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.path_following import joints_along, poses

@@ -74,9 +74,14 @@ def test_a_handrail_is_a_bar_on_two_posts(axis):
     np.testing.assert_allclose(second.bounds, [ends[1], high])
 
 
-@pytest.mark.parametrize("known", [{}, {"bar_min": (1.0, 2.0, 3.0)}, {"bar_max": (1.1, 2.6, 3.1)}])
-def test_a_handrail_whose_bar_is_not_known_is_its_bounding_box(known):
-    rail = Handrail("H", "deck", (1.0, 2.0, 3.0), (1.1, 2.7, 3.1), "y", **known)
+@pytest.mark.parametrize("known", [{"bar_min": (1.0, 2.0, 3.0)}, {"bar_max": (1.1, 2.6, 3.1)}])
+def test_a_bar_of_which_one_corner_is_known_is_refused(known):
+    with pytest.raises(MapError, match="it must have both or neither"):
+        Handrail("H", "deck", (1.0, 2.0, 3.0), (1.1, 2.7, 3.1), "y", **known)
+
+
+def test_a_handrail_whose_bar_is_not_known_is_its_bounding_box():
+    rail = Handrail("H", "deck", (1.0, 2.0, 3.0), (1.1, 2.7, 3.1), "y")
     (box,) = handrail_boxes(rail)
     assert (box.id, box.kind) == ("H", "handrail")
     np.testing.assert_allclose(box.bounds, [(1.0, 2.0, 3.0), (1.1, 2.7, 3.1)])

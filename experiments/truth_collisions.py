@@ -1,20 +1,14 @@
-"""The planner's collision checks against MuJoCo's collision pipeline and coal.
-
-    python experiments/collision_truth.py [--stances 2000] [--steps 300] [--blocked 150]
-        [--plans 200] [--out results]
+"""The planner's collision checks against MuJoCo's collision pipeline and coal; part of `truth.py`.
 
 Stances, steps and plans that the planner calls free are put into the exported MuJoCo scene, motions
 as dense samples, and every pair of shapes that MuJoCo finds in contact is counted; coal measures
 the least distance of all compared pairs. What the planner calls blocked is looked at in the same
-way. Writes `collision_truth.md` and `collision_truth.json`.
+way.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,7 +20,6 @@ from mlivr_gym import Settings, State, jem_map, stance_graph
 from mlivr_gym.collisions.contacts import Configuration, contacts
 from mlivr_gym.collisions.uncompared import NOT_COMPARED
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.files import write_whole
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.walks import plan_of
@@ -202,7 +195,7 @@ def study_plans(
     }
 
 
-def markdown(data: dict[str, Any]) -> str:
+def tell_collisions(data: dict[str, Any]) -> str:
     """The figures as Markdown."""
     s, t, p = data["stances"], data["steps"], data["plans"]
     because = ", ".join(f"{name} {count}" for name, count in sorted(t["blocked_because"].items()))
@@ -214,10 +207,8 @@ def markdown(data: dict[str, Any]) -> str:
         ", ".join(f"{name} {count}" for name, count in sorted(p[key].items()))
         for key in ("swings", "outcomes")
     )
-    return f"""# Collision checks against MuJoCo and coal
-
-Made by `experiments/collision_truth.py`. The MuJoCo scene holds the shapes that the planner \
-checks. Clearance {data["clearance"]:g} m.
+    return f"""**Collisions.** The MuJoCo scene holds the shapes that the planner checks. \
+Clearance {data["clearance"]:g} m.
 
 | what | looked at | penetrating by MuJoCo |
 |---|---|---|
@@ -254,17 +245,8 @@ Swings of the plans: {swings}. Outcomes:
 """
 
 
-def main() -> None:
-    """Run the studies and write the results."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--stances", type=int, default=2000, help="random free stances")
-    parser.add_argument("--steps", type=int, default=300, help="random free steps")
-    parser.add_argument("--blocked", type=int, default=150, help="random blocked steps")
-    parser.add_argument("--plans", type=int, default=200, help="random plans")
-    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
-    args = parser.parse_args()
+def study_collisions(stances: int, steps: int, blocked: int, plans: int) -> dict[str, Any]:
+    """Random stances, steps and plans, and what keeps random blocked steps out of the graph."""
     graph, free = (
         stance_graph(jem_map()),
         stance_graph(jem_map(), settings=Settings(collisions=False)),
@@ -272,17 +254,9 @@ def main() -> None:
     assert isinstance(graph, PairGraph)
     assert isinstance(free, PairGraph)
     judge, rng = Judge(graph), np.random.default_rng(2026)
-    data = {
+    return {
         "clearance": graph.settings.clearance,
-        "stances": study_stances(graph, free, judge, args.stances, rng),
-        "steps": study_steps(graph, free, judge, args.steps, args.blocked, rng),
-        "plans": study_plans(graph, judge, args.plans, rng),
+        "stances": study_stances(graph, free, judge, stances, rng),
+        "steps": study_steps(graph, free, judge, steps, blocked, rng),
+        "plans": study_plans(graph, judge, plans, rng),
     }
-    args.out.mkdir(parents=True, exist_ok=True)
-    write_whole(args.out / "collision_truth.json", json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "collision_truth.md", markdown(data))
-    print(markdown(data))
-
-
-if __name__ == "__main__":
-    main()

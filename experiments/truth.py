@@ -1,0 +1,130 @@
+"""What the package promises, held against outside truth.
+
+    python experiments/truth.py [--parts walks execution ...] [--small] [--out results]
+
+* `walks`: random walks of legal steps are put together; `execution`: walks, and single steps from
+  random states, are carried out in MuJoCo.
+* `optimality`: plans against SciPy's Dijkstra over `successors`; `limbs`: the same for three and
+  four limbs on small maps.
+* `collisions`: stances, steps and plans against MuJoCo and coal, and what is called blocked.
+
+Each part is kept in `truth.json` when it is done, and `truth.md` tells all that are there. The
+numbers of each part are options; `--small` takes a hundredth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from truth_collisions import study_collisions, tell_collisions
+from truth_walks import study_execution, study_optimality, study_small_maps, study_walks
+
+from mlivr_gym.files import write_whole
+
+Part = dict[str, Any]
+
+
+def tell_walks(part: Part) -> str:
+    """Random walks in words."""
+    swings = ", ".join(f"{name} {n}" for name, n in sorted(part["swings"].items()))
+    return f"""**Legal means executable.** {part["walks"]} random walks of {part["steps"]} legal \
+steps on the JEM with collisions: {part["went_on"]} went on to their last step, \
+{part["put_together"]} were put together. Swings: {swings}.
+"""
+
+
+def tell_execution(part: Part) -> str:
+    """Executions in words."""
+    rows = "\n".join(
+        f"| random {name} | {part[name]['number']} | {part[name]['steps']} | "
+        + ", ".join(f"{end} {n}" for end, n in sorted(part[name]["ends"].items()))
+        + " |"
+        for name in ("walks", "steps")
+    )
+    return f"""**Carried out in MuJoCo**, {part["duration"]:g} s a step:
+
+| what | number | steps | ends |
+|---|---|---|---|
+{rows}
+"""
+
+
+def tell_optimality(part: Part) -> str:
+    """Optimality for two limbs in words."""
+    outcomes = ", ".join(f"{name} {n}" for name, n in sorted(part["outcomes"].items()))
+    return f"""**Plans are optimal.** Two limbs, the JEM with {part["points"]} points, collisions \
+on: {part["queries"]} random queries against SciPy's Dijkstra over all {part["states"]} states and \
+{part["edges"]} steps that `successors` tells. {part["outcomes"].get("existence differs", 0)} \
+differ in existence; of {part["found"]} plans found the cost differs by at most \
+{part["largest_difference"]:.1e}. Outcomes: {outcomes}.
+"""
+
+
+def tell_limbs(part: Part) -> str:
+    """Optimality for more limbs in words."""
+    outcomes = ", ".join(f"{name} {n}" for name, n in sorted(part["outcomes"].items()))
+    return f"""Three and four limbs, {part["maps"]} small maps, collisions on, against a Dijkstra \
+in plain Python: largest difference of cost {part["largest_difference"]:.1e} ({outcomes}).
+"""
+
+
+def main() -> None:
+    """Run the parts that are asked for, and tell all that are known."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parts = ("walks", "execution", "optimality", "limbs", "collisions")
+    parser.add_argument("--parts", nargs="+", choices=parts, default=parts, help="some of them")
+    parser.add_argument("--walks", type=int, default=10_000, help="walks put together")
+    parser.add_argument("--executed", type=int, default=300, help="walks carried out")
+    parser.add_argument("--steps", type=int, default=2000, help="steps carried out")
+    parser.add_argument("--queries", type=int, default=1000, help="queries of two limbs")
+    parser.add_argument("--maps", type=int, default=500, help="small maps")
+    parser.add_argument("--stances", type=int, default=2000, help="random free stances")
+    parser.add_argument("--free", type=int, default=300, help="random free steps, sampled")
+    parser.add_argument("--blocked", type=int, default=150, help="random blocked steps")
+    parser.add_argument("--plans", type=int, default=200, help="random plans, sampled")
+    parser.add_argument("--small", action="store_true", help="a hundredth of everything")
+    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
+    args = parser.parse_args()
+    workers = len(os.sched_getaffinity(0))
+
+    def size(name: str) -> int:
+        return max(3, getattr(args, name) // (100 if args.small else 1))
+
+    studies: dict[str, tuple[Callable[[], Part], Callable[[Part], str]]] = {
+        "walks": (lambda: study_walks(size("walks"), workers), tell_walks),
+        "execution": (
+            lambda: study_execution(size("executed"), size("steps"), workers),
+            tell_execution,
+        ),
+        "optimality": (
+            lambda: study_optimality(size("queries"), max(3, size("queries") // 10)),
+            tell_optimality,
+        ),
+        "limbs": (lambda: study_small_maps(size("maps"), workers), tell_limbs),
+        "collisions": (
+            lambda: study_collisions(size("stances"), size("free"), size("blocked"), size("plans")),
+            tell_collisions,
+        ),
+    }
+    args.out.mkdir(parents=True, exist_ok=True)
+    path = args.out / "truth.json"
+    known: dict[str, Part] = json.loads(path.read_text()) if path.exists() else {}
+    for name in args.parts:
+        known[name] = studies[name][0]()
+        write_whole(path, json.dumps(known, indent=1) + "\n")
+    told = [tell(known[name]) for name, (_, tell) in studies.items() if name in known]
+    text = "# Promises against outside truth\n\nMade by `experiments/truth.py`.\n\n"
+    text += "\n".join(told)
+    write_whole(args.out / "truth.md", text)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,280 @@
+"""Whether what is legal can be carried out, and whether plans are optimal; parts of `truth.py`."""
+
+from __future__ import annotations
+
+import heapq
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from itertools import count
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from tqdm import tqdm
+
+from mlivr_gym import GraspMap, jem_map, stance_graph
+from mlivr_gym.arrays import Array
+from mlivr_gym.envs.dynamics import physical_walk
+from mlivr_gym.envs.tasks import random_state
+from mlivr_gym.motion.commitment import committed_motion
+from mlivr_gym.motion.trajectory import Durations
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.walks import plan_of
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.step_tables import step_tables
+from mlivr_gym.transitions.state import State
+
+STEPS = 10
+"""Steps of a random walk."""
+
+DURATION = 50.0
+"""Duration of a step in the simulation [s], the paper's."""
+
+COSTS = (("base", None), ("steps", None), ("weighted", 0.2))
+"""Costs that plans are asked for, with the price of a step [m]."""
+
+_graphs: dict[str, PairGraph] = {}
+
+
+def whole_graph() -> PairGraph:
+    """The stance graph of the JEM with every step known, once for a process."""
+    if "jem" not in _graphs:
+        graph = stance_graph(jem_map())
+        assert isinstance(graph, PairGraph)
+        step_tables(graph)
+        _graphs["jem"] = graph
+    return _graphs["jem"]
+
+
+def random_walk(graph: StanceGraph, rng: np.random.Generator, steps: int = STEPS) -> list[State]:
+    """States of a walk of random legal steps."""
+    states = [random_state(graph, rng)]
+    for _ in range(steps):
+        steps_from = graph.successors(states[-1])
+        if not steps_from:
+            break
+        states.append(steps_from.after(states[-1], int(rng.integers(len(steps_from.limb)))))
+    return states
+
+
+def walk(seed: int) -> tuple[bool, bool, Counter[str]]:
+    """Whether a random walk went on to its end and was put together, and its swings."""
+    graph = whole_graph()
+    states = random_walk(graph, np.random.default_rng([1, seed]))
+    motion = committed_motion(graph, states).motion
+    swings = Counter(step.swing for step in motion.steps) if motion else Counter[str]()
+    return len(states) == STEPS + 1, motion is not None, swings
+
+
+def executed_walk(seed: int) -> tuple[str, int]:
+    """How a random walk ends in the simulation, and its steps."""
+    graph = whole_graph()
+    states = random_walk(graph, np.random.default_rng([2, seed]))
+    plan = plan_of(graph, states, np.zeros(3), 0.0, "astar")
+    if plan is None:
+        return "not put together", len(states) - 1
+    failure = execute(graph, plan, Durations.of_step(DURATION)).failure
+    return "carried out" if failure is None else failure.kind, len(states) - 1
+
+
+def executed_step(seed: int) -> tuple[str, int]:
+    """How a random step ends that the simulated robot may take, from a random state."""
+    graph, rng = whole_graph(), np.random.default_rng([3, seed])
+    robot = physical_walk(graph, DURATION, None)
+    robot.start(random_walk(graph, rng, int(rng.integers(6)))[-1])
+    steps_from = graph.successors(robot.state)
+    if not steps_from:
+        return "no step on the branches chosen", 0
+    k = int(rng.integers(len(steps_from.limb)))
+    after = steps_from.after(robot.state, k)
+    robot.step(int(steps_from.limb[k]), int(steps_from.point[k]), after.masks)
+    failure = robot.measures["failure"]
+    return "carried out" if failure is None else str(failure["kind"]), 1
+
+
+def in_processes(
+    work: Callable[[int], Any], seeds: range, what: str, workers: int
+) -> Iterator[Any]:
+    """Answers for all seeds, in order, worked out in some processes."""
+    whole_graph()
+    with ProcessPoolExecutor(workers, mp_context=get_context("fork")) as pool:
+        yield from tqdm(
+            pool.map(work, seeds, chunksize=4), total=len(seeds), desc=what, mininterval=5.0
+        )
+
+
+def study_walks(number: int, workers: int) -> dict[str, Any]:
+    """Random walks of legal steps: all go on to their end, all are put together."""
+    began, ended, together, swings = time.perf_counter(), 0, 0, Counter[str]()
+    for goes_on, done, kinds in in_processes(walk, range(number), "walks", workers):
+        ended, together = ended + goes_on, together + done
+        swings.update(kinds)
+    return {
+        "walks": number,
+        "steps": STEPS,
+        "went_on": ended,
+        "put_together": together,
+        "swings": dict(swings),
+        "seconds": time.perf_counter() - began,
+    }
+
+
+def study_execution(walks: int, steps: int, workers: int) -> dict[str, Any]:
+    """Random walks, and random steps from random states, carried out in MuJoCo."""
+    out: dict[str, Any] = {"duration": DURATION}
+    for name, work, number in (("walks", executed_walk, walks), ("steps", executed_step, steps)):
+        ends, taken = Counter[str](), 0
+        for end, made in in_processes(work, range(number), f"executed {name}", workers):
+            ends[end] += 1
+            taken += made
+        out[name] = {"number": number, "steps": taken, "ends": dict(ends)}
+    return out
+
+
+class StateGraph:
+    """All states that can be reached from the stances of a graph, and the steps between them.
+
+    Worked out by `successors` alone, for SciPy's Dijkstra.
+    """
+
+    def __init__(self, graph: PairGraph) -> None:
+        """Ask for the steps of every state once."""
+        self.index: dict[State, int] = {}
+        todo = [graph.state(points.tolist()) for points in graph.points]
+        self.index = {state: k for k, state in enumerate(todo)}
+        rows, cols, moved = [], [], []
+        bar = tqdm(desc="states", mininterval=5.0)
+        for state in todo:
+            here = graph.base_in_world[graph.find(state.stance)]
+            steps_from = graph.successors(state)
+            away = np.linalg.norm(steps_from.base_in_world - here, axis=1)
+            for k in range(len(steps_from.limb)):
+                after = steps_from.after(state, k)
+                if after not in self.index:
+                    self.index[after] = len(todo)
+                    todo.append(after)
+                rows.append(self.index[state])
+                cols.append(self.index[after])
+            moved.append(away)
+            bar.update()
+        bar.close()
+        self.places = np.array([graph.base_in_world[graph.find(s.stance)] for s in todo])
+        self.rows, self.cols, self.moved = np.array(rows), np.array(cols), np.concatenate(moved)
+
+    def costs(self, start: State, cost: Cost) -> Array:
+        """Least cost from a state to every other."""
+        n = len(self.index)
+        # SciPy takes a zero for no edge.
+        weights = np.maximum(cost.base_weight * self.moved + cost.step_weight, 1e-300)
+        steps = csr_array((weights, (self.rows, self.cols)), shape=(n, n))
+        return np.asarray(dijkstra(steps, indices=self.index[start]))
+
+
+def study_optimality(queries: int, starts: int) -> dict[str, Any]:
+    """Plans on the JEM with every second point against SciPy's Dijkstra over `successors`."""
+    whole = jem_map()
+    sparse = whole.subset(np.arange(len(whole)) % 2 == 0, "every second point")
+    graph = stance_graph(sparse)
+    assert isinstance(graph, PairGraph)
+    step_tables(graph)
+    states, planner, rng = StateGraph(graph), Planner(graph), np.random.default_rng(4)
+    out, worst, reached = Counter[str](), 0.0, 0
+    for n in tqdm(range(starts), desc="queries", mininterval=5.0):
+        name, price = COSTS[n % len(COSTS)]
+        start = random_state(graph, rng)
+        costs = states.costs(start, Cost.named(name, price))
+        for _ in range(queries // starts):
+            goal = rng.uniform(*sparse.cabin)
+            radius = float(rng.choice([0.05, 0.2]))
+            inside = np.linalg.norm(states.places - goal, axis=1) <= radius
+            least = float(costs[inside].min(initial=np.inf))
+            how: dict[str, Any] = {} if price is None else {"regrasp_price": price}
+            found = planner.plan(start, goal, name, goal_tolerance=radius, **how)
+            out[f"{name} {'found' if found.plan else found.reason}"] += 1
+            if (found.plan is None) != np.isinf(least):
+                out["existence differs"] += 1
+            elif found.plan is not None:
+                reached += 1
+                worst = max(worst, abs(found.plan.statistics.cost - least))
+    return {
+        "points": len(sparse),
+        "states": len(states.index),
+        "edges": len(states.rows),
+        "queries": queries,
+        "found": reached,
+        "outcomes": dict(out),
+        "largest_difference": worst,
+    }
+
+
+def plain_dijkstra(graph: StanceGraph, start: State, cost: Cost) -> dict[State, float]:
+    """Least cost to every state that can be reached, over `successors`, by `heapq` alone."""
+    best, done, order = {start: 0.0}, dict[State, float](), count()
+    heap = [(0.0, next(order), start)]
+    while heap:
+        so_far, _, state = heapq.heappop(heap)
+        if state in done:
+            continue
+        done[state] = so_far
+        here, steps_from = graph.posture_of(state).base_position[0], graph.successors(state)
+        away = np.linalg.norm(steps_from.base_in_world - here, axis=1)
+        for k in range(len(steps_from.limb)):
+            after = steps_from.after(state, k)
+            total = so_far + cost.base_weight * float(away[k]) + cost.step_weight
+            if total < best.get(after, np.inf):
+                best[after] = total
+                heapq.heappush(heap, (total, next(order), after))
+    return done
+
+
+def small_map(rng: np.random.Generator, limbs: int) -> GraspMap:
+    """A few points of the JEM that lie near each other."""
+    whole = jem_map()
+    middle = whole.positions[rng.integers(len(whole))]
+    close = np.argsort(np.linalg.norm(whole.positions - middle, axis=1))[:30]
+    chosen = np.zeros(len(whole), dtype=np.bool_)
+    chosen[rng.choice(close, limbs + 4, replace=False)] = True
+    return whole.subset(chosen, "few points")
+
+
+def small_query(seed: int) -> tuple[str, float]:
+    """One query with three or four limbs on a small map: what came of it, and how far it is off."""
+    rng, limbs = np.random.default_rng([5, seed]), 3 + seed % 2
+    name, price = COSTS[seed % len(COSTS)]
+    graph = stance_graph(small_map(rng, limbs), f"mlivr{limbs}")
+    starts = [tuple(rng.permutation(len(graph.grasp_map))[:limbs].tolist()) for _ in range(200)]
+    for stance in starts:
+        if graph.is_node(graph.posture(stance))[0]:
+            break
+    else:
+        return "no stance", 0.0
+    start, cost = graph.state(stance), Cost.named(name, price)
+    truth = plain_dijkstra(graph, start, cost)
+    places = {state: graph.posture_of(state).base_position[0] for state in truth}
+    goal = list(places.values())[int(rng.integers(len(places)))]
+    least = min(truth[s] for s, place in places.items() if np.linalg.norm(place - goal) <= 0.05)
+    how: dict[str, Any] = {} if price is None else {"regrasp_price": price}
+    found = Planner(graph).plan(start, goal, name, goal_tolerance=0.05, inflation=1.0, **how)
+    if found.plan is None:
+        return f"missed: {found.reason}", np.inf
+    return ("no step leads away" if len(truth) == 1 else "compared"), abs(
+        found.plan.statistics.cost - least
+    )
+
+
+def study_small_maps(number: int, workers: int) -> dict[str, Any]:
+    """Plans of three and four limbs on small maps, collisions on, against a plain Dijkstra."""
+    out, worst = Counter[str](), 0.0
+    with ProcessPoolExecutor(workers, mp_context=get_context("fork")) as pool:
+        answers = pool.map(small_query, range(number))
+        for told, off in tqdm(answers, total=number, desc="small maps", mininterval=5.0):
+            out[told] += 1
+            worst = max(worst, off)
+    return {"maps": number, "outcomes": dict(out), "largest_difference": worst}

@@ -1,0 +1,114 @@
+"""Why there is no plan: which of the rules cuts the goal off, and what would help.
+
+Each rule is left out in turn, obstacles, collisions, thresholds, the check of steps, and the query
+asked again; then all up to it together. What first lets a plan through is the cause.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from mlivr_gym.errors import StanceError
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.estimates import Estimates
+from mlivr_gym.planners.pair_search import FOUND
+from mlivr_gym.planners.query import Goal, Search, SearchOptions
+from mlivr_gym.planners.searches import LazySearcher, PairSearcher, Searcher
+from mlivr_gym.settings import Settings
+from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
+
+OBSTACLES = "obstacles and occupied points"
+"""A rule that the settings do not name."""
+
+RULES = {
+    OBSTACLES: ({}, "take some of them away"),
+    "collisions": ({"collisions": False}, "a smaller clearance may help, or a slimmer robot"),
+    "thresholds": ({"manipulability": False}, "lower thresholds of w_m or w_b would help"),
+    "steps": (
+        {"transitions": False},
+        "stances reach the goal, but limbs that hold would leave their branches, their windows or "
+        "the floor of w_m on the way: a lower path_floor or other window_starts may help",
+    ),
+}
+"""What is left out, by settings, and what would help; in this order."""
+
+
+class Cause(NamedTuple):
+    """What cuts a goal off."""
+
+    rules: tuple[str, ...]
+    """The rules that have to go, keys of `RULES`; none if nothing helps."""
+    message: str
+    """One sentence for people."""
+
+
+def cause_of(graph: StanceGraph, first: State, goal: Goal, limit: int) -> Cause:
+    """Why no plan leads from a state to a goal.
+
+    Args:
+        graph: The stance graph, on which a search has found none.
+        first: The start.
+        goal: The goal.
+        limit: Most expansions of each search for the cause; for two limbs the answer is exact.
+    """
+    nearest = _nearest_base(graph, goal)
+    if nearest > goal.tolerance:
+        return Cause(
+            (),
+            f"no stance has its base within {goal.tolerance:g} m of the goal; the nearest is "
+            f"{nearest:.3f} m away: a goal_tolerance of {nearest + 0.0005:.3f} m would have one",
+        )
+    names = [name for name in RULES if _applies(name, graph)]
+    for name in names:
+        if _leads(graph, (name,), first, goal, limit):
+            return Cause((name,), f"the goal is cut off by {name}: {RULES[name][1]}")
+    for last in range(2, len(names) + 1):
+        if _leads(graph, tuple(names[:last]), first, goal, limit):
+            told = ", ".join(names[: last - 1]) + f" and {names[last - 1]}"
+            return Cause(tuple(names[:last]), f"the goal is cut off by {told} together")
+    return Cause((), "no walk of this robot leads to the goal, whatever rule is left out")
+
+
+def _applies(name: str, graph: StanceGraph) -> bool:
+    """Whether a graph has a rule."""
+    if name == OBSTACLES:
+        return bool(graph.obstacles or graph.occupied)
+    return all(getattr(graph.settings, key) for key in RULES[name][0])
+
+
+def _nearest_base(graph: StanceGraph, goal: Goal) -> float:
+    """Distance of the nearest base position of a stance to the goal [m]; 0 if it is not known."""
+    if not isinstance(graph, PairGraph):
+        return 0.0
+    held = (graph.mask > 0).all(axis=1)
+    away = np.where(held, goal.distance(graph.base_in_world), np.inf)
+    return float(away.min(initial=np.inf))
+
+
+def _leads(
+    graph: StanceGraph, rules: tuple[str, ...], first: State, goal: Goal, limit: int
+) -> bool:
+    """Whether a walk leads to the goal without some rules."""
+    changes = {key: value for name in rules for key, value in RULES[name][0].items()}
+    settings: Settings = replace(graph.settings, **changes)
+    other = stance_graph(graph.grasp_map, graph.robot, settings)
+    if OBSTACLES not in rules:
+        other.add_obstacles(graph.obstacles)
+        other.occupy(sorted(graph.occupied))
+    try:
+        start = other.state(first.stance, first.pose)
+    except StanceError:
+        return False
+    steps = replace(goal, cost=Cost.named("steps"))
+    search = Search.checked(other, steps, SearchOptions(limit=limit))
+    searcher: Searcher = LazySearcher(other)
+    if isinstance(other, PairGraph):
+        searcher = PairSearcher(other, Estimates(other))
+    path = searcher.find(search, start)
+    return path is not None and path.status == FOUND
