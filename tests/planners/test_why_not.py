@@ -1,0 +1,99 @@
+"""Why there is no plan: the rule that is named lets a plan through when it goes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlivr_gym import Box, Settings, stance_graph
+from mlivr_gym.cli.main import main
+from mlivr_gym.envs.tasks import random_state
+from mlivr_gym.errors import StanceError
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.why_not import OBSTACLES, RULES
+
+
+def unreachable(graph, rng, radius=0.05):
+    """A random query without a plan: start state and goal."""
+    planner = Planner(graph)
+    while True:
+        start = random_state(graph, rng)
+        goal = graph.base_in_world[rng.integers(len(graph))]
+        inside = (graph.grasp_map.cabin[0] <= goal).all() and (
+            goal <= graph.grasp_map.cabin[1]
+        ).all()
+        if inside and not planner.plan(start, goal, "steps", goal_tolerance=radius):
+            return start, goal
+
+
+@pytest.fixture(scope="module")
+def sparse_graph(jem):
+    few = np.random.default_rng(0).random(len(jem)) < 0.35
+    return stance_graph(jem.subset(few, "sparse"))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_the_rules_named_there_is_a_plan_and_with_fewer_there_is_none(sparse_graph, seed):
+    graph = sparse_graph
+    start, goal = unreachable(graph, np.random.default_rng(seed))
+    cause = Planner(graph).why_not(start, goal, goal_tolerance=0.05)
+    if not cause.rules:
+        assert "whatever rule is left out" in cause.message
+        return
+    changes = {key: value for name in cause.rules for key, value in RULES[name][0].items()}
+
+    def leads(settings):
+        other = stance_graph(graph.grasp_map, settings=settings)
+        return bool(Planner(other).plan(start.stance, goal, "steps", goal_tolerance=0.05))
+
+    assert leads(replace(Settings(), **changes))
+    assert all(name in cause.message for name in cause.rules)
+    if len(cause.rules) == 1:
+        assert RULES[cause.rules[0]][1] in cause.message
+
+
+def test_a_wall_of_obstacles_is_named(small_checked_graph):
+    graph, planner = small_checked_graph, Planner(small_checked_graph)
+    low, high = graph.base_in_world.min(axis=0), graph.base_in_world.max(axis=0)
+    first, last = (
+        int(np.argmin(graph.base_in_world[:, 0])),
+        int(np.argmax(graph.base_in_world[:, 0])),
+    )
+    start, goal = (
+        graph.points[first].tolist(),
+        np.clip(graph.base_in_world[last], *graph.grasp_map.cabin),
+    )
+    assert planner.plan(start, goal, "steps", goal_tolerance=0.3)
+    middle = 0.5 * (low[0] + high[0])
+    wall = Box.between("wall", "obstacle", (middle, -3.0, -3.0), (middle + 0.1, 3.0, 3.0))
+    graph.add_obstacles([wall])
+    try:
+        result = Planner(graph).plan(start, goal, "steps", goal_tolerance=0.3)
+        assert not result
+        cause = Planner(graph).why_not(start, goal, goal_tolerance=0.3)
+    finally:
+        graph.remove_obstacles()
+    assert cause.rules == (OBSTACLES,)
+    assert cause.message.startswith("the goal is cut off by obstacles and occupied points")
+
+
+def test_a_goal_without_stances_near_it_tells_the_tolerance_that_has_one(small_checked_graph):
+    graph = small_checked_graph
+    start, cabin = graph.points[0].tolist(), graph.grasp_map.cabin
+    goal = [cabin[1][0], cabin[1][1], cabin[0][2]]
+    cause = Planner(graph).why_not(start, goal, goal_tolerance=0.01)
+    assert cause.rules == ()
+    radius = float(cause.message.split("goal_tolerance of ")[1].split(" m")[0])
+    away = np.linalg.norm(graph.base_in_world - goal, axis=1)
+    assert radius - 0.001 < away.min() <= radius
+
+
+def test_a_start_that_cannot_be_held_is_an_error(small_checked_graph):
+    graph = small_checked_graph
+    with pytest.raises(StanceError):
+        Planner(graph).why_not((0, len(graph.grasp_map) - 1), graph.grasp_map.cabin.mean(axis=0))
+
+
+def test_the_command_tells_the_cause(capsys):
+    assert main(["plan", "--goal", "9.5", "0", "0"]) == 3
+    assert "the nearest is" in capsys.readouterr().err
