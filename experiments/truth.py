@@ -4,6 +4,8 @@
 
 * `walks`: random walks of legal steps are put together; `execution`: walks, and single steps from
   random states, are carried out in MuJoCo.
+* `windows`: how many steps are no edges for the windows of the joints alone; `no`: how long it
+  takes to say that there is no plan.
 * `optimality`: plans against SciPy's Dijkstra over `successors`; `limbs`: the same for three and
   four limbs on small maps.
 * `collisions`: stances, steps and plans against MuJoCo and coal, and what is called blocked.
@@ -21,6 +23,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from truth_answers import study_no, study_windows
 from truth_collisions import study_collisions, tell_collisions
 from truth_walks import study_execution, study_optimality, study_small_maps, study_walks
 
@@ -35,6 +38,30 @@ def tell_walks(part: Part) -> str:
     return f"""**Legal means executable.** {part["walks"]} random walks of {part["steps"]} legal \
 steps on the JEM with collisions: {part["went_on"]} went on to their last step, \
 {part["put_together"]} were put together. Swings: {swings}.
+"""
+
+
+def tell_windows(part: Part) -> str:
+    """The price of the rule in words."""
+    return f"""**Its price.** Of {part["able"]} random steps whose holding limb can follow the \
+base {part["lost"]} ({100 * part["lost"] / part["able"]:.2f} %) are no edges since a joint would leave \
+its window on every branch; {100 * part["gone"] / part["branches"]:.2f} % of the branches are lost.
+"""
+
+
+def tell_no(part: Part) -> str:
+    """Times of answers in words."""
+    rows = "\n".join(
+        f"| {name} | {part[name]['queries']} | {part[name]['median_ms']:.1f} | "
+        f"{part[name]['p95_ms']:.1f} | {part[name]['largest_ms']:.0f} |"
+        for name in ("yes", "no")
+    )
+    return f"""**How long yes and no take.** Two limbs, {part["points"]} points of the JEM, \
+collisions on, random starts and goals:
+
+| there is a plan | queries | median [ms] | 95th percentile [ms] | largest [ms] |
+|---|---|---|---|---|
+{rows}
 """
 
 
@@ -78,9 +105,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parts = ("walks", "execution", "optimality", "limbs", "collisions")
+    parts = ("walks", "windows", "execution", "optimality", "limbs", "no", "collisions")
     parser.add_argument("--parts", nargs="+", choices=parts, default=parts, help="some of them")
     parser.add_argument("--walks", type=int, default=10_000, help="walks put together")
+    parser.add_argument("--pairs", type=int, default=20_000, help="pairs of stances for windows")
+    parser.add_argument("--unreachable", type=int, default=200, help="queries without a plan")
     parser.add_argument("--executed", type=int, default=300, help="walks carried out")
     parser.add_argument("--steps", type=int, default=2000, help="steps carried out")
     parser.add_argument("--queries", type=int, default=1000, help="queries of two limbs")
@@ -99,6 +128,7 @@ def main() -> None:
 
     studies: dict[str, tuple[Callable[[], Part], Callable[[Part], str]]] = {
         "walks": (lambda: study_walks(size("walks"), workers), tell_walks),
+        "windows": (lambda: study_windows(size("pairs")), tell_windows),
         "execution": (
             lambda: study_execution(size("executed"), size("steps"), workers),
             tell_execution,
@@ -108,6 +138,7 @@ def main() -> None:
             tell_optimality,
         ),
         "limbs": (lambda: study_small_maps(size("maps"), workers), tell_limbs),
+        "no": (lambda: study_no(size("unreachable")), tell_no),
         "collisions": (
             lambda: study_collisions(size("stances"), size("free"), size("blocked"), size("plans")),
             tell_collisions,
