@@ -44,9 +44,9 @@ steps on the JEM with collisions: {part["went_on"]} went on to their last step, 
 def tell_windows(part: Part) -> str:
     """The price of the rule in words."""
     lost, gone = part["lost"] / part["able"], part["gone"] / part["branches"]
-    return f"""**Its price.** Of {part["able"]} random steps whose holding limb can follow the base \
-{part["lost"]} ({100 * lost:.2f} %) are no edges since a joint would leave its window on every \
-branch; {100 * gone:.2f} % of the branches are lost.
+    return f"""**Its price.** Of {part["able"]} random steps whose holding limb can follow the \
+base {part["lost"]} ({100 * lost:.2f} %) are no edges since a joint would leave its window on \
+every branch; {100 * gone:.2f} % of the branches are lost.
 """
 
 
