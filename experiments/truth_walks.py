@@ -240,9 +240,9 @@ def small_map(rng: np.random.Generator, limbs: int) -> GraspMap:
     """A few points of the JEM that lie near each other."""
     whole = jem_map()
     middle = whole.positions[rng.integers(len(whole))]
-    close = np.argsort(np.linalg.norm(whole.positions - middle, axis=1))[:30]
+    close = np.argsort(np.linalg.norm(whole.positions - middle, axis=1))[:24]
     chosen = np.zeros(len(whole), dtype=np.bool_)
-    chosen[rng.choice(close, limbs + 4, replace=False)] = True
+    chosen[rng.choice(close, limbs + 5, replace=False)] = True
     return whole.subset(chosen, "few points")
 
 
@@ -252,12 +252,12 @@ def small_query(seed: int) -> tuple[str, float]:
     name, price = COSTS[seed % len(COSTS)]
     graph = stance_graph(small_map(rng, limbs), f"mlivr{limbs}")
     starts = [tuple(rng.permutation(len(graph.grasp_map))[:limbs].tolist()) for _ in range(200)]
-    for stance in starts:
-        if graph.is_node(graph.posture(stance))[0]:
-            break
-    else:
+    states = [graph.state(s) for s in starts if graph.is_node(graph.posture(s))[0]]
+    if not states:
         return "no stance", 0.0
-    start, cost = graph.state(stance), Cost.named(name, price)
+    # Most states that a step leaves are better to compare than those that none leaves.
+    start = next((state for state in states[:40] if graph.successors(state)), states[0])
+    cost = Cost.named(name, price)
     truth = plain_dijkstra(graph, start, cost)
     places = {state: graph.posture_of(state).base_position[0] for state in truth}
     goal = list(places.values())[int(rng.integers(len(places)))]
