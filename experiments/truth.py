@@ -107,7 +107,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parts = ("walks", "windows", "execution", "optimality", "limbs", "no", "collisions")
-    parser.add_argument("--parts", nargs="+", choices=parts, default=parts, help="some of them")
+    parser.add_argument("--parts", nargs="*", choices=parts, default=parts, help="some, or none")
     parser.add_argument("--walks", type=int, default=10_000, help="walks put together")
     parser.add_argument("--pairs", type=int, default=20_000, help="pairs of stances for windows")
     parser.add_argument("--unreachable", type=int, default=200, help="queries without a plan")
