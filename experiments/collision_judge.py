@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
@@ -15,7 +16,7 @@ from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.simulation.scene import scene_spec
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.world.boxes import BOX, scene_name
+from mlivr_gym.world.boxes import BOX, Box, scene_name
 
 TOUCH = 1e-6
 """Overlaps below this are rounding [m]."""
@@ -62,12 +63,18 @@ class Judge:
                     found.append((a, b, float(self.data.contact.dist[k])))
         return found
 
-    def least_distance(self, configuration: Configuration, points: list[tuple[int, int]]) -> float:
+    def least_distance(
+        self,
+        configuration: Configuration,
+        points: list[tuple[int, int]],
+        obstacles: Sequence[Box] = (),
+    ) -> float:
         """Coal's least distance of the robot to boxes and between limbs [m].
 
         Args:
             configuration: The configuration.
             points: Limbs and the points that they are at; their grippers are not compared.
+            obstacles: Boxes beside those of the map.
         """
         ends = capsule_ends(self.robot, self.shapes, configuration)
         base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
@@ -96,7 +103,7 @@ class Judge:
             # The sphere round a shape tells from which boxes it is far enough away.
             shape.computeLocalAABB()
             middle = pose.getTranslation()
-            for box in self.graph.grasp_map.boxes:
+            for box in (*self.graph.grasp_map.boxes, *obstacles):
                 away = np.maximum(np.maximum(box.bounds[0] - middle, middle - box.bounds[1]), 0.0)
                 if np.linalg.norm(away) - shape.aabb_radius < min(least, 0.1):
                     solid = coal.Box(*(2.0 * np.array(box.half)))
