@@ -120,22 +120,16 @@ in plain Python: largest difference of cost {part["largest_difference"]:.1e} ({o
 """
 
 
-def main() -> None:
-    """Run the parts that are asked for, and tell all that are known."""
+PARTS = ("walks", "windows", "execution", "optimality", "limbs", "no", "clearance", "collisions")
+"""Names of the parts."""
+
+
+def arguments() -> argparse.Namespace:
+    """What the user asks for."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parts = (
-        "walks",
-        "windows",
-        "execution",
-        "optimality",
-        "limbs",
-        "no",
-        "clearance",
-        "collisions",
-    )
-    parser.add_argument("--parts", nargs="*", choices=parts, default=parts, help="some, or none")
+    parser.add_argument("--parts", nargs="*", choices=PARTS, default=PARTS, help="some, or none")
     parser.add_argument("--walks", type=int, default=10_000, help="walks put together")
     parser.add_argument("--pairs", type=int, default=20_000, help="pairs of stances for windows")
     parser.add_argument("--unreachable", type=int, default=200, help="queries without a plan")
@@ -150,7 +144,12 @@ def main() -> None:
     parser.add_argument("--plans", type=int, default=200, help="random plans, sampled")
     parser.add_argument("--small", action="store_true", help="a hundredth of everything")
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
-    args = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Run the parts that are asked for, and tell all that are known."""
+    args = arguments()
     workers = len(os.sched_getaffinity(0))
 
     def size(name: str) -> int:
