@@ -188,7 +188,8 @@ def study_optimality(queries: int, starts: int) -> dict[str, Any]:
     out, worst, reached = Counter[str](), 0.0, 0
     for n in tqdm(range(starts), desc="queries", mininterval=5.0):
         name, price = COSTS[n % len(COSTS)]
-        start = random_state(graph, rng)
+        # After a step a limb that held is on some of its branches only.
+        start = random_walk(graph, rng, int(rng.integers(3)))[-1]
         costs = states.costs(start, Cost.named(name, price))
         for _ in range(queries // starts):
             # Most places of the cabin have no stance near them.

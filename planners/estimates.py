@@ -96,7 +96,8 @@ class Estimates:
         """Two lower bounds closer than `h`, from a search backward that checks steps.
 
         The first holds for plans from stance `start`, whose base is at `origin` [m], the second
-        from anywhere. A robot that stands in a given pose is at no stance, `start` is -1.
+        from anywhere. For a robot that stands in a given pose, or may be on some of its branches
+        only, `start` is -1.
 
         Args:
             goal: The goal.

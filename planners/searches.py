@@ -126,9 +126,10 @@ class PairSearcher:
             if status != LIMIT or explored >= search_.limit:
                 return status, out, explored, generated
             # Many steps that the estimate counts on are no edges: learn from the goal.
+            # From some branches of a stance the way may be longer than from all.
             h, bound = estimates.learn(
                 goal,
-                seeds.start,
+                -1 if seeds.given else seeds.start,
                 origin.base_position[0],
                 bound,
                 LEARNING * patience,
