@@ -3,47 +3,50 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from mlivr_gym.compiled.warming import mark_of, warming
-from mlivr_gym.errors import RobotError
+from mlivr_gym.errors import RobotError, SettingError, shown
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.world.grasp_map import GraspMap, jem_map
+from mlivr_gym.world.grasp_map import GraspMap, as_map
 
 COMPILED = mark_of(Path(__file__).parent.parent / "planners" / "warmup.py")
 """Tells that the kernels of steps, which that module compiles, and of stances are compiled."""
 
 
 def stance_graph(
-    grasp_map: GraspMap | None = None,
-    robot: str | RobotSpec = "mlivr2",
+    grasp_map: str | Path | GraspMap | dict[str, Any] | None = None,
+    robot: str | RobotSpec | dict[str, Any] = "mlivr2",
     settings: Settings | None = None,
 ) -> PairGraph | LazyGraph:
     """Stance graph of a robot on a map.
 
     Args:
-        grasp_map: By default the measured JEM.
-        robot: Name, path of a JSON file, or description.
+        grasp_map: The map, the path of its JSON file, or plain data; by default the measured JEM.
+        robot: Name, path of a JSON file, plain data, or description.
         settings: Thresholds and switches; by default the paper's, with steps checked.
 
     Raises:
-        RobotError: If the robot cannot hold any stance on the map.
+        MlivrError: If map or robot are faulty, or the robot cannot hold any stance on the map.
 
     Example:
         >>> graph = stance_graph()
         >>> len(graph.grasp_map)
         331
     """
-    grasp_map, robot, settings = grasp_map or jem_map(), robot_spec(robot), settings or Settings()
+    world, robot, settings = as_map(grasp_map), robot_spec(robot), settings or Settings()
+    if not isinstance(settings, Settings):
+        raise SettingError(f"settings are {shown(settings)}; they must be a Settings")
     if robot.limbs > 2:
-        return LazyGraph(grasp_map, robot, settings)
+        return LazyGraph(world, robot, settings)
     with warming("mlivr_gym.planners.warmup", COMPILED):
-        graph = PairGraph(grasp_map, robot, settings)
+        graph = PairGraph(world, robot, settings)
     if not len(graph):
         raise RobotError(
-            f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: "
+            f"robot {robot.name!r} cannot hold any stance on map {world.name!r}: "
             f"{graph.no_stance()}"
         )
     return graph

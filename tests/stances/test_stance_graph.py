@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -257,3 +258,15 @@ def test_points_may_be_held_at_once_from_the_separation_of_grippers_to_the_span(
     assert (np.abs(apart[tuple(graph.pairs.T)] - 0.1) < 1e-9).sum() > 20
     for point in (0, len(dense) // 2):
         np.testing.assert_array_equal(graph.partners(point), expected[expected[:, 0] == point, 1])
+
+
+def test_a_graph_of_a_map_in_a_file_or_as_plain_data(ladder, tmp_path):
+    path, how = tmp_path / "lab.json", Settings(collisions=False, limb_threshold=0.05)
+    path.write_text(json.dumps(ladder.to_dict()))
+    expected = stance_graph(ladder, settings=how).points
+    for given in (str(path), path, ladder.to_dict()):
+        np.testing.assert_array_equal(stance_graph(given, settings=how).points, expected)
+    with pytest.raises(MapError, match="cannot read"):
+        stance_graph(str(tmp_path / "none.json"))
+    with pytest.raises(SettingError, match="settings are 3; they must be a Settings"):
+        stance_graph(ladder, settings=3)
