@@ -111,7 +111,8 @@ class RobotSpec:
             [rad], in any order; kept in `geometric_order`.
         lift: How far a gripper departs along the surface normal before it swings [m].
         folds: Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base
-            moves, at most four, the preferred first.
+            moves, at most four, the preferred first; those that do not lie in the windows of the
+            joints are left out.
         capsules: Collision shapes of a limb; by default those of the UR5e, stretched to the limb's
             lengths, and a gripper from the flange to the grasp.
         body_size: Edge of the body, a cube [m].
