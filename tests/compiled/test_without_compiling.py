@@ -15,14 +15,16 @@ from mlivr_gym.planners import Planner
 
 ROOT = Path(__file__).parent.parent.parent
 
-CERTIFICATE = "kinematics/test_certificate.py"
+CERTIFICATE, HOLDING = "kinematics/test_certificate.py", "kinematics/test_holding.py"
 
 QUICK = [
     "compiled/test_kernels.py::test_in_parallel_covers_every_item_once",
     "kinematics/test_base_path.py",
     "kinematics/test_manipulability.py",
     "kinematics/test_poses.py",
+    "kinematics/test_turns.py",
     "kinematics/test_ur.py",
+    "transitions/test_grasp_poses.py",
     "transitions/test_rule.py",
 ]
 
@@ -30,7 +32,8 @@ NAMED_LIKE_NUMPY = [
     "compiled/test_records.py",
     f"{CERTIFICATE}::test_branches_are_certified_each_as_if_alone",
     f"{CERTIFICATE}::test_certificates_are_the_same_in_both_directions",
-    "kinematics/test_holding.py",
+    f"{HOLDING}::test_followed_joints_are_continuous_and_stay_on_their_branch",
+    f"{HOLDING}::test_joint_limits_take_branches_away",
     "planners/test_queue.py",
 ]
 

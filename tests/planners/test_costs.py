@@ -9,15 +9,16 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
 
 
-def test_heuristics_never_overestimate_and_the_papers_does(graph, weight):
-    goal = np.array([6.0, 0.0, 0.42])
+def test_heuristics_never_overestimate_and_the_papers_does(small_graph, weight):
+    graph = small_graph
+    goal = np.array([2.5, 0.0, -0.3])
     distance = np.linalg.norm(graph.base_in_world - goal, axis=1)
     over = 0
     for name in ("base", "steps"):
         truth = Planner(graph).cost_to_go(goal, name).values
         ours = Cost.named(name).heuristic("consistent", distance, 0.2, graph.max_step)
         assert (ours <= truth + 1e-9).all()
-        steps = [np.random.default_rng(0).integers(0, len(graph)) for _ in range(50)]
+        steps = np.random.default_rng(0).integers(0, len(graph), 10)
         for s in steps:
             for t in graph.row(0, s):
                 edge = weight(
