@@ -24,6 +24,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from processes import Processes
 from truth_answers import study_no, study_windows
 from truth_clearance import study_clearance
 from truth_collisions import study_collisions, tell_collisions
@@ -144,31 +145,32 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--plans", type=int, default=200, help="random plans, sampled")
     parser.add_argument("--small", action="store_true", help="a hundredth of everything")
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
+    parser.add_argument("--keep", type=Path, help="folder for single answers, to go on from")
     return parser.parse_args()
 
 
 def main() -> None:
     """Run the parts that are asked for, and tell all that are known."""
     args = arguments()
-    workers = len(os.sched_getaffinity(0))
+    processes = Processes(len(os.sched_getaffinity(0)), args.keep)
 
     def size(name: str) -> int:
         return max(3, getattr(args, name) // (100 if args.small else 1))
 
     studies: dict[str, tuple[Callable[[], Part], Callable[[Part], str]]] = {
-        "walks": (lambda: study_walks(size("walks"), workers), tell_walks),
+        "walks": (lambda: study_walks(size("walks"), processes), tell_walks),
         "windows": (lambda: study_windows(size("pairs")), tell_windows),
         "execution": (
-            lambda: study_execution(size("executed"), size("steps"), workers),
+            lambda: study_execution(size("executed"), size("steps"), processes),
             tell_execution,
         ),
         "optimality": (
             lambda: study_optimality(size("queries"), max(3, size("queries") // 10)),
             tell_optimality,
         ),
-        "limbs": (lambda: study_small_maps(size("maps"), workers), tell_limbs),
+        "limbs": (lambda: study_small_maps(size("maps"), processes), tell_limbs),
         "no": (lambda: study_no(size("unreachable")), tell_no),
-        "clearance": (lambda: study_clearance(size("past"), workers), tell_clearance),
+        "clearance": (lambda: study_clearance(size("past"), processes), tell_clearance),
         "collisions": (
             lambda: study_collisions(size("stances"), size("free"), size("blocked"), size("plans")),
             tell_collisions,

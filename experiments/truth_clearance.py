@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 from collision_judge import Judge
+from processes import Processes
 from scipy.spatial.transform import Rotation
-from truth_walks import in_processes, random_walk, whole_graph
+from truth_walks import random_walk, whole_graph
 
 from mlivr_gym import Box
 from mlivr_gym.arrays import Array
@@ -104,12 +105,12 @@ def _made(graph: PairGraph, states: list[State]) -> Plan | None:
     return None if reached is None else plan_of(graph, [state, reached], np.zeros(3), 0.0, "astar")
 
 
-def study_clearance(number: int, workers: int) -> dict[str, Any]:
+def study_clearance(number: int, processes: Processes) -> dict[str, Any]:
     """Random steps past obstacles, looked at with coal."""
     out: dict[str, Any] = {"clearance": whole_graph().settings.clearance}
     kinds = {kind: {"steps": 0, "made": 0, "configurations": 0, "least": np.inf} for kind in HALVES}
-    for kind, told, looked, least in in_processes(
-        past_an_obstacle, range(number), "steps past obstacles", workers
+    for kind, told, looked, least in processes.answers(
+        past_an_obstacle, range(number), "steps past obstacles"
     ):
         row = kinds[kind]
         row["steps"] += 1

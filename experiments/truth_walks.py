@@ -5,13 +5,11 @@ from __future__ import annotations
 import heapq
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from itertools import count
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
+from processes import Processes
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from tqdm import tqdm
@@ -99,21 +97,11 @@ def executed_step(seed: int) -> tuple[str, int]:
     return "carried out" if failure is None else str(failure["kind"]), 1
 
 
-def in_processes(
-    work: Callable[[int], Any], seeds: range, what: str, workers: int
-) -> Iterator[Any]:
-    """Answers for all seeds, in order, worked out in some processes."""
-    whole_graph()
-    with ProcessPoolExecutor(workers, mp_context=get_context("fork")) as pool:
-        yield from tqdm(
-            pool.map(work, seeds, chunksize=4), total=len(seeds), desc=what, mininterval=5.0
-        )
-
-
-def study_walks(number: int, workers: int) -> dict[str, Any]:
+def study_walks(number: int, processes: Processes) -> dict[str, Any]:
     """Random walks of legal steps: all go on to their end, all are put together."""
+    whole_graph()
     began, ended, together, swings = time.perf_counter(), 0, 0, Counter[str]()
-    for goes_on, done, kinds in in_processes(walk, range(number), "walks", workers):
+    for goes_on, done, kinds in processes.answers(walk, range(number), "walks"):
         ended, together = ended + goes_on, together + done
         swings.update(kinds)
     return {
@@ -126,12 +114,13 @@ def study_walks(number: int, workers: int) -> dict[str, Any]:
     }
 
 
-def study_execution(walks: int, steps: int, workers: int) -> dict[str, Any]:
+def study_execution(walks: int, steps: int, processes: Processes) -> dict[str, Any]:
     """Random walks, and random steps from random states, carried out in MuJoCo."""
+    whole_graph()
     out: dict[str, Any] = {"duration": DURATION}
     for name, work, number in (("walks", executed_walk, walks), ("steps", executed_step, steps)):
         ends, taken = Counter[str](), 0
-        for end, made in in_processes(work, range(number), f"executed {name}", workers):
+        for end, made in processes.answers(work, range(number), f"executed {name}"):
             ends[end] += 1
             taken += made
         out[name] = {"number": number, "steps": taken, "ends": dict(ends)}
@@ -272,12 +261,10 @@ def small_query(seed: int) -> tuple[str, float]:
     )
 
 
-def study_small_maps(number: int, workers: int) -> dict[str, Any]:
+def study_small_maps(number: int, processes: Processes) -> dict[str, Any]:
     """Plans of three and four limbs on small maps, collisions on, against a plain Dijkstra."""
     out, worst = Counter[str](), 0.0
-    with ProcessPoolExecutor(workers, mp_context=get_context("fork")) as pool:
-        answers = pool.map(small_query, range(number))
-        for told, off in tqdm(answers, total=number, desc="small maps", mininterval=5.0):
-            out[told] += 1
-            worst = max(worst, off)
+    for told, off in processes.answers(small_query, range(number), "small maps"):
+        out[told] += 1
+        worst = max(worst, off)
     return {"maps": number, "outcomes": dict(out), "largest_difference": worst}
