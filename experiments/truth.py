@@ -61,7 +61,7 @@ def tell_no(part: Part) -> str:
         for name in ("yes", "no")
     )
     return f"""**How long yes and no take.** Two limbs, {part["points"]} points of the JEM, \
-collisions on, random starts and goals:
+collisions on, random starts and goals, each asked on a graph that knows no step yet:
 
 | there is a plan | queries | median [ms] | 95th percentile [ms] | largest [ms] |
 |---|---|---|---|---|

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from tqdm import tqdm
 
 from mlivr_gym import jem_map, stance_graph
+from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, BasePath, base_path
 from mlivr_gym.kinematics.certificate import certify
@@ -17,6 +19,7 @@ from mlivr_gym.kinematics.holding import Holding, in_windows
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.transitions.state import State
 
 KEPT = 0.35
 """Share of the points of a map on which some goals cannot be reached."""
@@ -62,27 +65,36 @@ def study_windows(number: int) -> dict[str, Any]:
 
 
 def study_no(number: int) -> dict[str, Any]:
-    """Queries with and without a plan on a sparse map, each by a planner that knows nothing yet.
+    """Queries with and without a plan on a sparse map, in turns, as many of each.
 
-    Steps that earlier queries have checked are known to the graph in both.
+    Each is answered by a planner and a stance graph that know nothing yet of steps.
     """
     whole, rng = jem_map(), np.random.default_rng(7)
     sparse = whole.subset(rng.random(len(whole)) < KEPT, "sparse")
     graph = stance_graph(sparse)
     assert isinstance(graph, PairGraph)
     low, high = sparse.cabin
+    queries: dict[bool, list[tuple[State, Array]]] = {True: [], False: []}
+    while len(queries[False]) < number:
+        start, goal = random_state(graph, rng), graph.base_in_world[rng.integers(len(graph))]
+        if (goal >= low).all() and (goal <= high).all():
+            found = Planner(graph).plan(start, goal, "base", goal_tolerance=RADIUS)
+            queries[bool(found)].append((start, goal))
+    chosen = rng.choice(len(queries[True]), number, replace=False)
+    queries[True] = [queries[True][k] for k in chosen]
     times: dict[bool, list[float]] = {True: [], False: []}
     reasons: Counter[str] = Counter()
-    while len(times[False]) < number:
-        start, goal = random_state(graph, rng), graph.base_in_world[rng.integers(len(graph))]
-        if (goal < low).any() or (goal > high).any():
-            continue
-        planner = Planner(graph)
-        began = time.perf_counter()
-        found = planner.plan(start, goal, "base", goal_tolerance=RADIUS)
-        times[bool(found)].append(1e3 * (time.perf_counter() - began))
-        if not found:
-            reasons[found.reason] += 1
+    for k in tqdm(range(number), desc="yes and no", mininterval=5.0):
+        for reached in (True, False):
+            new = stance_graph(sparse)
+            assert isinstance(new, PairGraph)
+            assert new.components[0]
+            planner, (start, goal) = Planner(new), queries[reached][k]
+            began = time.perf_counter()
+            found = planner.plan(start, goal, "base", goal_tolerance=RADIUS)
+            times[reached].append(1e3 * (time.perf_counter() - began))
+            if not found:
+                reasons[found.reason] += 1
     out: dict[str, Any] = {"points": len(sparse), "reasons": dict(reasons)}
     for name, values in (("yes", times[True]), ("no", times[False])):
         out[name] = {

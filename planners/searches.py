@@ -28,10 +28,10 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
-PATIENCE = 100
+PATIENCE, SHARE = 40, 1 / 200
 """States explored before the estimate is brought closer to the truth by a search backward.
 
-Four times as many each time.
+So many, or this share of the stances where that is more; four times as many each time.
 """
 
 CHEAP = 10
@@ -117,7 +117,8 @@ class PairSearcher:
             h = search_.estimate(region.distance, graph.max_step)
         patience = search_.limit
         if tables and graph.settings.transitions:
-            patience = PATIENCE * (1 if graph.settings.collisions else CHEAP)
+            patience = max(PATIENCE, int(SHARE * len(graph)))
+            patience *= 1 if graph.settings.collisions else CHEAP
         bound, explored, generated = h, 0, 0
         while True:
             weights = weights_of(cost, search_.g_weight, min(search_.limit - explored, patience))

@@ -1,7 +1,7 @@
 """Why there is no plan: which of the rules cuts the goal off, and what would help.
 
-Each rule is left out in turn, obstacles, collisions, thresholds, the check of steps, and the query
-asked again; then all up to it together. What first lets a plan through is the cause.
+Each rule is left out in turn, obstacles, collisions, thresholds, joint limits, the check of steps,
+and the query asked again; then all up to it together. What first lets a plan through is the cause.
 """
 
 from __future__ import annotations
@@ -23,17 +23,22 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
-OBSTACLES = "obstacles and occupied points"
-"""A rule that the settings do not name."""
+OBSTACLES, JOINTS = "obstacles and occupied points", "joint limits"
+"""Rules that the settings do not name."""
 
 RULES = {
     OBSTACLES: ({}, "take some of them away"),
     "collisions": ({"collisions": False}, "a smaller clearance may help, or a slimmer robot"),
     "thresholds": ({"manipulability": False}, "lower thresholds of w_m or w_b would help"),
+    JOINTS: (
+        {},
+        "limbs that hold would turn joints out of their windows: wider joint_limits or other "
+        "window_starts may help",
+    ),
     "steps": (
         {"transitions": False},
-        "stances reach the goal, but limbs that hold would leave their branches, their windows or "
-        "the floor of w_m on the way: a lower path_floor or other window_starts may help",
+        "stances reach the goal, but limbs that hold would leave their branches or the floor of "
+        "w_m on the way: a lower path_floor may help",
     ),
 }
 """What is left out, by settings, and what would help; in this order."""
@@ -79,6 +84,8 @@ def _applies(name: str, graph: StanceGraph) -> bool:
     """Whether a graph has a rule."""
     if name == OBSTACLES:
         return bool(graph.obstacles or graph.occupied)
+    if name == JOINTS:
+        return graph.settings.transitions
     return all(getattr(graph.settings, key) for key in RULES[name][0])
 
 
@@ -101,6 +108,8 @@ def _leads(
     if OBSTACLES not in rules:
         other.add_obstacles(graph.obstacles)
         other.occupy(sorted(graph.occupied))
+    if JOINTS in rules:
+        other.checks.ignore_joint_limits()
     try:
         start = other.state(first.stance, first.pose)
     except StanceError:

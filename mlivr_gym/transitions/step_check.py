@@ -40,6 +40,11 @@ class StepChecks:
         self._idle: list[Any] = []
         """Scratch that no check uses at present."""
 
+    def ignore_joint_limits(self) -> None:
+        """From now on joints of limbs that hold may leave their windows, to see what that costs."""
+        self.robots = self.robots.copy()
+        self.robots["limbs"]["arm"]["window"][..., 1] = np.inf
+
     def world(self, obstacles: BoxGrid | None, again: bool = False) -> World:
         """What motions are checked against.
 

@@ -27,6 +27,7 @@ ENTRIES = (
 def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
     """Whatever is asked of them the types are the same: nothing is compiled a second time."""
     monkeypatch.setattr(searches, "PATIENCE", 1)
+    monkeypatch.setattr(searches, "SHARE", 0.0)
     graph = stance_graph(small_map)
     start, goal = graph.ids(graph.points[0]), graph.base_in_world[-1].tolist()
     box = Box.between("box", "obstacle", (2.0, -0.2, -0.2), (2.1, 0.2, 0.2))

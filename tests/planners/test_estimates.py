@@ -12,6 +12,7 @@ from mlivr_gym.planners import Planner
 def test_what_is_learnt_among_obstacles_is_forgotten_with_them(small_map, monkeypatch, cost):
     """After they are gone plans cost what they cost a planner that never saw them."""
     monkeypatch.setattr("mlivr_gym.planners.searches.PATIENCE", 1)
+    monkeypatch.setattr("mlivr_gym.planners.searches.SHARE", 0.0)
     graph, rng, dearer = stance_graph(small_map), np.random.default_rng(0), 0
     planner = Planner(graph)
     for _ in range(10):

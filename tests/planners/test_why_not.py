@@ -10,7 +10,8 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.why_not import OBSTACLES, RULES
+from mlivr_gym.planners.why_not import JOINTS, OBSTACLES, RULES
+from mlivr_gym.robot.specification import robot_spec
 
 
 def unreachable(graph, rng, radius=0.05):
@@ -44,6 +45,8 @@ def test_without_the_rules_named_there_is_a_plan_and_with_fewer_there_is_none(sp
 
     def leads(settings):
         other = stance_graph(graph.grasp_map, settings=settings)
+        if JOINTS in cause.rules:
+            other.checks.ignore_joint_limits()
         return bool(Planner(other).plan(start.stance, goal, "steps", goal_tolerance=0.05))
 
     assert leads(replace(Settings(), **changes))
@@ -75,6 +78,23 @@ def test_a_wall_of_obstacles_is_named(small_checked_graph):
         graph.remove_obstacles()
     assert cause.rules == (OBSTACLES,)
     assert cause.message.startswith("the goal is cut off by obstacles and occupied points")
+
+
+def test_joint_limits_are_named_where_they_alone_cut_the_goal_off(sparse_graph):
+    """Joint 1 of this robot comes to the end of its window in the midst of its work."""
+    whole = robot_spec("mlivr2")
+    starts = (0.0, *whole.limb.window_starts[1:])
+    robot = replace(whole, name="awkward", limb=replace(whole.limb, window_starts=starts))
+    graph, rng = stance_graph(sparse_graph.grasp_map, robot), np.random.default_rng(1)
+    for _ in range(10):
+        start, goal = unreachable(graph, rng)
+        cause = Planner(graph).why_not(start, goal, goal_tolerance=0.05)
+        if cause.rules == (JOINTS,):
+            break
+    assert cause.rules == (JOINTS,)
+    assert "joint_limits" in cause.message
+    # The robot whose windows end elsewhere gets there.
+    assert Planner(sparse_graph).plan(start.stance, goal, "steps", goal_tolerance=0.05)
 
 
 def test_a_goal_without_stances_near_it_tells_the_tolerance_that_has_one(small_checked_graph):
