@@ -19,6 +19,7 @@ from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.estimates import CACHED_TABLES, Estimates, unchecked
 from mlivr_gym.planners.pair_search import FOUND, LIMIT, NO_LIMIT
 from mlivr_gym.planners.query import GOAL_TOLERANCE, Goal, Search, SearchOptions
+from mlivr_gym.planners.refinement import refined
 from mlivr_gym.planners.searches import (
     Algorithm1Searcher,
     LazySearcher,
@@ -250,6 +251,16 @@ class Planner:
         if path.generated <= 1:
             told = f": no step leaves the start {start} on the branches that the limbs may be on"
         return _no_plan(reason, f"{reason}{told}", clock, path)
+
+    def refined(self, plan: Plan, seed: int = 0) -> Plan:
+        """A plan on the same footholds with other base poses and less translation.
+
+        See `refinement.refined`: `plan` stays what the graph's optimum is measured by.
+
+        Raises:
+            PlanError: If the plan belongs to another map or robot, or is not possible here now.
+        """
+        return refined(self.graph, plan, seed)
 
     def prepare(
         self,

@@ -35,6 +35,11 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     )
     parser.add_argument("--out", metavar="FILE", help="write the plan as JSON")
     parser.add_argument("--picture", metavar="FILE", help="draw the plan as PNG")
+    parser.add_argument(
+        "--refined",
+        action="store_true",
+        help="choose other base poses on the footholds found, for less translation",
+    )
     parser.set_defaults(run=run)
 
 
@@ -44,6 +49,10 @@ def run(args: argparse.Namespace) -> int:
     graph = chosen_graph(args)
     result = find_plan(graph, args)
     plan = result.unwrap()
+    if args.refined:
+        before, plan = plan.base_translation, Planner(graph).refined(plan)
+        saved = 100.0 * (1.0 - plan.base_translation / before)
+        print(f"refined: {plan.base_translation:.3f} m, {saved:.1f} % less translation")
     if args.out:
         plan.save(args.out)
         print(f"plan: {args.out}")

@@ -20,6 +20,7 @@ from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.plan_parts import Motion, Step
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
 from mlivr_gym.motion.swings import SwingFinder
+from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.records import HeldStance, PostureRoom, Tried
 from mlivr_gym.postures.selection import base_along, reach_all
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -74,7 +75,9 @@ def holds(points: IntArray, limb: int) -> list[tuple[int, int]]:
     return spans
 
 
-def committed_motion(graph: StanceGraph, states: Sequence[State]) -> CommittedMotion:
+def committed_motion(
+    graph: StanceGraph, states: Sequence[State], postures: Postures | None = None
+) -> CommittedMotion:
     """The motion of a walk.
 
     For each time a limb holds, the branch is the one kept at its end that has the largest least
@@ -83,8 +86,9 @@ def committed_motion(graph: StanceGraph, states: Sequence[State]) -> CommittedMo
     Args:
         graph: The stance graph.
         states: K states, each with the branches kept.
+        postures: Postures in which the robot stands in them; by default those of the graph.
     """
-    draft = _Draft(graph, states)
+    draft = _Draft(graph, states, graph.postures_of(states) if postures is None else postures)
     steps = []
     for k in range(len(states) - 1):
         committed = draft.commit(k)
@@ -108,10 +112,9 @@ def committed_motion(graph: StanceGraph, states: Sequence[State]) -> CommittedMo
 class _Draft:
     """A motion in the making: branches first, which tell the joint angles, then swings."""
 
-    def __init__(self, graph: StanceGraph, states: Sequence[State]) -> None:
-        self.graph, self.states = graph, states
+    def __init__(self, graph: StanceGraph, states: Sequence[State], postures: Postures) -> None:
+        self.graph, self.states, self.postures = graph, states, postures
         self.points: IntArray = np.array([state.stance for state in states])
-        self.postures = graph.postures_of(states)
         count, limbs, solver = len(states), graph.limbs, graph.solver
         held, self._tried, self._room = (
             HeldStance.rows(count),

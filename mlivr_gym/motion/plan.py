@@ -108,10 +108,15 @@ class Plan:
         """
         plan = cls(*parts_of(data))
         if grasp_map is not None:
-            plan._check_map(grasp_map)
+            plan.check_map(grasp_map)
         return plan
 
-    def _check_map(self, grasp_map: GraspMap) -> None:
+    def check_map(self, grasp_map: GraspMap) -> None:
+        """Refuse a map that the plan was not made on.
+
+        Raises:
+            PlanError: If it is another one.
+        """
         world = self.world
         if world.map_fingerprint != grasp_map.fingerprint:
             raise PlanError(

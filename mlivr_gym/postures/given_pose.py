@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.contacts import Contact, contacts
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
@@ -158,7 +158,8 @@ def given_pose_fault(
     for limb, point in enumerate(points):
         if np.isnan(branch_angles_at(solver, limb, point, posture)).all():
             return f"limb {limb} does not reach point {ids[point]!r} from this base pose"
-    free = solver.at(points, posture.base_position[0], posture.base_rotation[0], collisions=False)
+    stances: IntArray = np.array([points], dtype=np.int64)
+    free = solver.at(stances, posture.base_position, posture.base_rotation, collisions=False)
     if not free.w_b[0] > 0.0:
         return (
             "at this base pose every combination of branches is singular or penetrates the robot "

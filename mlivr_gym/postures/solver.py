@@ -29,6 +29,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
@@ -221,71 +222,83 @@ class PostureSolver:
 
     def at(
         self,
-        stance: Sequence[int],
-        position: Array,
-        rotation: Array,
+        stances: IntArray,
+        positions: Array,
+        rotations: Array,
+        *,
+        thresholds: tuple[float, float] = (0.0, 0.0),
         collisions: bool | None = None,
     ) -> Postures:
-        """The posture of one stance, given by point indices, at a given base pose.
+        """Postures of stances at given base poses.
 
-        Thresholds do not apply there, the floor of departures does.
+        The floor of departures applies whatever the thresholds.
 
         Args:
-            stance: Point index of each limb.
-            position: Base position in the world [m], shape (3,).
-            rotation: Base rotation in the world, shape (3, 3).
+            stances: Point index of each limb, shape (k, N).
+            positions: Base positions in the world [m], shape (k, 3).
+            rotations: Base rotations in the world, shape (k, 3, 3).
+            thresholds: Least `w_m` and `w_b` they must meet.
             collisions: Whether branches that touch something are left out; by default as in the
                 settings.
         """
-        points, settings = np.array([stance], dtype=np.int64), self.settings
+        settings, count = self.settings, len(stances)
         collisions = settings.collisions if collisions is None else collisions
-        held = self._held_in_world(points)
-        away = position - held.centres[0]
-        height = float(np.linalg.norm(away))
-        up = rotation[:, 2] if height < 1e-9 else away / height
-        frames = (
-            rotation[None].copy(),
-            up[None].copy(),
-            up[None].copy(),
-            np.zeros(1, dtype=np.bool_),
-        )
-        heights, rolls = np.array([height]), np.zeros(1)
+        held = self._held_in_world(stances)
+        away = positions - held.centres
+        frames = (rotations.copy(), away, away, np.zeros(count, dtype=np.bool_))
+        once, none = np.ones(1), np.zeros(1)
         out = self._run(
             held,
-            _Candidates(frames, heights, rolls, heights, rolls),
+            _Candidates(frames, once, none, once, none),
             self.boxes if collisions else self._no_boxes,
-            thresholds=(0.0, 0.0),
+            thresholds=thresholds,
             avoid=collisions,
             collisions=collisions,
         )
-        out.base_position[:], out.base_rotation[:] = position, rotation
-        if collisions and self.point_cause[points].any():
-            out.mask[:] = 0
+        out.base_position[:], out.base_rotation[:] = positions, rotations
+        if collisions:
+            out.mask[self.point_cause[stances].any(axis=1)] = 0
         return out
+
+    def poses_tried(self, stance: Sequence[int]) -> tuple[Array, Array]:
+        """Base poses that are tried for a stance given by point indices.
+
+        Returns:
+            Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3), in the world.
+        """
+        held = self._held_in_world(np.array([stance], dtype=np.int64))
+        frames, heights, rolls, *wide = self._candidates(held)
+        frame, out, line, opposed = (part[0] for part in frames)
+        if opposed:
+            heights, rolls = wide
+        turns = Rotation.from_rotvec(rolls[:, None] * line).as_matrix()
+        positions = held.centres[0] + heights[:, None, None] * (turns @ out)
+        rotations = np.broadcast_to(turns @ frame, (len(heights), *turns.shape))
+        return positions.reshape(-1, 3), rotations.reshape(-1, 3, 3)
+
+    def _candidates(self, held: Grasps) -> _Candidates:
+        """The robot's candidates for some grasps."""
+        wide_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
+        return _Candidates(
+            base_frames(held.grasps, held.normals, np.ascontiguousarray(held.rails[:, 0])),
+            np.array(self.robot.heights),
+            np.array(self.robot.rolls),
+            np.array(OPPOSED_HEIGHTS),
+            np.array(geometric_order(wide_rolls)),
+        )
 
     def _solve_in_place(self, held: Grasps, grid: BoxGrid, *, avoid: bool) -> Postures:
         """Postures among the robot's candidates, base positions from the grasps' centroids.
 
         With `avoid` the best posture of all is known to touch something.
         """
-        robot, settings = self.robot, self.settings
-        wide_rolls = np.array(
-            geometric_order(2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS)
-        )
-        candidates = _Candidates(
-            base_frames(held.grasps, held.normals, np.ascontiguousarray(held.rails[:, 0])),
-            np.array(robot.heights),
-            np.array(robot.rolls),
-            np.array(OPPOSED_HEIGHTS),
-            wide_rolls,
-        )
         return self._run(
             held,
-            candidates,
+            self._candidates(held),
             grid,
-            thresholds=settings.thresholds(robot.limbs),
+            thresholds=self.settings.thresholds(self.robot.limbs),
             avoid=avoid,
-            collisions=settings.collisions,
+            collisions=self.settings.collisions,
         )
 
     def _run(

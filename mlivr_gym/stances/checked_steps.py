@@ -57,14 +57,23 @@ class CheckedSteps(ChangingWorld):
         centre: Array = self.grasp_map.positions[held].mean(axis=0)
         return centre
 
-    def _step_rows(self, state: State, points: IntArray) -> Any:
-        """Rows of `Step` from a state to the stances after it, rows 1 to k of `points`."""
-        steps = self.checks.steps(len(points) - 1)
-        moves = points[1:] != points[0]
-        steps["limb"], steps["after"] = moves.argmax(axis=1), np.arange(1, len(points))
-        held = self.grasp_map.positions[points[1:]] * ~moves[..., None]
+    def step_rows(
+        self, stances: StanceSet, before: int, after: IntArray, masks: Sequence[int]
+    ) -> Any:
+        """Rows of `Step` from one of some stances to others of them.
+
+        Args:
+            stances: The stances.
+            before: Row of the stance before the steps.
+            after: Rows of those after them, shape (k,).
+            masks: Branches and flips of each limb before them.
+        """
+        steps, points = self.checks.steps(len(after)), stances.points
+        moves = points[after] != points[before]
+        steps["limb"], steps["before"], steps["after"] = moves.argmax(axis=1), before, after
+        held = self.grasp_map.positions[points[after]] * ~moves[..., None]
         steps["pivot"] = held.sum(axis=1) / (self.limbs - 1)
-        steps["wanted"][:, : self.limbs] = state.masks
+        steps["wanted"][:, : self.limbs] = masks
         return steps
 
     def masks_after(self, state: State, here: Postures, stances: IntArray, after: Postures) -> Any:
@@ -76,43 +85,48 @@ class CheckedSteps(ChangingWorld):
             stances: Point index of each limb after each step, shape (k, N).
             after: The postures after them.
         """
-        masks: IntArray = after.mask.copy()
         if not self.settings.transitions or not len(stances):
-            return masks
+            return after.mask.copy()
         points = np.concatenate([np.array([state.stance], dtype=np.int64), stances])
         found = self.checks.stances(points, join(here, after))
-        steps, world = self._step_rows(state, points), self.checks.world(self.obstacle_grid)
-        able = np.flatnonzero(self.checks.hold(steps, found, world))
+        steps = self.step_rows(found, 0, np.arange(1, len(points)), state.masks)
+        return self.masks_of_steps(steps, found)
+
+    def masks_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
+        """Masks of all limbs after steps, shape (k, N); 0 where there is none.
+
+        Args:
+            steps: Rows of `Step`, shape (k,), between the stances, see `step_rows`.
+            stances: The stances; what can be released at them is remembered there.
+        """
+        world = self.checks.world(self.obstacle_grid)
+        able = np.flatnonzero(self.checks.hold(steps, stances, world))
         if self.settings.collisions:
-            able = self._releasable_steps(state, found, steps, able)
+            able = self._releasable_steps(stances, steps, able)
         chosen = steps[able]
-        self.checks.check(chosen, found, world)
+        self.checks.check(chosen, stances, world)
         kept, rows, limb = chosen["kept"][:, : self.limbs], np.arange(len(able)), chosen["limb"]
-        masks[:] = 0
+        masks: IntArray = np.zeros((len(steps), self.limbs), dtype=np.int64)
         masks[able] = kept
-        grasped = found.released["branches"] if self.settings.collisions else found.mask
+        grasped = stances.released["branches"] if self.settings.collisions else stances.mask
         masks[able[rows], limb] = grasped[chosen["after"], limb] * kept.any(axis=1)
         return masks
 
-    def _releasable_steps(
-        self, state: State, stances: StanceSet, steps: Any, able: IntArray
-    ) -> IntArray:
+    def _releasable_steps(self, stances: StanceSet, steps: Any, able: IntArray) -> IntArray:
         """Which of some steps move a limb that can be released before and after, by index.
 
         What can be released at their stances is then known, for the limbs that hold too.
         """
-        limb, after = steps["limb"], steps["after"]
-        for first in (True, False):
-            row = np.zeros_like(able) if first else after[able]
-            self._know_released(stances, np.unique(np.stack([row, limb[able]], axis=1), axis=0))
-            released = stances.released["branches"][row, limb[able]]
-            if first:
-                wanted = np.array(state.masks)[limb[able]]
-                both = zip(wanted.tolist(), released.tolist(), strict=True)
+        for end in ("before", "after"):
+            row, limb = steps[end][able], steps["limb"][able]
+            self._know_released(stances, np.unique(np.stack([row, limb], axis=1), axis=0))
+            released = stances.released["branches"][row, limb]
+            if end == "before":
+                both = zip(steps["wanted"][able, limb].tolist(), released.tolist(), strict=True)
                 able = able[np.array([can_release(*pair) for pair in both], dtype=np.bool_)]
             else:
                 able = able[released != 0]
-        rows = np.unique(np.concatenate([[0], after[able]])) if len(able) else np.zeros(0, int)
+        rows = np.unique(np.concatenate([steps["before"][able], steps["after"][able]]))
         every = np.stack(np.meshgrid(rows, np.arange(self.limbs), indexing="ij"), axis=-1)
         self._know_released(stances, every.reshape(-1, 2))
         return able
@@ -127,7 +141,7 @@ class CheckedSteps(ChangingWorld):
         """
         points = np.array([state.stance, tuple(after)], dtype=np.int64)
         stances = self.checks.stances(points, posture)
-        steps = self._step_rows(state, points)
+        steps = self.step_rows(stances, 0, np.ones(1, dtype=np.int64), state.masks)
         steps["given"] = True
         if self.settings.collisions:
             limb = int(steps["limb"][0])

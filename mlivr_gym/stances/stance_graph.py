@@ -193,12 +193,30 @@ class StanceGraph(CheckedSteps):
 
     def _posture_at(self, points: tuple[int, ...], pose: tuple[float, ...]) -> Postures:
         """Posture of a stance at a given base pose, among present obstacles and occupied points."""
-        posture = self.solver.at(points, np.array(pose[:3]), rotation_of(pose))
+        where = np.array([pose[:3]]), rotation_of(pose)[None]
+        return self.postures_at(np.array([points], dtype=np.int64), *where)
+
+    def postures_at(
+        self,
+        stances: IntArray,
+        positions: Array,
+        rotations: Array,
+        thresholds: tuple[float, float] = (0.0, 0.0),
+    ) -> Postures:
+        """Postures of stances at given base poses, among present obstacles and occupied points.
+
+        Args:
+            stances: Point index of each limb, shape (k, N).
+            positions: Base positions in the world [m], shape (k, 3).
+            rotations: Base rotations in the world, shape (k, 3, 3).
+            thresholds: Least `w_m` and `w_b` they must meet.
+        """
+        postures = self.solver.at(stances, positions, rotations, thresholds=thresholds)
         if self.obstacles:
-            self.clear_of_obstacles(np.arange(1), np.array([points]), posture)
-        if any(point in self.occupied for point in points):
-            posture.mask[:] = 0
-        return posture
+            self.clear_of_obstacles(np.arange(len(stances)), stances, postures)
+        if self.occupied:
+            postures.mask[np.isin(stances, sorted(self.occupied)).any(axis=1)] = 0
+        return postures
 
     def state(self, stance: Sequence[str | int], pose: Any = None, joints: Any = None) -> State:
         """The state of a robot that takes hold of a stance.

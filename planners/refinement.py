@@ -1,0 +1,262 @@
+"""Plans refined: other base poses on the footholds that a plan has.
+
+The stance graph gives a stance one base pose, the one of best manipulability. With the footholds
+fixed, every pose of a stance that meets the thresholds will do, as long as each step is an edge by
+the same checks. `refined` looks for the walk of least base translation: first among all poses that
+are tried for a stance, then among seeded samples about the poses found. In each round the search is
+exact: A* over the poses of one stance after the other with the least translation left, steps not
+checked, as its heuristic; a step is checked when the search wants to go on from it.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import count, pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.errors import PlanError
+from mlivr_gym.motion.commitment import committed_motion
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.plan_parts import World
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.records import StanceSet
+from mlivr_gym.transitions.state import State
+
+ROUNDS, SHRINK = 12, 0.8
+"""Rounds of samples about the poses found so far, and what their spread shrinks by in each."""
+
+SPREAD = (0.12, 0.3)
+"""Standard deviations of the samples in the first round [m, rad]."""
+
+SAMPLES = 60
+"""Samples for each stance and round."""
+
+BLOCK = 8
+"""Steps that are checked at once."""
+
+
+def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
+    """A plan with the same footholds and no more base translation.
+
+    Args:
+        graph: The stance graph that the plan was made on, with the obstacles that there are now.
+        plan: The plan. Its first base pose and branches are kept; its last base pose stays in the
+            goal region.
+        seed: Seed of the samples.
+
+    Returns:
+        The plan with other base poses where they shorten the way, else `plan` itself. Its `query`
+        and counts are those of `plan`; its cost is that of the new way.
+
+    Raises:
+        PlanError: If the plan belongs to another map or robot, or is not possible here now.
+    """
+    plan.check_map(graph.grasp_map)
+    if plan.world.robot != graph.robot:
+        raise PlanError(
+            f"the plan was made for robot {plan.world.robot.name!r}, which is not the "
+            f"{graph.robot.name!r} of this graph"
+        )
+    walk = _Footholds(graph, plan)
+    rng = np.random.default_rng(seed)
+    layers = walk.layers(walk.poses_tried())
+    best, chosen = plan, walk.search(layers)
+    if chosen is None:
+        raise PlanError("a step of the plan is not possible on this graph as the world is now")
+    for done in range(ROUNDS + 1):
+        motion = committed_motion(graph, chosen.states, chosen.postures).motion
+        if motion is not None:
+            cost = walk.cost_of(motion.base_positions)
+            new = Plan(plan.query, World.of(graph), motion, replace(plan.statistics, cost=cost))
+            best = min(best, new, key=lambda p: p.base_translation)
+        if done == ROUNDS:
+            break
+        layers = walk.layers(walk.samples(chosen.postures, rng, SHRINK**done), chosen.postures)
+        chosen = walk.search(layers) or chosen
+    return best
+
+
+class _Chosen(NamedTuple):
+    """States of a walk, and the postures in which the robot stands in them."""
+
+    states: tuple[State, ...]
+    postures: Postures
+
+
+class _Node(NamedTuple):
+    """A posture of a stance that was reached."""
+
+    layer: int
+    row: int
+    """Posture among those of all stances."""
+    masks: tuple[int, ...]
+    spent: float
+    before: _Node | None
+
+
+class _Ahead(NamedTuple):
+    """Postures that a node may go on to, those with the least estimate first."""
+
+    node: _Node
+    rows: IntArray
+    """Postures, shape (k,)."""
+    estimate: Array
+    """Length of the whole way over each [m], shape (k,)."""
+
+
+Poses = list[tuple[Array, Array]]
+"""Base positions, shape (k, 3) [m], and rotations, shape (k, 3, 3), for each stance."""
+
+
+class _Footholds:
+    """The stances of a plan and what is fixed of them."""
+
+    def __init__(self, graph: StanceGraph, plan: Plan) -> None:
+        self.graph, self.plan, self.query = graph, plan, plan.query
+        self.stances = [graph.indices(stance) for stance in plan.stances]
+        motion = plan.motion
+        self.given = [
+            graph.given_pose_of(*parts)
+            for parts in zip(
+                self.stances, motion.base_positions, motion.base_quaternions, strict=True
+            )
+        ]
+        self.start = graph.state(self.stances[0], self.given[0], motion.joint_positions[0])
+        away = float(np.linalg.norm(motion.base_positions[-1] - np.array(self.query.goal)))
+        self.arrives = away <= self.query.goal_tolerance
+        """Whether the plan ends in its goal region; if not, its last pose is kept."""
+
+    def cost_of(self, positions: Array) -> float:
+        """Cost of a way along base positions, shape (K, 3) [m]."""
+        cost = Cost.named(self.query.cost_name, self.query.regrasp_price)
+        away = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+        return float((cost.base_weight * away + cost.step_weight).sum())
+
+    def poses_tried(self) -> Poses:
+        """All base poses that are tried for each stance."""
+        return [self.graph.solver.poses_tried(stance) for stance in self.stances]
+
+    def samples(self, postures: Postures, rng: np.random.Generator, share: float) -> Poses:
+        """Base poses about those of some postures, one a stance; half of them nearer.
+
+        Args:
+            postures: The postures.
+            rng: Source of the samples.
+            share: Spread of the samples as a share of `SPREAD`.
+        """
+        out, (spread, turned) = [], (share * SPREAD[0], share * SPREAD[1])
+        for position, rotation in zip(postures.base_position, postures.base_rotation, strict=True):
+            size = np.where(np.arange(SAMPLES) % 2, 1.0, 0.3)[:, None]
+            moved = position + spread * size * rng.normal(size=(SAMPLES, 3))
+            turns = Rotation.from_rotvec(turned * size * rng.normal(size=(SAMPLES, 3)))
+            out.append((moved, turns.as_matrix() @ rotation))
+        return out
+
+    def layers(self, poses: Poses, known: Postures | None = None) -> list[Postures]:
+        """Postures of each stance that may be taken: the plan's own or `known` first."""
+        graph = self.graph
+        thresholds = graph.settings.thresholds(graph.limbs)
+        layers, last = [], len(self.stances) - 1
+        for k, (stance, (positions, rotations)) in enumerate(zip(self.stances, poses, strict=True)):
+            own = State(stance, self.start.masks, self.given[k])
+            first = graph.posture_of(own) if known is None else known.take(slice(k, k + 1))
+            if k == 0 or (k == last and not self.arrives):
+                layers.append(first)
+                continue
+            points = np.tile(np.array(stance, dtype=np.int64), (len(positions), 1))
+            found = graph.postures_at(points, positions, rotations, thresholds)
+            both = join(first, found)
+            good = graph.is_node(both)
+            if k == last:
+                away = np.linalg.norm(both.base_position - np.array(self.query.goal), axis=1)
+                good &= away <= self.query.goal_tolerance
+            layers.append(both.take(good))
+        return layers
+
+    def search(self, layers: list[Postures]) -> _Chosen | None:
+        """The walk of least base translation over some postures of each stance."""
+        graph, last = self.graph, len(layers) - 1
+        every = layers[0]
+        for layer in layers[1:]:
+            every = join(every, layer)
+        sizes = [len(layer.w_b) for layer in layers]
+        starts = np.concatenate([[0], np.cumsum(sizes)])
+        points = np.repeat(np.array(self.stances, dtype=np.int64), sizes, axis=0)
+        stances, to_go = graph.checks.stances(points, every), _least_left(layers)
+        order, closed = count(), dict[int, list[tuple[int, ...]]]()
+        first = _Node(0, 0, self.start.masks, 0.0, None)
+        queue: list[tuple[float, int, _Node | _Ahead]] = [(0.0, next(order), first)]
+        while queue:
+            _, _, item = heapq.heappop(queue)
+            if isinstance(item, _Node):
+                if _covered(item, closed):
+                    continue
+                if item.layer == last:
+                    return self._chosen(every, item)
+                after = slice(starts[item.layer + 1], starts[item.layer + 2])
+                away = np.linalg.norm(
+                    every.base_position[after] - every.base_position[item.row], axis=1
+                )
+                estimate = item.spent + away + to_go[after]
+                best = np.argsort(estimate, kind="stable")
+                item = _Ahead(item, best + after.start, estimate[best])
+            else:
+                for node in self._stepped(stances, item, every):
+                    total = node.spent + float(to_go[node.row])
+                    heapq.heappush(queue, (total, next(order), node))
+                item = _Ahead(item.node, item.rows[BLOCK:], item.estimate[BLOCK:])
+            if len(item.rows) and np.isfinite(item.estimate[0]):
+                heapq.heappush(queue, (float(item.estimate[0]), next(order), item))
+        return None
+
+    def _stepped(self, stances: StanceSet, ahead: _Ahead, every: Postures) -> Iterator[_Node]:
+        """What the first steps ahead lead to, those that are edges."""
+        graph, node, rows = self.graph, ahead.node, ahead.rows[:BLOCK]
+        if graph.settings.transitions:
+            steps = graph.step_rows(stances, node.row, rows, node.masks)
+            masks = graph.masks_of_steps(steps, stances)
+        else:
+            masks = stances.mask[rows]
+        places = every.base_position
+        for row, after in zip(rows.tolist(), masks.tolist(), strict=True):
+            if all(after):
+                spent = node.spent + float(np.linalg.norm(places[row] - places[node.row]))
+                yield _Node(node.layer + 1, row, tuple(after), spent, node)
+
+    def _chosen(self, every: Postures, node: _Node) -> _Chosen:
+        """The walk to a node; `every` are the postures of all stances."""
+        nodes = [node]
+        while nodes[-1].before is not None:
+            nodes.append(nodes[-1].before)
+        nodes.reverse()
+        after = (State(self.stances[node.layer], node.masks) for node in nodes[1:])
+        postures = every.take(np.array([node.row for node in nodes]))
+        return _Chosen((self.start, *after), postures)
+
+
+def _least_left(layers: list[Postures]) -> Array:
+    """Least base translation from each posture to the last stance, steps not checked [m]."""
+    left = [np.zeros(len(layers[-1].w_b))]
+    for there, here in pairwise(layers[::-1]):
+        away = np.linalg.norm(here.base_position[:, None] - there.base_position[None], axis=2)
+        left.append((away + left[-1]).min(axis=1, initial=np.inf))
+    return np.concatenate(left[::-1])
+
+
+def _covered(node: _Node, closed: dict[int, list[tuple[int, ...]]]) -> bool:
+    """Whether a posture was reached before with all the branches; keeps the node if not."""
+    known = closed.setdefault(node.row, [])
+    for masks in known:
+        if all(a & ~b == 0 for a, b in zip(node.masks, masks, strict=True)):
+            return True
+    known.append(node.masks)
+    return False
