@@ -16,6 +16,7 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.table_values import TableValues
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -75,7 +76,7 @@ class ExpertPolicy:
         if env.state.pose is not None:
             # No stance of the table; a first grasp that fails is not expected.
             steps = moves.successors(env.state)
-            exact = CostToGo(graph, env.goal, env.goal_tolerance, cost_of(env))
+            exact = CostToGo(graph, Goal(env.goal, env.goal_tolerance, cost_of(env)))
             best = exact.best(env.state, steps)
             return int(steps.limb[best] * len(graph.grasp_map) + steps.point[best])
         s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)

@@ -29,8 +29,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
+from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
@@ -55,32 +55,29 @@ class Explored:
 def algorithm1(
     graph: StanceGraph,
     start: State,
-    goal: Array,
-    tolerance: float,
-    cost: Cost,
+    goal: Goal,
     heuristic: str = "consistent",
     *,
     inflation: float = 1.0,
     limit: int = 10_000_000,
     progress: Callable[[int], None] | None = None,
 ) -> Explored:
-    """Search from a state to any stance whose base lies within a ball.
+    """Search from a state to any stance at the goal.
 
     Args:
         graph: The stance graph, of any number of limbs.
         start: Where to start, for example `graph.state(stance)`.
-        goal: Centre of the goal region [m], shape (3,).
-        tolerance: Its radius [m].
-        cost: Cost of a step.
+        goal: Where to go and at what cost.
         heuristic: `"consistent"`, `"paper"` or `"zero"`, see `Cost.heuristic`.
         inflation: Factor on the heuristic; with 1 and a consistent one the path costs the least.
         limit: Most expansions.
         progress: Called with the number of expansions now and then.
     """
+    cost = goal.cost
 
     def estimate(positions: Array) -> Array:
-        distance = np.linalg.norm(positions - goal, axis=-1)
-        return inflation * cost.heuristic(heuristic, distance, tolerance, graph.max_step)
+        distance = goal.distance(positions)
+        return inflation * cost.heuristic(heuristic, distance, goal.tolerance, graph.max_step)
 
     explored = Explored()
     origin = graph.posture_of(start).base_position[0]
@@ -97,7 +94,7 @@ def algorithm1(
         explored.parents.append(parent)
         explored.costs.append(-minus_g)
         explored.positions.append(here)
-        if np.linalg.norm(here - goal) <= tolerance:  # line 5
+        if goal.reached(here, state.stance):  # line 5
             explored.status = FOUND
             return explored
         if index + 1 >= limit:

@@ -15,7 +15,6 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.bit_sets import EMPTY, has, only
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import (
     EXHAUSTED,
     FOUND,
@@ -26,6 +25,7 @@ from mlivr_gym.planners.pair_search import (
     Weights,
     weights_of,
 )
+from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.queue import Queue, first, grown, has_room, pop, push, queue
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.pair_steps import PairTable, branches_kept, edge_index, releasable
@@ -234,16 +234,15 @@ class CostToGo:
     Attributes:
         values: Cost from each stance when both limbs have all their branches, shape (n,); inf where
             no goal can be reached.
-        goal: Goal position [m], shape (3,).
-        tolerance: Radius of the goal region [m].
+        goal: The goal.
         is_goal: Which stances are goals, shape (n,).
     """
 
-    def __init__(self, graph: PairGraph, goal: Array, tolerance: float, cost: Cost) -> None:
+    def __init__(self, graph: PairGraph, goal: Goal) -> None:
         """Search backward from the goal; the steps it wants are checked, once for all goals."""
-        self.graph, self.cost, self.goal, self.tolerance = graph, cost, goal, tolerance
-        self.is_goal: BoolArray = np.linalg.norm(graph.base_in_world - goal, axis=1) <= tolerance
-        self._held, _, _ = backward(graph, self.is_goal, weights_of(cost))
+        self.graph, self.goal, self.cost = graph, goal, goal.cost
+        self.is_goal: BoolArray = goal.reached(graph.base_in_world, graph.points)
+        self._held, _, _ = backward(graph, self.is_goal, weights_of(goal.cost))
         self._releasable = graph.releasable if graph.settings.transitions else graph.mask
         self.values: Array = np.where(self.is_goal, 0.0, self._held.min(axis=(1, 2)))
 
@@ -271,7 +270,7 @@ class CostToGo:
         )
 
     def _from_given_pose(self, state: State) -> float:
-        if np.linalg.norm(np.array(state.pose)[:3] - self.goal) <= self.tolerance:
+        if self.goal.reached(np.array(state.pose)[:3], state.stance):
             return 0.0
         return float(self.action_values(state, self.graph.successors(state)).min(initial=np.inf))
 

@@ -52,7 +52,7 @@ class Estimates:
         graph, key = self.graph, goal.key[:-1]
         if key not in self._regions:
             distance = _distances(graph.base_in_world, goal.target)
-            reached = distance <= goal.tolerance
+            reached = (distance <= goal.tolerance) & goal.held(graph.points)
             parts = frozenset(graph.components[1][reached].tolist())
             self._regions[key] = Region(distance, reached, parts)
             if len(self._regions) > CACHED_TABLES:

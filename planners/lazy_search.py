@@ -78,7 +78,7 @@ class _LazySearch:
             found.parents.append(parent)
             found.costs.append(-negative)
             found.postures.append(posture)
-            if search.goal.reached(posture.base_position)[0]:
+            if search.goal.reached(posture.base_position[0], stance):
                 found.status = FOUND
                 return found
             if here + 1 >= search.limit:

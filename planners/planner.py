@@ -119,6 +119,7 @@ class Planner:
         heuristic: str | None = None,
         inflation: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,
+        goal_face: str | None = None,
         start_pose: Sequence[Any] | None = None,
         start_joints: Sequence[Any] | Array | None = None,
         limit: int = 10_000_000,
@@ -142,6 +143,8 @@ class Planner:
                 the least. By default 1 for two limbs and `"algorithm1"`, else 2, as the search for
                 the least takes long.
             goal_tolerance: Radius of the goal region [m].
+            goal_face: Face of the map whose points all limbs hold at the goal, for example
+                `"overhead"`; by default they may hold any.
             start_pose: Base pose at the start, where the robot stands in another than that of the
                 start stance: x, y, z [m] and quaternion w, x, y, z. The thresholds do not apply to
                 it.
@@ -159,7 +162,7 @@ class Planner:
         Raises:
             MlivrError: If an argument cannot be used; the message names it.
         """
-        target = Goal.checked(self.graph, goal, cost, regrasp_price, goal_tolerance)
+        target = Goal.checked(self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
         options = SearchOptions(method, heuristic, inflation, limit, progress)
         search, clock = Search.checked(self.graph, target, options), _Clock()
         self.graph.indices(start.stance if isinstance(start, State) else start)
@@ -194,6 +197,7 @@ class Planner:
         goal: Sequence[float] | Array,
         *,
         goal_tolerance: float = GOAL_TOLERANCE,
+        goal_face: str | None = None,
         start_pose: Sequence[Any] | None = None,
         start_joints: Sequence[Any] | Array | None = None,
         limit: int = 2000,
@@ -207,6 +211,7 @@ class Planner:
             start: As in `plan`, as are the next four.
             goal: x, y, z in the JEM frame [m].
             goal_tolerance: Radius of the goal region [m].
+            goal_face: As in `plan`.
             start_pose: Base pose at the start.
             start_joints: Joint angles at the start.
             limit: Most expansions of each search with more than two limbs.
@@ -214,7 +219,7 @@ class Planner:
         Raises:
             MlivrError: If an argument cannot be used, or the start cannot be held.
         """
-        target = Goal.checked(self.graph, goal, "steps", None, goal_tolerance)
+        target = Goal.checked(self.graph, goal, "steps", None, goal_tolerance, goal_face)
         first = self._first(start, start_pose, start_joints)
         return cause_of(self.graph, first, target, NO_LIMIT if self._estimates else limit)
 
@@ -269,6 +274,7 @@ class Planner:
         *,
         regrasp_price: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,
+        goal_face: str | None = None,
     ) -> None:
         """Work the `"cost_to_go"` heuristic out for all stances: further plans there are fast.
 
@@ -280,7 +286,7 @@ class Planner:
         """
         estimates = self._two_limbs()
         graph = estimates.graph
-        target = Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance)
+        target = Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
         if graph.settings.transitions:
             estimates.keep(target, self._cost_to_go(target).values)
         else:
@@ -293,6 +299,7 @@ class Planner:
         *,
         regrasp_price: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,
+        goal_face: str | None = None,
     ) -> CostToGo:
         """Exact cost from every state to a goal, steps checked: the oracle and expert.
 
@@ -300,13 +307,15 @@ class Planner:
             SettingError: If the robot has more than two limbs.
         """
         graph = self._two_limbs().graph
-        return self._cost_to_go(Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance))
+        return self._cost_to_go(
+            Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
+        )
 
     def _cost_to_go(self, goal: Goal) -> CostToGo:
         graph = self._two_limbs().graph
         key = (*goal.key, graph.version)
         if key not in self._exact:
-            self._exact[key] = CostToGo(graph, goal.target, goal.tolerance, goal.cost)
+            self._exact[key] = CostToGo(graph, goal)
             if len(self._exact) > CACHED_TABLES:
                 self._exact.popitem(last=False)
         return self._exact[key]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError, choice, nonnegative
 from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.costs import HEURISTICS, Cost
@@ -49,11 +49,15 @@ class Goal:
         target: Goal position of the base [m], shape (3,).
         tolerance: Radius of the goal region [m].
         cost: Cost of a step.
+        face: Face of the map whose points all limbs hold at the goal; None for any.
+        on_face: Which points lie on it, shape (m,); None with no face.
     """
 
     target: Array
     tolerance: float
     cost: Cost
+    face: str | None = None
+    on_face: BoolArray | None = None
 
     @classmethod
     def checked(
@@ -63,6 +67,7 @@ class Goal:
         cost: str,
         regrasp_price: float | None,
         tolerance: float,
+        face: str | None = None,
     ) -> Goal:
         """A goal from the arguments of a user.
 
@@ -71,22 +76,34 @@ class Goal:
         """
         priced = Cost.named(cost, regrasp_price)
         radius = nonnegative("goal_tolerance", tolerance)
-        return cls(graph.grasp_map.check_goal(goal), radius, priced)
+        target, on_face = graph.grasp_map.check_goal(goal), None
+        if face is not None:
+            faces = graph.grasp_map.faces
+            choice("goal_face", face, sorted(set(faces)))
+            on_face = np.array([name == face for name in faces])
+        return cls(target, radius, priced, face, on_face)
 
     @property
     def key(self) -> tuple[Any, ...]:
         """What tables of costs to this goal are kept under."""
-        return (*self.target.tolist(), self.tolerance, self.cost)
+        return (*self.target.tolist(), self.tolerance, self.face, self.cost)
 
     def distance(self, positions: Array) -> Array:
         """Distances of base positions from the goal, shape (..., 3) -> (...) [m]."""
         away: Array = np.linalg.norm(positions - self.target, axis=-1)
         return away
 
-    def reached(self, positions: Array) -> BoolArray:
-        """Which base positions lie in the goal region, shape (..., 3) -> (...)."""
-        inside: BoolArray = self.distance(positions) <= self.tolerance
-        return inside
+    def held(self, stances: Sequence[Any] | IntArray) -> BoolArray:
+        """Whether all limbs hold points of the face, for stances (..., N) -> (...)."""
+        points: IntArray = np.asarray(stances)
+        if self.on_face is None:
+            return np.ones(points.shape[:-1], dtype=np.bool_)
+        return np.asarray(self.on_face[points].all(axis=-1))
+
+    def reached(self, positions: Array, stances: Sequence[Any] | IntArray) -> BoolArray:
+        """Whether a robot is at the goal, base positions (..., 3) and stances (..., N) -> (...)."""
+        inside = self.distance(positions) <= self.tolerance
+        return np.asarray(inside & self.held(stances))
 
 
 @dataclass(frozen=True)
@@ -160,4 +177,7 @@ class Search:
         x, y, z = self.goal.target.tolist()
         cost = self.goal.cost
         price = cost.step_weight if cost.name == "weighted" else None
-        return Query((x, y, z), self.goal.tolerance, cost.name, price, self.method, self.heuristic)
+        goal = self.goal
+        return Query(
+            (x, y, z), goal.tolerance, cost.name, price, self.method, self.heuristic, goal.face
+        )

@@ -84,7 +84,7 @@ class PairSearcher:
         graph, goal = self.graph, search.goal
         origin = graph.posture_of(first)
         seeds = _Seeds(graph, first, origin, search)
-        arrived = bool(goal.distance(origin.base_position[0]) <= goal.tolerance)
+        arrived = bool(goal.reached(origin.base_position[0], first.stance))
         if seeds.given and (arrived or not len(seeds.all.stance)):
             status = FOUND if arrived else EXHAUSTED
             return Path(status, (first,), 0.0, 1, 1, np.zeros((0, 2, 3)))
@@ -212,9 +212,7 @@ class Algorithm1Searcher:
         found = algorithm1(
             self.graph,
             first,
-            goal.target,
-            goal.tolerance,
-            goal.cost,
+            goal,
             search.heuristic,
             inflation=search.inflation,
             limit=search.limit,

@@ -63,11 +63,14 @@ def cause_of(graph: StanceGraph, first: State, goal: Goal, limit: int) -> Cause:
         limit: Most expansions of each search for the cause; for two limbs the answer is exact.
     """
     nearest = _nearest_base(graph, goal)
+    if nearest == np.inf:
+        return Cause((), f"no stance holds points of face {goal.face!r} with all limbs")
     if nearest > goal.tolerance:
+        on_face = f" on face {goal.face!r}" if goal.face else ""
         return Cause(
             (),
-            f"no stance has its base within {goal.tolerance:g} m of the goal; the nearest is "
-            f"{nearest:.3f} m away: a goal_tolerance of {nearest + 0.0005:.3f} m would have one",
+            f"no stance{on_face} has its base within {goal.tolerance:g} m of the goal; the nearest "
+            f"is {nearest:.3f} m away: a goal_tolerance of {nearest + 0.0005:.3f} m would have one",
         )
     names = [name for name in RULES if _applies(name, graph)]
     for name in names:
@@ -93,7 +96,7 @@ def _nearest_base(graph: StanceGraph, goal: Goal) -> float:
     """Distance of the nearest base position of a stance to the goal [m]; 0 if it is not known."""
     if not isinstance(graph, PairGraph):
         return 0.0
-    held = (graph.mask > 0).all(axis=1)
+    held = (graph.mask > 0).all(axis=1) & goal.held(graph.points)
     away = np.where(held, goal.distance(graph.base_in_world), np.inf)
     return float(away.min(initial=np.inf))
 

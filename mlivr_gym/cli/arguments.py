@@ -161,6 +161,9 @@ def query_arguments() -> argparse.ArgumentParser:
         help="radius of the goal [m] (default: %(default)s)",
     )
     parser.add_argument(
+        "--goal-face", metavar="FACE", help="all limbs are to hold points of this face at the goal"
+    )
+    parser.add_argument(
         "--limit", type=int, default=200_000, help="most states explored (default: %(default)s)"
     )
     return parser

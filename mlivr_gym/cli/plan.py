@@ -85,6 +85,7 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         heuristic=args.heuristic,
         inflation=args.inflation,
         goal_tolerance=args.tolerance,
+        goal_face=args.goal_face,
         start_pose=args.start_pose,
         start_joints=args.start_joints,
         limit=args.limit,
@@ -92,7 +93,7 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
     )
     progress(-1)
     if result.reason in CUT_OFF:
-        how = {"start_pose": args.start_pose, "start_joints": args.start_joints}
+        how = {name: getattr(args, name) for name in ("goal_face", "start_pose", "start_joints")}
         cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **how)
         raise NoPlanError(f"{result.message}; {cause.message}")
     plan = result.unwrap()

@@ -37,7 +37,7 @@ from mlivr_gym.settings import GRAPH_RULES, SETTINGS, check_rules
 from mlivr_gym.values import LONGEST, MOST_PARTS, MOST_POINTS
 from mlivr_gym.world.boxes import Boxes
 
-FORMAT = 3
+FORMAT = 4
 """Version of the file format."""
 
 BRANCHES = 8
@@ -64,6 +64,7 @@ QUERY = Record(
         "regrasp_price": Maybe(SPENT),
         "method": NAME,
         "heuristic": NAME,
+        "goal_face": Maybe(NAME),
     },
     complete=True,
 )

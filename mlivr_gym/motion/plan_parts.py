@@ -55,6 +55,7 @@ class Query:
         regrasp_price: Metres charged for a regrasp, if the cost is `"weighted"`.
         method: Search method.
         heuristic: Heuristic.
+        goal_face: Face of the map whose points all limbs hold at the goal; None for any.
     """
 
     goal: tuple[float, float, float]
@@ -63,6 +64,7 @@ class Query:
     regrasp_price: float | None
     method: str
     heuristic: str
+    goal_face: str | None = None
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from mlivr_gym.planners.pair_search import (
     search,
     weights_of,
 )
+from mlivr_gym.planners.query import Goal
 
 COSTS = [("base", None), ("steps", None), ("weighted", 0.1)]
 
@@ -117,7 +118,7 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(tiny_map, limbs, nam
         for goal in (*goals, goals[0] + 1.0):
             expected = least_cost(truth, positions, start, goal)
             for heuristic in ("consistent", "zero"):
-                explored = algorithm1(graph, start, goal, 0.2, cost, heuristic)
+                explored = algorithm1(graph, start, Goal(goal, 0.2, cost), heuristic)
                 assert explored.status == (FOUND if np.isfinite(expected) else EXHAUSTED)
                 if explored.status == FOUND:
                     assert explored.costs[-1] == pytest.approx(expected, abs=1e-9)
@@ -133,7 +134,7 @@ def test_costs_and_existence_are_those_of_the_compiled_search(small_checked_grap
     several = none = 0
     for _ in range(120):
         start, goal = random_query(graph, rng)
-        ours = algorithm1(graph, graph.state(start), goal, 0.2, cost)
+        ours = algorithm1(graph, graph.state(start), Goal(goal, 0.2, cost))
         compiled = compiled_cost(graph, start, goal, cost)
         assert (ours.status == FOUND) == np.isfinite(compiled)
         if ours.status == FOUND:
@@ -214,7 +215,7 @@ def test_inflation_limit_and_progress(small_graph):
     short = planner.plan(start, goal, limit=150, progress=seen.append, **how)
     assert (short.reason, short.expanded, seen) == ("limit reached", 150, [0, 100])
     state = small_graph.state(start)
-    assert algorithm1(small_graph, state, goal, 0.2, Cost(), limit=1).status == LIMIT
+    assert algorithm1(small_graph, state, Goal(goal, 0.2, Cost()), limit=1).status == LIMIT
 
 
 def test_the_table_of_costs_to_go_is_not_for_it(small_graph):

@@ -1,0 +1,122 @@
+"""Goals that name a face: all limbs hold points of it when the walk ends."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlivr_gym import Settings, stance_graph
+from mlivr_gym.cli.main import main
+from mlivr_gym.errors import SettingError
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.planners import Planner
+
+
+@pytest.fixture(scope="module")
+def corner(jem):
+    """Points of the deck and the forward wall that lie near each other."""
+    keep = (jem.positions[:, 0] < 2.6) & np.isin(jem.faces, ["deck", "forward"])
+    return jem.subset(keep & (np.arange(len(jem)) % 3 == 0), "corner")
+
+
+def steps_to(graph, start, goal, radius, face):
+    """Fewest steps to a goal, by breadth-first search over `successors`."""
+    faces = np.array(graph.grasp_map.faces)
+    todo, seen, steps = [start], {start}, 0
+    while todo:
+        for state in todo:
+            place = graph.posture_of(state).base_position[0]
+            there = np.linalg.norm(place - goal) <= radius
+            if there and (face is None or (faces[list(state.stance)] == face).all()):
+                return steps
+        ahead = []
+        for state in todo:
+            successors = graph.successors(state)
+            for k in range(len(successors.limb)):
+                after = successors.after(state, k)
+                if after not in seen:
+                    seen.add(after)
+                    ahead.append(after)
+        todo, steps = ahead, steps + 1
+    return None
+
+
+@pytest.mark.parametrize("method", ["astar", "algorithm1"])
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
+def test_walks_end_on_the_face_with_the_fewest_steps(corner, robot, method):
+    settings = Settings(collisions=False)
+    if robot == "mlivr3":
+        settings = Settings(manipulability=False, transitions=False, collisions=False)
+        corner = corner.subset(np.arange(len(corner)) % 2 == 0, "fewer points")
+    graph, rng, longer, ended = (
+        stance_graph(corner, robot, settings),
+        np.random.default_rng(2),
+        0,
+        0,
+    )
+    planner, limbs = Planner(graph), graph.limbs
+    drawn = rng.permuted(np.tile(np.arange(len(corner)), (600, 1)), axis=1)[:, :limbs]
+    stances = [s for s in drawn.tolist() if graph.is_node(graph.posture(s))[0]]
+    for stance, other in zip(stances[:8], stances[8:16], strict=True):
+        start, goal = graph.state(stance), graph.posture(other).base_position[0]
+        goal = np.clip(goal, *corner.cabin)
+        for face in (None, "deck", "forward"):
+            fewest = steps_to(graph, start, goal, 0.4, face)
+            found = planner.plan(
+                stance, goal, "steps", method=method, goal_tolerance=0.4, goal_face=face,
+                inflation=1.0,
+            )  # fmt: skip
+            assert bool(found) == (fewest is not None)
+            if found and face is None:
+                anywhere = fewest
+            elif found:
+                assert len(found.plan.steps) == fewest
+                held = {corner.faces[corner.index(point)] for point in found.plan.stances[-1]}
+                assert held == {face}
+                longer, ended = longer + (fewest > anywhere), ended + 1
+    assert ended > 3
+    assert longer
+
+
+def test_the_exact_cost_counts_goals_on_the_face_alone(corner):
+    graph = stance_graph(corner, settings=Settings(collisions=False))
+    planner, goal = Planner(graph), corner.cabin.mean(axis=0)
+    goal[0] = 2.0
+    how = {"cost": "steps", "goal_tolerance": 0.6, "goal_face": "deck"}
+    exact = planner.cost_to_go(goal, **how)
+    faces = np.array(corner.faces)[graph.points]
+    near = np.linalg.norm(graph.base_in_world - goal, axis=1) <= 0.6
+    np.testing.assert_array_equal(exact.values == 0.0, near & (faces == "deck").all(axis=1))
+    assert 0 < exact.is_goal.sum() < near.sum()
+    for s in np.random.default_rng(0).choice(len(graph), 20):
+        found = planner.plan(graph.points[s].tolist(), goal, **how)
+        assert (found.plan.cost if found else np.inf) == exact.values[s]
+
+
+def test_a_face_that_the_map_has_not_is_refused(corner):
+    planner = Planner(stance_graph(corner, settings=Settings(collisions=False)))
+    with pytest.raises(SettingError, match=r"goal_face.*'ceiling'.*deck.*forward"):
+        planner.plan((0, 3), corner.cabin.mean(axis=0), goal_face="ceiling")
+
+
+def test_a_goal_without_stances_on_the_face_is_told(small_checked_graph):
+    graph = small_checked_graph
+    goal = np.clip(graph.base_in_world[0], *graph.grasp_map.cabin)
+    away = np.linalg.norm(graph.base_in_world - goal, axis=1)
+    on = (np.array(graph.grasp_map.faces)[graph.points] == "forward").all(axis=1)
+    cause = Planner(graph).why_not(
+        graph.points[0].tolist(), goal, goal_tolerance=0.01, goal_face="forward"
+    )
+    assert "on face 'forward'" in cause.message
+    assert f"{away[on].min():.3f} m away" in cause.message
+
+
+def test_the_command_takes_a_face_and_the_file_keeps_it(tmp_path):
+    file = tmp_path / "plan.json"
+    task = ["--start", "D2a:4", "D2b:4", "--goal", "5.9", "0", "0.4", "--cost", "steps"]
+    assert main(["plan", *task, "--goal-face", "overhead", "--out", str(file)]) == 0
+    plan = Plan.load(file)
+    assert plan.query.goal_face == "overhead"
+    assert all(point.startswith("O") for point in plan.stances[-1])
+    again = Plan.from_dict(replace(plan, query=replace(plan.query, goal_face=None)).to_dict())
+    assert again.query.goal_face is None
