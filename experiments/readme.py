@@ -13,6 +13,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, rows_of
+
 from comparison_report import readme_table
 
 from mlivr_gym.files import write_whole
@@ -28,28 +30,9 @@ CASES = {
 
 def table1(data: dict[str, Any]) -> str:
     """Table I of the paper beside what was measured."""
-    lines = [
-        "| case | source | explored | base translation [m] | steps | least w_m | least w_b "
-        "| time [s] |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+    lines = [HEAD, HEAD_LINE]
     for case, title in CASES.items():
-        paper = data["paper"][case]
-        lines.append(
-            f"| {title} | paper | {paper['expanded']} | {paper['base_translation']:.1f} "
-            f"| {paper['steps']} | {paper['w_m_min']:.2f} | {paper['w_b_min']:.4f} "
-            f"| {paper['time']:g} |"
-        )
-        for source, key in (
-            ("measured", "measured"),
-            ("with collisions", "measured_with_collisions"),
-        ):
-            row = data[key][case]
-            lines.append(
-                f"| | {source} | {row['expanded']} | {row['base_translation']:.2f} "
-                f"| {row['steps']} | {row['w_m_min']:.4f} | {row['w_b_min']:.5f} "
-                f"| {row['stance_set_time']:.2f} + {row['search_time']:.3f} |"
-            )
+        lines += rows_of(data, case, title)
     return "\n".join(lines) + "\n"
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from mlivr_gym import Settings, State, jem_map, stance_graph
-from mlivr_gym.cli.table1 import run_cases
+from mlivr_gym.cli.table1 import impossible, run_cases
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.figures import save_figure
@@ -163,7 +163,7 @@ def main() -> None:
     write_whole(args.out / "table1_study.json", json.dumps(study, indent=1) + "\n")
     write_whole(args.out / "table1_study.md", study_markdown(study))
     print(study_markdown(study))
-    failed = [name for name, held in data["relations"].items() if not held]
+    failed = impossible(data)
     if failed:
         raise SystemExit(f"relations that do not hold: {failed}")
 

@@ -35,11 +35,12 @@ class Estimates:
 
     Attributes:
         graph: The stance graph.
+        expanded: Stances that searches backward have expanded so far.
     """
 
     def __init__(self, graph: PairGraph) -> None:
         """Know nothing yet of `graph`."""
-        self.graph = graph
+        self.graph, self.expanded = graph, 0
         self._regions: OrderedDict[tuple[Any, ...], Region] = OrderedDict()
         self._relaxed: OrderedDict[tuple[Any, ...], Array] = OrderedDict()
 
@@ -72,14 +73,19 @@ class Estimates:
             return self._relaxed[key]
         region = self.region(goal)
         if cost.base_weight == 0.0 or start < 0:
-            return self.keep(goal, unchecked(graph, region.goal, cost))
+            return self.keep(goal, self._counted(unchecked(graph, region.goal, cost)))
         away = _distances(graph.base_in_world, graph.base_in_world[start])
         toward = cost.heuristic("consistent", away, 0.0, graph.max_step)
-        table = unchecked(graph, region.goal, cost, start, toward)
+        table = self._counted(unchecked(graph, region.goal, cost, start, toward))
         # Stances that the backward search did not reach cost at least what it had got to.
         rest = np.isinf(table)
         bound = cost.heuristic("consistent", region.distance, goal.tolerance, graph.max_step)
         table[rest] = np.maximum(bound, table[start] - toward)[rest]
+        return table
+
+    def _counted(self, table: Array) -> Array:
+        """Costs that a search backward has found, which are counted."""
+        self.expanded += int(np.isfinite(table).sum())
         return table
 
     def keep(self, goal: Goal, table: Array) -> Array:
@@ -116,11 +122,11 @@ class Estimates:
         elif learnt and cost.base_weight:
             toward = cost.heuristic("consistent", away, 0.0, graph.max_step)
         else:
-            toward = unchecked(graph, np.arange(n) == start, cost)
+            toward = self._counted(unchecked(graph, np.arange(n) == start, cost))
         reached = self.region(goal).goal
         weights = weights_of(cost, limit=limit)
         value, bound, arrived = backward(graph, reached, weights, start, toward)
-        exact = np.where(reached, 0.0, value.min(axis=(1, 2)))
+        exact = self._counted(np.where(reached, 0.0, value.min(axis=(1, 2))))
         with np.errstate(invalid="ignore"):
             closer = np.fmax(h, np.fmin(exact, bound - toward))
         # The search got to every stance of an optimal plan if it arrived.

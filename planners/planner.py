@@ -184,7 +184,7 @@ class Planner:
         if committed.motion is None:
             return _no_plan("no swing", self._no_swing(path, committed), clock, path)
         times = clock.feasibility, clock.search
-        statistics = Statistics(path.cost, path.expanded, path.generated, *times)
+        statistics = Statistics(path.cost, path.expanded, path.generated, *times, path.backward)
         plan = Plan(search.record, World.of(self.graph), committed.motion, statistics)
         return PlanningResult(
             plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m",

@@ -55,6 +55,7 @@ class Path:
         expanded: States expanded.
         generated: States generated.
         tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+        backward: Stances that searches backward have expanded for the heuristic.
     """
 
     status: int
@@ -63,6 +64,7 @@ class Path:
     expanded: int
     generated: int
     tree: Array
+    backward: int = 0
 
 
 class Searcher(Protocol):
@@ -88,21 +90,21 @@ class PairSearcher:
         if seeds.given and (arrived or not len(seeds.all.stance)):
             status = FOUND if arrived else EXHAUSTED
             return Path(status, (first,), 0.0, 1, 1, np.zeros((0, 2, 3)))
-        region = self.estimates.region(goal)
+        region, known = self.estimates.region(goal), self.estimates.expanded
         if not set(graph.components[1][seeds.all.stance].tolist()) & region.parts:
             return None
         status, out, explored, generated = self._search(search, seeds, origin)
         stance, moved, mask, parent, g = out
-        chain = _chain(parent)
+        backward, chain = self.estimates.expanded - known, _chain(parent)
         states = tuple(self._state(int(stance[k]), int(moved[k]), int(mask[k])) for k in chain)
         before = np.where(
             parent[:, None] >= 0, graph.base_in_world[stance[parent]], origin.base_position[0]
         )
         tree = np.stack([before, graph.base_in_world[stance]], axis=1)
         if not seeds.given:
-            return Path(int(status), states, float(g[-1]), explored, generated, tree[1:])
+            return Path(int(status), states, float(g[-1]), explored, generated, tree[1:], backward)
         counts = explored + 1, generated + 1
-        return Path(int(status), (first, *states), float(g[-1]), *counts, tree)
+        return Path(int(status), (first, *states), float(g[-1]), *counts, tree, backward)
 
     def _search(
         self, search_: Search, seeds: _Seeds, origin: Postures

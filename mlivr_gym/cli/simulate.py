@@ -132,8 +132,10 @@ def run(args: argparse.Namespace) -> int:
     if args.case:
         setup = default_setup()
         args.start, args.goal = tuple(setup["start"]), tuple(setup["goal"])
-        args.cost = CASES[args.case].cost
-        graph = case_graph(args.case, setup, collisions=not args.no_collisions)
+        args.cost, args.goal_face = CASES[args.case].cost, setup["goal_face"]
+        graph: PairGraph | LazyGraph = case_graph(
+            args.case, setup, "steps" if args.no_collisions else "collisions"
+        )
     else:
         graph = chosen_graph(args)
     return simulate(args, graph, find_plan(graph, args).unwrap())

@@ -90,6 +90,7 @@ STATISTICS = Record(
         "cost": SPENT,
         "expanded": COUNT,
         "generated": COUNT,
+        "backward": COUNT,
         "feasibility_time": SPENT,
         "search_time": SPENT,
     },

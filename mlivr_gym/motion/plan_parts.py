@@ -132,6 +132,7 @@ class Statistics:
         generated: States generated.
         feasibility_time: Time spent on postures and stances for this query [s].
         search_time: Time spent on search and step checks [s].
+        backward: Stances that searches backward have expanded for the heuristic, for this query.
     """
 
     cost: float
@@ -139,3 +140,4 @@ class Statistics:
     generated: int
     feasibility_time: float = 0.0
     search_time: float = 0.0
+    backward: int = 0

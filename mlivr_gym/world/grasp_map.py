@@ -135,20 +135,25 @@ class GraspMap:
     def sparse(
         self, seed: int, keep: tuple[str, ...] = (), clear_deck: tuple[float, float] | None = None
     ) -> GraspMap:
-        """Half of the points by a seeded draw: the map of the paper's Case 4.
+        """Half of the points by a seeded draw, rounded down: the map of the paper's Case 4.
 
         Args:
             seed: Seed of the draw.
             keep: Ids that stay in any case (the start stance).
-            clear_deck: Range of x [m] in which every deck point is dropped.
+            clear_deck: Range of x [m] in which every deck point is dropped, others in place of
+                them are not, as long as there are enough.
         """
-        kept = np.zeros(len(self), dtype=bool)
-        kept[np.random.default_rng(seed).permutation(len(self))[: len(self) // 2]] = True
+        last = np.zeros(len(self), dtype=np.int64)
         if clear_deck is not None:
             low, high = sorted(clear_deck)
             x = self.positions[:, 0]
-            kept &= ~((np.array(self.faces) == "deck") & (x > low) & (x < high))
-        kept[[self.index(point) for point in keep]] = True
+            last[(np.array(self.faces) == "deck") & (x > low) & (x < high)] = 2
+        last[[self.index(point) for point in keep]] = -1
+        drawn = np.random.default_rng(seed).permutation(len(self))
+        drawn = drawn[np.argsort(last[drawn], kind="stable")]
+        kept = np.zeros(len(self), dtype=bool)
+        kept[drawn[: len(self) // 2]] = True
+        kept &= last < 2
         return self.subset(kept, name=f"{self.name}-sparse-{seed}")
 
     def check_goal(self, goal: Any) -> Array:

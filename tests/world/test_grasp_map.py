@@ -48,7 +48,7 @@ def test_spacing_is_a_parameter(jem):
 def test_sparse_map_halves_the_points_and_clears_the_deck(jem):
     sparse = jem.sparse(3, keep=("D1a:4",), clear_deck=(1.5, 6.0))
     assert sparse.ids == jem.sparse(3, keep=("D1a:4",), clear_deck=(1.5, 6.0)).ids
-    assert len(jem.sparse(3)) == len(jem) // 2
+    assert len(jem.sparse(3)) == len(sparse) == len(jem) // 2
     deck = [sparse.positions[i, 0] for i, face in enumerate(sparse.faces) if face == "deck"]
     assert all(not 1.5 < x < 6.0 for x in deck)
     assert "D1a:4" in sparse.ids
