@@ -31,6 +31,7 @@ from mlivr_gym.compiled.bit_sets import (
     whole_class,
 )
 from mlivr_gym.compiled.kernels import kernel, part
+from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.base_path import lift_path
 from mlivr_gym.kinematics.families import branch_frames
 from mlivr_gym.kinematics.holding import hold_mask
@@ -97,7 +98,8 @@ def limb_status(
     limb, reached, shapes = robot.limbs[i], tried.limbs[i], room.in_body[i, b]
     found = CLEAR + 1
     placed, axes = room.placed, room.inversion.axes
-    if branch_frames(limb.arm, vector(reached.p), vector(reached.z), b, axes, placed.frames):
+    flange = FlangeAxis(vector(reached.p), vector(reached.z))
+    if branch_frames(limb.arm, flange, b, axes, placed.frames):
         place(limb, placed.frames, shapes)
         found, _ = against_itself(limb, shapes, placed, EVERY, clearance)
         if found == CLEAR:
@@ -253,10 +255,10 @@ def hold_masks(
                 and limb_status(robot, held, tried, i, b, grid, clearance, room) == CLEAR
             )
             if room.allowed[i, b]:
+                flange = FlangeAxis(vector(reached.p), vector(reached.z))
                 limb_information(
                     limb,
-                    vector(reached.p),
-                    vector(reached.z),
+                    flange,
                     b,
                     l_c,
                     room.inversion,

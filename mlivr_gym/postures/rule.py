@@ -12,6 +12,7 @@ from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, class_of
 from mlivr_gym.compiled.kernels import kernel, part
+from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.manipulability import limb_information
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.branches import (
@@ -90,6 +91,7 @@ def enter(search: Search, c: int, floor: float, look: bool, room: PostureRoom) -
             return False
     for i in range(count):
         reached = tried.limbs[i]
+        flange = FlangeAxis(vector(reached.p), vector(reached.z))
         room.option_count[i] = 0
         for b in range(BRANCHES):
             if reached.w[class_of(b)] > floor * rule.scale_m:
@@ -97,8 +99,7 @@ def enter(search: Search, c: int, floor: float, look: bool, room: PostureRoom) -
                 room.option_count[i] += 1
                 limb_information(
                     robot.limbs[i],
-                    vector(reached.p),
-                    vector(reached.z),
+                    flange,
                     b,
                     robot.characteristic_length,
                     room.inversion,
