@@ -82,11 +82,11 @@ class PlainChecks:
         folds = self.robot["folds"][: len(self.spec.folds)]
         self.folds = [np.array([*fold, 0.0]) for fold in folds]
 
-    def clear(self, path, first, second, compared, resting=(), grasp=None):
+    def clear(self, path, first, second, compared, resting=(), grasp=None, places=(0.0, 1.0)):
         """Whether a limb keeps clear while the base follows a path, or stays if that is a pose."""
         stays = path.dtype.names == ("position", "rotation")
         moves = base_path(path, path, STRAIGHT, np.zeros(3)) if stays else path
-        room = motion(moves, (0.0, 0.0 if stays else 1.0), first, second, compared)
+        room = motion(moves, (0.0, 0.0) if stays else places, first, second, compared)
         room["resting"]["count"] = len(resting)
         for k, (limb, ends) in enumerate(resting):
             room["resting"]["limb"][k] = limb

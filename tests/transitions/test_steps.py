@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from limb_motions import swinging
 from plain_steps import NO_EDGE, PlainChecks, PlainStep, mask_of, members
 
 from mlivr_gym import Settings, stance_graph
+from mlivr_gym.collisions.motion import Sweep
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.transitions.motions import Hold, Piece, piece_clear
 
 NO_COLLISIONS = Settings(collisions=False)
 
@@ -119,3 +122,39 @@ def test_steps_without_collisions_are_those_of_the_plain_definition(small, given
         same_edge(step, edge, of_step.held)
         assert able == bool(edge.kept)
         assert mask_of(edge.on_arc) == int(step["on_arc"])
+
+
+def test_pieces_of_a_swing_are_clear_where_every_motion_in_them_is(small):
+    """A limb on a random line while the base goes along a part of a path and the others hold."""
+    graph, rng, answers = small[0], np.random.default_rng(5), []
+    for _ in range(60):
+        limb, before, after = two_stances(graph, rng)
+        stances, step, _ = asked(graph, limb, before, after, [ALL] * graph.limbs, False)
+        plain = PlainChecks(graph, stances)
+        of_step = PlainStep(plain, limb, 0, 1, step["pivot"], [members(ALL)] * graph.limbs, False)
+        kind = int(rng.integers(2))
+        path, standing = of_step.paths[kind], of_step.on_path[kind]
+        if not all(standing.values()):
+            continue
+        start = plain.folds[int(rng.integers(len(plain.folds)))]
+        end = start + rng.normal(size=6) * 0.3
+        piece, holds = Piece.rows(1), Hold.rows(len(of_step.held))
+        places = sorted(rng.uniform(0.0, 1.0, 2).tolist())
+        piece["path"], piece["limb"] = path, limb
+        piece["begin"], piece["finish"] = places
+        piece["start"]["q"], piece["end"]["q"] = start, end
+        chosen = {i: int(rng.choice([b for b, _ in standing[i]])) for i in of_step.held}
+        for row, i in zip(holds, of_step.held, strict=True):
+            row["limb"], row["point"], row["branch"] = i, after[i], chosen[i]
+        world = graph.checks.world(None)
+        ours = piece_clear(piece, holds, graph.checks.robots, world, Sweep.rows(1))
+        swing = swinging(limb, start, end)
+        truth = plain.clear(path, swing, swing, ("boxes", "body"), places=places) and all(
+            plain.clear(
+                path, of_step.holds(i, b), swing, ("boxes", "body", "meeting"), places=places
+            )
+            for i, b in chosen.items()
+        )
+        assert ours == truth
+        answers.append(ours)
+    assert 5 < sum(answers) < len(answers) - 5
