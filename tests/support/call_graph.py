@@ -79,6 +79,7 @@ def fixture_of(path, name):
     return None
 
 
+@cache
 def uses(path, name):
     """What the definition of a name uses."""
     node, found = defined(path)[name], set()
@@ -92,8 +93,10 @@ def uses(path, name):
         elif isinstance(inner, ast.arg) and path.is_relative_to(TESTS):
             found.add(fixture_of(path, inner.arg))
         elif isinstance(inner, ast.Constant) and isinstance(inner.value, str):
-            # An annotation, or a name that is looked up.
-            found.add(place_of(path, inner.value) if inner.value.isidentifier() else None)
+            # An annotation, or a name that is looked up in a module.
+            modules = [file_of(module) for module, of in imported(path).values() if of is None]
+            if inner.value.isidentifier():
+                found |= {place_of(file, inner.value) for file in (path, *modules) if file}
     return found - {None}
 
 
