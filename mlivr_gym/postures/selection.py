@@ -23,9 +23,10 @@ from mlivr_gym.postures.records import (
     Posture,
     PostureRoom,
     PostureRule,
+    Search,
     Tried,
 )
-from mlivr_gym.postures.rule import Search, best_posture, enter, touches_nothing
+from mlivr_gym.postures.rule import best_posture, enter, touches_nothing
 
 
 @kernel
@@ -152,7 +153,7 @@ def _solve(
         search = strict if rule.collide else loose
         enter(search, chosen, np.inf, chosen < 0, room)
         tried = room.tried[chosen]
-        hold_masks(robot, held, tried, rule, grid, search.clearance, room, out)
+        hold_masks(search, tried, room, out)
     elif node:
         for i in range(robot.limb_count):
             out.mask[i] = ALL
