@@ -42,7 +42,7 @@ AMBIGUOUS = {
 
 LEVEL = {name: len(LAYERS) - k for k, line in enumerate(LAYERS) for name in line}
 MOST_LINES, MOST_FUNCTION_LINES, MOST_PARAMETERS, WIDTH = 400, 60, 6, 100
-MOST_OF_KERNELS, MEAN_OF_KERNELS = 8, 4.2
+MOST_OF_KERNELS, MEAN_OF_KERNELS = 8, 4.0
 """Parameters of a kernel, at most and on average."""
 
 PRIVATE_OPTION = "mlivr_gym/compiled/kernels.py"

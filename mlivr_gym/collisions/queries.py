@@ -162,8 +162,8 @@ def _branch_touches(
     """What limb `i` on branch `b` touches in posture `k`, hand apart."""
     limb, placed, grasp = robot.limbs[i], room.placed, around.grasps[postures.points[k, i]]
     base = postures.base[k]
-    p, _, z = flange_seen(limb, base, grasp.flange)
-    if not branch_frames(limb.arm, p, z, b, room.axes, placed.frames):
+    seen, _ = flange_seen(limb, base, grasp.flange)
+    if not branch_frames(limb.arm, seen, b, room.axes, placed.frames):
         return CLEAR + 1
     place(limb, placed.frames, placed.in_body)
     to_world(limb, base, placed.in_body, placed.in_world)

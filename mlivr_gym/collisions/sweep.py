@@ -29,7 +29,6 @@ from mlivr_gym.collisions.motion import (
     SWINGS,
     Interval,
     LimbMotion,
-    Motion,
     Sweep,
 )
 from mlivr_gym.collisions.placing import (
@@ -63,10 +62,9 @@ A matter of speed only.
 
 
 @kernel
-def joints_at(
-    robot: Robot, motion: Motion, limb: LimbMotion, s: float, room: Sweep, q: Joints
-) -> bool:
+def joints_at(robot: Robot, limb: LimbMotion, s: float, room: Sweep, q: Joints) -> bool:
     """Joint angles of a limb at a share `s` of a motion, into `q`; whether it can be there."""
+    motion = room.motion
     if limb.kind == SWINGS:
         for k in range(6):
             q[k] = limb.start[k] + s * (limb.end[k] - limb.start[k])
@@ -98,21 +96,21 @@ def sweep(robot: Robot, grid: BoxGrid, clearance: float, room: Sweep) -> int:
     motion, intervals = room.motion, room.intervals
     span = abs(motion.finish - motion.begin)
     travel, swing = motion.path.speed * span, motion.path.angle * span
-    pieces = _pieces(robot, motion, travel + swing, room)
+    pieces = _pieces(robot, travel + swing, room)
     shortest = 0.5**DEPTH if motion.first.kind == DEPARTS else 0.5 ** (DEPTH + 1)
     if not (
-        joints_at(robot, motion, motion.first, 0.0, room, room.first_ahead)
-        and joints_at(robot, motion, motion.second, 0.0, room, room.second_ahead)
+        joints_at(robot, motion.first, 0.0, room, room.first_ahead)
+        and joints_at(robot, motion.second, 0.0, room, room.second_ahead)
     ):
         return UNDECIDED
     for piece in range(pieces):
-        if not _first_interval(robot, motion, piece, pieces, room):
+        if not _first_interval(robot, piece, pieces, room):
             return UNDECIDED
         top = 1
         while top > 0:
             top -= 1
             here = intervals[top]
-            if not _place_limb(robot, motion, motion.first, here, room, room.first, here.first):
+            if not _place_limb(robot, motion.first, here, room, room.first, here.first):
                 return UNDECIDED
             answer = UNDECIDED
             if room.first.proved:
@@ -128,8 +126,9 @@ def sweep(robot: Robot, grid: BoxGrid, clearance: float, room: Sweep) -> int:
 
 
 @part
-def _pieces(robot: Robot, motion: Motion, travel: float, room: Sweep) -> int:
+def _pieces(robot: Robot, travel: float, room: Sweep) -> int:
     """Number of intervals of the first division."""
+    motion = room.motion
     if motion.first.kind == DEPARTS:
         return 1
     _whole_motion(robot, motion.first, room.first)
@@ -151,9 +150,9 @@ def _whole_motion(robot: Robot, limb: LimbMotion, placed: Placed) -> None:
 
 
 @part
-def _first_interval(robot: Robot, motion: Motion, piece: int, pieces: int, room: Sweep) -> bool:
+def _first_interval(robot: Robot, piece: int, pieces: int, room: Sweep) -> bool:
     """Put a piece of the first division on the stack; whether the limbs can be at its end."""
-    here = room.intervals[0]
+    motion, here = room.motion, room.intervals[0]
     here.half = 0.5 / pieces
     here.middle = (2 * piece + 1) * here.half
     here.boxes = EVERY if motion.boxes else 0
@@ -162,8 +161,8 @@ def _first_interval(robot: Robot, motion: Motion, piece: int, pieces: int, room:
     for k in range(6):
         here.first.first[k], here.second.first[k] = room.first_ahead[k], room.second_ahead[k]
     at = (piece + 1) / pieces
-    there = joints_at(robot, motion, motion.first, at, room, room.first_ahead) and joints_at(
-        robot, motion, motion.second, at, room, room.second_ahead
+    there = joints_at(robot, motion.first, at, room, room.first_ahead) and joints_at(
+        robot, motion.second, at, room, room.second_ahead
     )
     for k in range(6):
         here.first.last[k], here.second.last[k] = room.first_ahead[k], room.second_ahead[k]
@@ -173,7 +172,6 @@ def _first_interval(robot: Robot, motion: Motion, piece: int, pieces: int, room:
 @kernel
 def _place_limb(
     robot: Robot,
-    motion: Motion,
     limb: LimbMotion,
     here: Interval,
     room: Sweep,
@@ -184,14 +182,14 @@ def _place_limb(
 
     Where `placed.proved` is false it is not known how far it moves, and it is not put in place.
     """
-    if not joints_at(robot, motion, limb, here.middle, room, placed.q):
+    if not joints_at(robot, limb, here.middle, room, placed.q):
         return False
     arm, placed.proved = robot.limbs[limb.limb].arm, True
     if limb.kind == SWINGS:
         placed.share = here.half
     else:
         placed.share = 1.0
-        flange = _flange_motion(robot, motion, limb, here, room)
+        flange = _flange_motion(robot, limb, here, room)
         placed.proved = held_turns(arm, placed.q, flange, placed.turns)
         if not placed.proved:
             return True
@@ -204,12 +202,11 @@ def _place_limb(
 
 
 @kernel
-def _flange_motion(
-    robot: Robot, motion: Motion, limb: LimbMotion, here: Interval, room: Sweep
-) -> FlangeMotion:
+def _flange_motion(robot: Robot, limb: LimbMotion, here: Interval, room: Sweep) -> FlangeMotion:
     """How a flange moves in the limb base frame from the middle of an interval to either end."""
     if limb.kind == DEPARTS:
         return FlangeMotion(here.half * robot.lift, 0.0, 0.0)
+    motion = room.motion
     half = here.half * abs(motion.finish - motion.begin)
     at = motion.begin + here.middle * (motion.finish - motion.begin)
     _, _, z = columns(limb.flange.rotation)
@@ -251,7 +248,7 @@ def _compare(
             return answer
     if here.limbs and motion.meeting:
         second, other = room.second, robot.limbs[motion.second.limb]
-        if not _place_limb(robot, motion, motion.second, here, room, second, here.second):
+        if not _place_limb(robot, motion.second, here, room, second, here.second):
             return UNDECIDED
         if not second.proved:
             return UNDECIDED

@@ -126,14 +126,13 @@ def advance(
 
 @kernel
 def _walk_towards(
-    s: int, mask0: int, mask1: int, target: Array, position: Array, tables: StepTables
+    s: int, masks: tuple[int, int], target: Array, position: Array, tables: StepTables
 ) -> int:
     """Stance at which a walk ends that goes nearer to a target with every step.
 
     Args:
         s: Stance at which it begins.
-        mask0: Branches that limb 0 may be on.
-        mask1: Branches that limb 1 may be on.
+        masks: Branches that each limb may be on.
         target: Where it goes [m], shape (3,).
         position: Base positions of the stances [m], shape (n, 3).
         tables: `StepTables`.
@@ -144,11 +143,10 @@ def _walk_towards(
     for _ in range(MOST_STEPS):
         best = NONE
         for moving in range(2):
-            of_held, of_moving = (mask0, mask1) if moving else (mask1, mask0)
-            if not can_release(of_moving, tables.releasable[here, moving]):
+            if not can_release(masks[moving], tables.releasable[here, moving]):
                 continue
             for e in range(start[2 * here + moving], start[2 * here + moving + 1]):
-                if kept_on_edge(of_held, kept[e]):
+                if kept_on_edge(masks[1 - moving], kept[e]):
                     square = 0.0
                     for axis in range(3):
                         square += (position[after[e], axis] - target[axis]) ** 2
@@ -159,9 +157,9 @@ def _walk_towards(
         second = best >= start[2 * here + 1]
         here = after[best]
         if second:
-            mask0, mask1 = kept_on_edge(mask0, kept[best]), int(tables.releasable[here, 1])
+            masks = kept_on_edge(masks[0], kept[best]), int(tables.releasable[here, 1])
         else:
-            mask1, mask0 = kept_on_edge(mask1, kept[best]), int(tables.releasable[here, 0])
+            masks = int(tables.releasable[here, 0]), kept_on_edge(masks[1], kept[best])
     return here
 
 
@@ -198,12 +196,12 @@ def draw_tasks(
             if not given[k]:
                 s = random_below(streams, k, n)
                 mask0, mask1 = tables.masks[s]
-                if mask0 == 0 or mask1 == 0 or not any_step(s, mask0, mask1, tables):
+                if mask0 == 0 or mask1 == 0 or not any_step(s, (mask0, mask1), tables):
                     continue
                 stances[k], masks[k, 0], masks[k, 1] = s, mask0, mask1
             s, mask0, mask1 = stances[k], masks[k, 0], masks[k, 1]
             target = targets[random_below(streams, k, len(targets))]
-            here = _walk_towards(s, mask0, mask1, target, position, tables)
+            here = _walk_towards(s, (mask0, mask1), target, position, tables)
             away, inside = 0.0, True
             for axis in range(3):
                 away += (position[here, axis] - position[s, axis]) ** 2

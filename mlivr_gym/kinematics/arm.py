@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record
+
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
 
 TURN = 2.0 * np.pi
 """A whole turn [rad]."""
@@ -33,6 +36,15 @@ class Arm(Record):
     window: Annotated[Array, (6, 2)]
     """Least and largest angle of each joint of a limb that holds or is folded, see `in_window`
     [rad]."""
+
+
+class FlangeAxis(NamedTuple):
+    """Where a flange is but for its turn about its axis, in the limb base frame."""
+
+    p: Triple
+    """Its position [m]."""
+    z: Triple
+    """Its axis."""
 
 
 class JointAxes(Record):

@@ -101,8 +101,8 @@ def certify(
             s = (2 * piece + 1) * half
             piece += 1
         pose_on_path(path, s, room.base)
-        p, _, z = flange_seen(limb, room.base, flange)
-        branch_terms(arm, p, z, room.terms)
+        seen, _ = flange_seen(limb, room.base, flange)
+        branch_terms(arm, seen, room.terms)
         undecided = False
         travel, turned = (
             travel_seen(path, room.base, s, half, wrist),

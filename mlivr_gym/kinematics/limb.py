@@ -10,7 +10,7 @@ from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
-from mlivr_gym.kinematics.arm import Arm, in_window
+from mlivr_gym.kinematics.arm import Arm, FlangeAxis, in_window
 from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
 from mlivr_gym.kinematics.poses import Pose, columns, into, seen_from, vector
 
@@ -42,7 +42,7 @@ def wrap(angle: float) -> float:
 
 
 @kernel
-def flange_seen(limb: MountedArm, base: Pose, flange: Pose) -> tuple[Triple, Triple, Triple]:
+def flange_seen(limb: MountedArm, base: Pose, flange: Pose) -> tuple[FlangeAxis, Triple]:
     """A flange pose as the limb sees it.
 
     Args:
@@ -51,11 +51,11 @@ def flange_seen(limb: MountedArm, base: Pose, flange: Pose) -> tuple[Triple, Tri
         flange: Flange in the world.
 
     Returns:
-        Position [m], first axis and third axis of the flange in the limb base frame.
+        Position and axis of the flange, and its first axis, in the limb base frame.
     """
     x, _, z = columns(flange.rotation)
     p = seen_from(limb.mount, seen_from(base, vector(flange.position)))
-    return p, into(limb.mount, into(base, x)), into(limb.mount, into(base, z))
+    return FlangeAxis(p, into(limb.mount, into(base, z))), into(limb.mount, into(base, x))
 
 
 @kernel
@@ -72,8 +72,8 @@ def angles_at(
         slack: See `ur.branch_angles`.
         q: Filled, shape (6,) [rad].
     """
-    p, x, z = flange_seen(limb, base, flange)
-    return branch_angles(limb.arm, p, x, z, branch, slack, q)
+    seen, x = flange_seen(limb, base, flange)
+    return branch_angles(limb.arm, seen, x, branch, slack, q)
 
 
 @entry

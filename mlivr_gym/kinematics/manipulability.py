@@ -14,19 +14,16 @@ where `A_i` is the base twist that limb i alone gives and `S = diag(1/l_c, 1/l_c
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.kinematics.arm import JointAxes
+from mlivr_gym.kinematics.arm import FlangeAxis, JointAxes
 from mlivr_gym.kinematics.families import joint_axes
 from mlivr_gym.kinematics.limb import MountedArm
-
-if TYPE_CHECKING:
-    from mlivr_gym.values import Triple
 
 
 def scaling(characteristic_length: float) -> Array:
@@ -82,14 +79,13 @@ class Inversion(Record):
 
 @kernel
 def limb_information(
-    limb: MountedArm, p: Triple, z: Triple, branch: int, l_c: float, room: Inversion, out: Array
+    limb: MountedArm, flange: FlangeAxis, branch: int, l_c: float, room: Inversion, out: Array
 ) -> bool:
     """`K^-1` of one limb in base axes.
 
     Args:
         limb: The limb.
-        p: Flange position in the limb base frame [m].
-        z: Flange axis in the limb base frame.
+        flange: Position and axis of the flange.
         branch: Branch label.
         l_c: Characteristic length [m].
         room: Scratch.
@@ -98,7 +94,7 @@ def limb_information(
     Returns:
         Whether the limb is away from its singularities.
     """
-    if not joint_axes(limb.arm, p, z, branch, room.axes):
+    if not joint_axes(limb.arm, flange, branch, room.axes):
         return False
     a, axes, points = room.matrix, room.axes.axis, room.axes.point
     mount, place = limb.mount.rotation, limb.mount.position

@@ -24,7 +24,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 
 if TYPE_CHECKING:
-    from mlivr_gym.kinematics.arm import Arm
+    from mlivr_gym.kinematics.arm import Arm, FlangeAxis
     from mlivr_gym.values import Triple
 
 SINGULAR = 1e-9
@@ -58,15 +58,17 @@ class Wrist(NamedTuple):
 
 
 @kernel
-def squared_u(arm: Arm, p: Triple, z: Triple) -> float:
+def squared_u(arm: Arm, flange: FlangeAxis) -> float:
     """`u^2` of a flange position and axis [m^2]; below zero out of reach of joint 1."""
+    p, z = flange.p, flange.z
     x, y = p[0] - arm.d6 * z[0], p[1] - arm.d6 * z[1]
     return x * x + y * y - arm.d4 * arm.d4
 
 
 @kernel
-def wrist_at(arm: Arm, p: Triple, z: Triple, u: float) -> Wrist:
-    """The wrist at a flange position [m] and axis in the limb base frame, for one sign of `u`."""
+def wrist_at(arm: Arm, flange: FlangeAxis, u: float) -> Wrist:
+    """The wrist at a flange position and axis, for one sign of `u`."""
+    p, z = flange.p, flange.z
     x, y, height = p[0] - arm.d6 * z[0], p[1] - arm.d6 * z[1], p[2] - arm.d6 * z[2] - arm.d1
     square = x * x + y * y
     c1, s1 = (u * x - arm.d4 * y) / square, (u * y + arm.d4 * x) / square
@@ -89,25 +91,24 @@ def forearm_end(
 
 
 @kernel
-def branch_terms(arm: Arm, p: Triple, z: Triple, out: Array) -> None:
+def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
     """Squares that decide reach and singularity of the four shoulder and wrist choices.
 
     Args:
         arm: The arm.
-        p: Flange position in the limb base frame [m].
-        z: Flange axis in the limb base frame.
+        flange: Position and axis of the flange.
         out: Shape (4, 4), filled with `u^2` [m^2], `s5^2`, `c3` and `(s3 s5 u)^2` [m^2] for choice
             `2 * shoulder + wrist`. The last is `(det J / (a2 a3))^2`, and not above zero out of
             reach.
     """
-    u2 = squared_u(arm, p, z)
+    z, u2 = flange.z, squared_u(arm, flange)
     if u2 <= 0.0:
         for row in range(4):
             out[row, 0], out[row, 1], out[row, 2], out[row, 3] = u2, 0.0, 2.0, -1.0
         return
     size = np.sqrt(u2)
     for shoulder in range(2):
-        wrist = wrist_at(arm, p, z, -size if shoulder else size)
+        wrist = wrist_at(arm, flange, -size if shoulder else size)
         s5_2 = wrist.s5 * wrist.s5
         for side in range(2):
             row = 2 * shoulder + side
@@ -119,24 +120,23 @@ def branch_terms(arm: Arm, p: Triple, z: Triple, out: Array) -> None:
 
 
 @kernel
-def joint_axes(arm: Arm, p: Triple, z: Triple, branch: int, out: Any) -> bool:
+def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
     """Joint axes of one branch, without forming joint angles.
 
     Args:
         arm: The arm.
-        p: Flange position in the limb base frame [m].
-        z: Flange axis in the limb base frame.
+        flange: Position and axis of the flange.
         branch: Branch label.
         out: `JointAxes`, filled.
 
     Returns:
         Whether the pose is within reach and away from the wrist singularity.
     """
-    u2 = squared_u(arm, p, z)
+    p, z, u2 = flange.p, flange.z, squared_u(arm, flange)
     if u2 < 0.0:
         return False
     size = np.sqrt(u2)
-    wrist = wrist_at(arm, p, z, -size if branch & 4 else size)
+    wrist = wrist_at(arm, flange, -size if branch & 4 else size)
     if wrist.s5 * wrist.s5 < SINGULAR:
         return False
     s5 = -wrist.s5 if branch & 2 else wrist.s5
@@ -167,7 +167,7 @@ def joint_axes(arm: Arm, p: Triple, z: Triple, branch: int, out: Any) -> bool:
 
 @kernel
 def branch_angles(
-    arm: Arm, p: Triple, x: Triple, z: Triple, branch: int, slack: float, q: Array
+    arm: Arm, flange: FlangeAxis, x: Triple, branch: int, slack: float, q: Array
 ) -> bool:
     """Joint angles of one branch.
 
@@ -176,9 +176,8 @@ def branch_angles(
 
     Args:
         arm: The arm.
-        p: Flange position in the limb base frame [m].
-        x: First axis of the flange in the limb base frame.
-        z: Flange axis in the limb base frame.
+        flange: Position and axis of the flange.
+        x: Its first axis in the limb base frame.
         branch: Branch label.
         slack: 0, or `SINGULAR_TOO` if poses at a singularity count, the stretched arm among them.
         q: Filled with joint angles [rad], shape (6,), on no particular winding.
@@ -186,11 +185,11 @@ def branch_angles(
     Returns:
         Whether the pose is within reach.
     """
-    u2 = squared_u(arm, p, z)
+    z, u2 = flange.z, squared_u(arm, flange)
     if u2 < -SINGULAR or (slack == 0.0 and u2 <= 0.0):
         return False
     size = np.sqrt(max(u2, 0.0))
-    wrist = wrist_at(arm, p, z, -size if branch & 4 else size)
+    wrist = wrist_at(arm, flange, -size if branch & 4 else size)
     c1, s1 = wrist.c1, wrist.s1
     s5 = -wrist.s5 if branch & 2 else wrist.s5
     if slack == 0.0 and s5 * s5 < SINGULAR:
@@ -261,13 +260,12 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
 
 
 @kernel
-def branch_frames(arm: Arm, p: Triple, z: Triple, branch: int, axes: Any, frames: Array) -> bool:
+def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: Array) -> bool:
     """Frames of the links of one branch, without forming joint angles.
 
     Args:
         arm: The arm.
-        p: Flange position in the limb base frame [m].
-        z: Flange axis in the limb base frame.
+        flange: Position and axis of the flange.
         branch: Branch label.
         axes: `JointAxes`, filled.
         frames: Filled like by `link_frames`; x and y of link 6 are any pair across the flange axis.
@@ -275,7 +273,7 @@ def branch_frames(arm: Arm, p: Triple, z: Triple, branch: int, axes: Any, frames
     Returns:
         Whether the pose is within reach.
     """
-    if not joint_axes(arm, p, z, branch, axes):
+    if not joint_axes(arm, flange, branch, axes):
         return False
     axis, point = axes.axis, axes.point
     _fixed_frames(arm, -axis[1, 1], axis[1, 0], frames)
@@ -289,8 +287,8 @@ def branch_frames(arm: Arm, p: Triple, z: Triple, branch: int, axes: Any, frames
         frames[5, 0, k] = point[4, k]
         frames[5, 2, k] = axis[5, k]
         frames[5, 3, k] = axis[4, k]
-        frames[6, 0, k] = p[k]
-        frames[6, 3, k] = z[k]
+        frames[6, 0, k] = flange.p[k]
+        frames[6, 3, k] = flange.z[k]
         for link in range(2, 5):
             frames[link, 3, k] = axis[1, k]
     for link in range(2, 7):

@@ -16,7 +16,6 @@ from mlivr_gym.collisions.against_robot import (
     against_limb,
     axes_apart,
 )
-from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR, segment_box_apart, segments_apart
 from mlivr_gym.collisions.limb_shapes import Limb, Robot
 from mlivr_gym.collisions.placing import Shapes, axis_of, capsule_axis, place, to_world
@@ -31,12 +30,13 @@ from mlivr_gym.compiled.bit_sets import (
     whole_class,
 )
 from mlivr_gym.compiled.kernels import kernel, part
+from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.base_path import lift_path
 from mlivr_gym.kinematics.families import branch_frames
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import along, minus, vector
-from mlivr_gym.postures.records import HeldStance, Posture, PostureRoom, PostureRule, Tried
+from mlivr_gym.postures.records import HeldStance, Posture, PostureRoom, Search, Tried
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
@@ -67,26 +67,14 @@ def forget(count: int, room: PostureRoom) -> None:
 
 
 @kernel
-def limb_status(
-    robot: Robot,
-    held: HeldStance,
-    tried: Tried,
-    i: int,
-    b: int,
-    grid: BoxGrid,
-    clearance: float,
-    room: PostureRoom,
-) -> int:
+def limb_status(search: Search, tried: Tried, i: int, b: int, room: PostureRoom) -> int:
     """What limb `i` on branch `b` touches at `room.base`, other limbs apart.
 
     Args:
-        robot: The robot.
-        held: The stance.
-        tried: How the limbs reach its grasps.
+        search: The stance, the robot and what it must keep clear of.
+        tried: How the limbs reach the grasps.
         i: Limb.
         b: Branch.
-        grid: The boxes.
-        clearance: Least distance [m].
         room: Where answers are kept, and scratch.
 
     Returns:
@@ -94,20 +82,22 @@ def limb_status(
     """
     if room.status[i, b] >= 0:
         return int(room.status[i, b])
+    robot, clearance = search.robot, search.clearance
     limb, reached, shapes = robot.limbs[i], tried.limbs[i], room.in_body[i, b]
     found = CLEAR + 1
     placed, axes = room.placed, room.inversion.axes
-    if branch_frames(limb.arm, vector(reached.p), vector(reached.z), b, axes, placed.frames):
+    flange = FlangeAxis(vector(reached.p), vector(reached.z))
+    if branch_frames(limb.arm, flange, b, axes, placed.frames):
         place(limb, placed.frames, shapes)
         found, _ = against_itself(limb, shapes, placed, EVERY, clearance)
         if found == CLEAR:
             found, _ = against_body(robot, limb, shapes, EVERY, clearance)
         if found == CLEAR:
             to_world(limb, room.base, shapes, room.in_world)
-            stand_behind(held, i, room)
+            stand_behind(search.held, i, room)
             # The hand was compared when the point was chosen.
             todo = below(limb.hand)
-            found, _ = against_boxes(limb, room.in_world, todo, grid, clearance, room.behind)
+            found, _ = against_boxes(limb, room.in_world, todo, search.grid, clearance, room.behind)
     room.status[i, b] = found
     return found
 
@@ -121,34 +111,27 @@ def stand_behind(held: HeldStance, i: int, room: PostureRoom) -> None:
 
 
 @kernel
-def pair_status(
-    robot: Robot, i: int, b: int, j: int, c: int, clearance: float, room: PostureRoom
-) -> int:
+def pair_status(search: Search, i: int, b: int, j: int, c: int, room: PostureRoom) -> int:
     """Whether limb `i` on branch `b` keeps clear of limb `j` on branch `c`, both in place.
 
     Returns:
         An answer, looked up or worked out.
     """
     if room.pairs[i, b, j, c] < 0:
-        found, _ = against_limb(
-            robot.limbs[i],
-            room.in_body[i, b],
-            robot.limbs[j],
-            room.in_body[j, c],
-            EVERY,
-            clearance,
-        )
+        first, second = search.robot.limbs[i], search.robot.limbs[j]
+        shapes, others = room.in_body[i, b], room.in_body[j, c]
+        found, _ = against_limb(first, shapes, second, others, EVERY, search.clearance)
         room.pairs[i, b, j, c] = room.pairs[j, c, i, b] = found
     return int(room.pairs[i, b, j, c])
 
 
 @part
-def apart(robot: Robot, clearance: float, room: PostureRoom) -> bool:
+def apart(search: Search, room: PostureRoom) -> bool:
     """Whether limbs in place on the branches `trial` keep clear of each other."""
-    for i in range(robot.limb_count):
+    for i in range(search.robot.limb_count):
         for j in range(i):
             b, c = room.trial[i], room.trial[j]
-            if pair_status(robot, i, b, j, c, clearance, room) != CLEAR:
+            if pair_status(search, i, b, j, c, room) != CLEAR:
                 return False
     return True
 
@@ -217,16 +200,7 @@ def self_clearance(robot: Robot, least: float, room: PostureRoom) -> float:
 
 
 @part
-def hold_masks(
-    robot: Robot,
-    held: HeldStance,
-    tried: Tried,
-    rule: PostureRule,
-    grid: BoxGrid,
-    clearance: float,
-    room: PostureRoom,
-    out: Posture,
-) -> None:
+def hold_masks(search: Search, tried: Tried, room: PostureRoom, out: Posture) -> None:
     """Branches and flips on which each limb may hold at a posture, a product set, into `out.mask`.
 
     A branch belongs if `w_m` meets the threshold, if the limb can depart along the surface normal
@@ -234,7 +208,8 @@ def hold_masks(
     every combination with the other limbs' branches meets the threshold of `w_b` and keeps them
     apart. The set grows from the branches of the posture in a fixed order.
     """
-    limits, l_c = rule.thresholds, robot.characteristic_length
+    robot, held, limits = search.robot, search.held, search.rule.thresholds
+    l_c = robot.characteristic_length
     for i in range(robot.limb_count):
         limb, reached, grasp = robot.limbs[i], tried.limbs[i], held.grasps[i]
         mask = EMPTY
@@ -249,20 +224,19 @@ def hold_masks(
         for b in range(BRANCHES):
             room.kept[i, b] = False
             room.allowed[i, b] = (
-                has_branch(mask, b)
-                and limb_status(robot, held, tried, i, b, grid, clearance, room) == CLEAR
+                has_branch(mask, b) and limb_status(search, tried, i, b, room) == CLEAR
             )
             if room.allowed[i, b]:
+                flange = FlangeAxis(vector(reached.p), vector(reached.z))
                 limb_information(
                     limb,
-                    vector(reached.p),
-                    vector(reached.z),
+                    flange,
                     b,
                     l_c,
                     room.inversion,
                     room.information[i, b],
                 )
-    _grow(robot, out, limits.w_b, clearance, room)
+    _grow(search, out, room)
     for i in range(robot.limb_count):
         kept = EMPTY
         for b in range(BRANCHES):
@@ -272,11 +246,12 @@ def hold_masks(
 
 
 @kernel
-def _grow(robot: Robot, posture: Posture, w_b: float, clearance: float, room: PostureRoom) -> None:
+def _grow(search: Search, posture: Posture, room: PostureRoom) -> None:
     """Product set reached from the branches of a posture by adding branches one at a time.
 
     Every combination reaches `w_b` and is clear. `room.kept` says which branches are in it.
     """
+    robot = search.robot
     for i in range(robot.limb_count):
         if not room.allowed[i, posture.branch[i]]:
             return
@@ -285,19 +260,18 @@ def _grow(robot: Robot, posture: Posture, w_b: float, clearance: float, room: Po
     for i in range(robot.limb_count):
         for b in range(BRANCHES):
             if room.allowed[i, b] and not room.kept[i, b]:
-                room.kept[i, b] = _fits_all(robot, i, b, w_b, clearance, room)
+                room.kept[i, b] = _fits_all(search, i, b, room)
 
 
 @part
-def _fits_all(
-    robot: Robot, i: int, b: int, w_b: float, clearance: float, room: PostureRoom
-) -> bool:
+def _fits_all(search: Search, i: int, b: int, room: PostureRoom) -> bool:
     """Whether branch `b` of limb `i` goes with every combination of the others' branches kept."""
+    robot, w_b = search.robot, search.rule.thresholds.w_b
     for j in range(robot.limb_count):
         room.option_count[j] = 0
         for c in range(BRANCHES):
             if (j == i and c == b) or (j != i and room.kept[j, c]):
-                if j != i and pair_status(robot, i, b, j, c, clearance, room) != CLEAR:
+                if j != i and pair_status(search, i, b, j, c, room) != CLEAR:
                     return False
                 room.options[j, room.option_count[j]] = c
                 room.option_count[j] += 1

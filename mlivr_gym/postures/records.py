@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import Behind
+from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.collisions.placing import Placed, Shapes
 from mlivr_gym.compiled.bit_sets import BRANCHES, CLASSES
 from mlivr_gym.compiled.records import Matrix, Record, Rows, Vector
@@ -109,6 +111,20 @@ class Tried(Record):
     """Upper bound of the margin: the least over the limbs of the best class."""
     waiting: float
     """The same as long as it is to be looked at, then 0."""
+
+
+class Search(NamedTuple):
+    """What a search for a posture of one stance reads."""
+
+    robot: Robot
+    held: HeldStance
+    rule: PostureRule
+    grid: BoxGrid
+    """The boxes."""
+    clearance: float
+    """Least distance [m]; 0 where only what penetrates counts."""
+    poses: int
+    """Number of base poses tried."""
 
 
 class Posture(Record):

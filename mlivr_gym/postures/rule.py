@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.collisions.against_boxes import base_against_boxes
-from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, class_of
 from mlivr_gym.compiled.kernels import kernel, part
+from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.manipulability import limb_information
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.branches import (
@@ -23,27 +22,13 @@ from mlivr_gym.postures.branches import (
     next_combination,
     self_clearance,
 )
-from mlivr_gym.postures.records import HeldStance, Limbs, PostureRoom, PostureRule, Tried
+from mlivr_gym.postures.records import Limbs, PostureRoom, Search, Tried
 
 TIE = 1e-9
 """Margins that differ by this share or less count as equal."""
 
 CLEARANCE_TIE = 1e-9
 """Clearances of the robot to itself that differ by this or less count as equal [m]."""
-
-
-class Search(NamedTuple):
-    """What a search for a posture of one stance reads."""
-
-    robot: Robot
-    held: HeldStance
-    rule: PostureRule
-    grid: BoxGrid
-    """The boxes."""
-    clearance: float
-    """Least distance [m]; 0 where only what penetrates counts."""
-    poses: int
-    """Number of base poses tried."""
 
 
 class Chosen(NamedTuple):
@@ -90,6 +75,7 @@ def enter(search: Search, c: int, floor: float, look: bool, room: PostureRoom) -
             return False
     for i in range(count):
         reached = tried.limbs[i]
+        flange = FlangeAxis(vector(reached.p), vector(reached.z))
         room.option_count[i] = 0
         for b in range(BRANCHES):
             if reached.w[class_of(b)] > floor * rule.scale_m:
@@ -97,8 +83,7 @@ def enter(search: Search, c: int, floor: float, look: bool, room: PostureRoom) -
                 room.option_count[i] += 1
                 limb_information(
                     robot.limbs[i],
-                    vector(reached.p),
-                    vector(reached.z),
+                    flange,
                     b,
                     robot.characteristic_length,
                     room.inversion,
@@ -112,12 +97,10 @@ def touches_nothing(search: Search, c: int, room: PostureRoom) -> bool:
     """Whether the limbs touch nothing on the branches `trial` at base pose `c`."""
     robot, tried = search.robot, room.tried[c]
     for i in range(robot.limb_count):
-        found = limb_status(
-            robot, search.held, tried, i, room.trial[i], search.grid, search.clearance, room
-        )
+        found = limb_status(search, tried, i, room.trial[i], room)
         if found != CLEAR:
             return False
-    return apart(robot, search.clearance, room)
+    return apart(search, room)
 
 
 @kernel

@@ -12,6 +12,7 @@ from mlivr_gym.collisions.distances import CLEAR, SELF
 from mlivr_gym.collisions.limb_shapes import Robot
 from mlivr_gym.compiled.bit_sets import ALL, CLASSES, NONE, class_of
 from mlivr_gym.compiled.kernels import entry, kernel, part
+from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.families import SINGULAR, branch_terms
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.manipulability import limb_information
@@ -22,9 +23,10 @@ from mlivr_gym.postures.records import (
     Posture,
     PostureRoom,
     PostureRule,
+    Search,
     Tried,
 )
-from mlivr_gym.postures.rule import Search, best_posture, enter, touches_nothing
+from mlivr_gym.postures.rule import best_posture, enter, touches_nothing
 
 
 @kernel
@@ -39,11 +41,11 @@ def reach(robot: Robot, held: HeldStance, tried: Tried, room: PostureRoom) -> fl
     for i in range(robot.limb_count):
         limb, reached = robot.limbs[i], tried.limbs[i]
         unit = abs(limb.arm.a2 * limb.arm.a3) / robot.characteristic_length**3
-        p, _, z = flange_seen(limb, tried.base, held.grasps[i].flange)
-        branch_terms(limb.arm, p, z, terms)
+        seen, _ = flange_seen(limb, tried.base, held.grasps[i].flange)
+        branch_terms(limb.arm, seen, terms)
         best = 0.0
         for k in range(3):
-            reached.p[k], reached.z[k] = p[k], z[k]
+            reached.p[k], reached.z[k] = seen.p[k], seen.z[k]
         for c in range(CLASSES):
             square = terms[c, 3]
             reached.w[c] = unit * np.sqrt(square) if square > SINGULAR * SINGULAR else 0.0
@@ -74,8 +76,7 @@ def base_along(robots: Any, tried: Any, branches: IntArray, rooms: Any, w_b: Arr
             room.trial[i] = b
             limb_information(
                 robot.limbs[i],
-                vector(reached.p),
-                vector(reached.z),
+                FlangeAxis(vector(reached.p), vector(reached.z)),
                 b,
                 robot.characteristic_length,
                 room.inversion,
@@ -152,7 +153,7 @@ def _solve(
         search = strict if rule.collide else loose
         enter(search, chosen, np.inf, chosen < 0, room)
         tried = room.tried[chosen]
-        hold_masks(robot, held, tried, rule, grid, search.clearance, room, out)
+        hold_masks(search, tried, room, out)
     elif node:
         for i in range(robot.limb_count):
             out.mask[i] = ALL

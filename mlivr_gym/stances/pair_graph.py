@@ -334,13 +334,13 @@ class PairGraph(StanceGraph):
         size = int(self.degree[0, state.stance[0]] + self.degree[1, state.stance[1]])
         limb, stance = (np.empty(size, dtype=np.int64) for _ in range(2))
         masks = np.empty((size, 2), dtype=np.int64)
-        first, second = state.masks
+        both = state.masks[0], state.masks[1]
         if self.settings.transitions and not self.complete:
             self._known.know_released(np.array([[s, 0], [s, 1]]))
-            count = unknown_steps(s, first, second, self.steps, masks)
+            count = unknown_steps(s, both, self.steps, masks)
             held, after = masks[:count].T.copy()
             self.know_steps(held, np.full(count, s), after)
-        count = pair_successors(s, first, second, self.steps, limb, stance, masks)
+        count = pair_successors(s, both, self.steps, limb, stance, masks)
         limb, stance = limb[:count], stance[:count]
         return Successors(
             limb, self.points[stance, limb], self.base_in_world[stance], masks[:count]

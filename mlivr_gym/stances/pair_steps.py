@@ -89,13 +89,12 @@ def releasable(table: PairTable, s: int, limb: int) -> int:
 
 
 @entry
-def unknown_steps(s: int, mask0: int, mask1: int, table: PairTable, out: IntArray) -> int:
+def unknown_steps(s: int, masks: tuple[int, int], table: PairTable, out: IntArray) -> int:
     """Steps that may leave a state and are not known yet.
 
     Args:
         s: Stance.
-        mask0: Branches that limb 0 may be on.
-        mask1: Branches that limb 1 may be on.
+        masks: Branches that each limb may be on.
         table: The table; it is known what can be released at the stance.
         out: Filled with limb that holds and stance after the step, shape (k, 2).
 
@@ -105,13 +104,12 @@ def unknown_steps(s: int, mask0: int, mask1: int, table: PairTable, out: IntArra
     count = 0
     for moving in range(2):
         held = 1 - moving
-        of_held, of_moving = (mask1, mask0) if held else (mask0, mask1)
-        if not can_release(of_moving, releasable(table, s, moving)):
+        if not can_release(masks[moving], releasable(table, s, moving)):
             continue
         point = table.points[s, held]
         for k in range(table.row_start[held, point], table.row_start[held, point + 1]):
             s2 = table.rows[held, k]
-            if s2 == s or not kept_on_edge(of_held, table.mask[s2, held]):
+            if s2 == s or not kept_on_edge(masks[held], table.mask[s2, held]):
                 continue
             if not table.edges[edge_index(held, s, s2, table)].known:
                 out[count, 0], out[count, 1] = held, s2
@@ -122,43 +120,40 @@ def unknown_steps(s: int, mask0: int, mask1: int, table: PairTable, out: IntArra
 @entry
 def pair_successors(
     s: int,
-    mask0: int,
-    mask1: int,
+    masks: tuple[int, int],
     table: PairTable,
     limb: IntArray,
     stance: IntArray,
-    masks: IntArray,
+    after: IntArray,
 ) -> int:
     """Steps that leave stance `s`, by the rule of `transitions.rule`; returns their number k.
 
     Args:
         s: Stance.
-        mask0: Branches that limb 0 may be on.
-        mask1: Branches that limb 1 may be on.
+        masks: Branches that each limb may be on.
         table: The table, in which all these steps are known.
         limb: Limb that moves on each step, written.
         stance: Stance reached, written.
-        masks: Masks after the step, shape (k, 2), written.
+        after: Masks after the step, shape (k, 2), written.
     """
     count = 0
     for moving in range(2):
         held = 1 - moving
-        of_held, of_moving = (mask1, mask0) if held else (mask0, mask1)
-        if table.check and not can_release(of_moving, releasable(table, s, moving)):
+        if table.check and not can_release(masks[moving], releasable(table, s, moving)):
             continue
         point = table.points[s, held]
         for k in range(table.row_start[held, point], table.row_start[held, point + 1]):
             s2 = table.rows[held, k]
             if s2 == s:
                 continue
-            kept, grasped = kept_on_edge(of_held, table.mask[s2, held]), table.mask[s2, moving]
+            kept, grasped = kept_on_edge(masks[held], table.mask[s2, held]), table.mask[s2, moving]
             if table.check and kept:
                 edge = table.edges[edge_index(held, s, s2, table)]
                 kept = kept_on_edge(kept, branches_kept(edge))
                 grasped = releasable(table, s2, moving)
             if kept and grasped:
                 limb[count], stance[count] = moving, s2
-                masks[count, held], masks[count, moving] = kept, grasped
+                after[count, held], after[count, moving] = kept, grasped
                 count += 1
     return count
 

@@ -76,7 +76,7 @@ class StepTables(NamedTuple):
         """The steps that leave a state of stance `s`, as `PairGraph.successors` gives them."""
         most = int(self.start[2 * s + 2] - self.start[2 * s])
         steps, kept = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
-        first, count = steps_of_state(s, masks[0], masks[1], self, steps, kept)
+        first, count = steps_of_state(s, (masks[0], masks[1]), self, steps, kept)
         after, kept = self.after[steps[:count]].astype(np.int64), kept[:count]
         moving = np.zeros(count, dtype=np.int64)
         moving[first:] = 1

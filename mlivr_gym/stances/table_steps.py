@@ -14,14 +14,13 @@ from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 @entry
 def steps_of_state(
-    s: int, mask0: int, mask1: int, tables: Any, steps: IntArray, kept: IntArray
+    s: int, masks: tuple[int, int], tables: Any, steps: IntArray, kept: IntArray
 ) -> tuple[int, int]:
     """The steps that leave a state.
 
     Args:
         s: Stance index.
-        mask0: Branches that limb 0 may be on.
-        mask1: Branches that limb 1 may be on.
+        masks: Branches that each limb may be on.
         tables: `StepTables`.
         steps: Their indices in the tables, written.
         kept: Branches that the limb that holds keeps on each, written.
@@ -31,10 +30,9 @@ def steps_of_state(
     """
     first = count = 0
     for moving in range(2):
-        of_held, of_moving = (mask0, mask1) if moving else (mask1, mask0)
-        if can_release(of_moving, tables.releasable[s, moving]):
+        if can_release(masks[moving], tables.releasable[s, moving]):
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                branches = kept_on_edge(of_held, tables.kept[e])
+                branches = kept_on_edge(masks[1 - moving], tables.kept[e])
                 if branches:
                     steps[count], kept[count] = e, branches
                     count += 1
@@ -122,12 +120,11 @@ def find_step(s: int, moving: int, s2: int, tables: Any) -> int:
 
 
 @entry
-def any_step(s: int, mask0: int, mask1: int, tables: Any) -> bool:
+def any_step(s: int, masks: tuple[int, int], tables: Any) -> bool:
     """Whether a step leaves stance `s` with its limbs on these branches."""
     for moving in range(2):
-        of_held, of_moving = (mask0, mask1) if moving else (mask1, mask0)
-        if can_release(of_moving, tables.releasable[s, moving]):
+        if can_release(masks[moving], tables.releasable[s, moving]):
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                if kept_on_edge(of_held, tables.kept[e]):
+                if kept_on_edge(masks[1 - moving], tables.kept[e]):
                     return True
     return False

@@ -7,7 +7,7 @@ from typing import Any
 from mlivr_gym.collisions.limb_shapes import Limb, Robot
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, both_flips, has_branch
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.kinematics.arm import in_window
+from mlivr_gym.kinematics.arm import FlangeAxis, in_window
 from mlivr_gym.kinematics.families import branch_angles
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles, flange_seen, wrap
@@ -64,8 +64,9 @@ def lifted_angles(
         Whether the branch exists there.
     """
     q = to.q
-    p, x, z = flange_seen(limb, base, grasp.flange)
-    if not branch_angles(limb.arm, along(p, -lift, z), x, z, branch, 0.0, q):
+    held, x = flange_seen(limb, base, grasp.flange)
+    lifted = FlangeAxis(along(held.p, -lift, held.z), held.z)
+    if not branch_angles(limb.arm, lifted, x, branch, 0.0, q):
         return False
     for joint in range(6):
         q[joint] = in_window(q[joint], limb.arm.window[joint, 0])

@@ -140,11 +140,11 @@ def _add_resting(s: int, limb: int, scene: Scene, room: StepRoom) -> None:
     """Put a limb at rest on each branch on which it may hold at a stance."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     arm, others = robot.limbs[limb], room.sweep.resting
-    p, _, z = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
+    seen, _ = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
     placed, axes = room.sweep.first, room.axes
     for b in range(BRANCHES):
         if has_branch(stances.mask[s, limb], b) and branch_frames(
-            arm.arm, p, z, b, axes, placed.frames
+            arm.arm, seen, b, axes, placed.frames
         ):
             others.limb[others.count] = limb
             place(arm, placed.frames, others.shapes[others.count])
@@ -161,14 +161,14 @@ def _elbow_up(s: int, limb: int, mask: int, scene: Scene, room: StepRoom) -> int
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     arm, placed = robot.limbs[limb], room.sweep.first
-    p, _, z = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
+    seen, _ = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
     for b in range(0, BRANCHES, 2):
         if not (has_branch(mask, b) and has_branch(mask, b + 1)):
             continue
         lower = 0.0
         for side in range(2):
             height = 0.0
-            if branch_frames(arm.arm, p, z, b + side, room.axes, placed.frames):
+            if branch_frames(arm.arm, seen, b + side, room.axes, placed.frames):
                 place(arm, placed.frames, placed.in_body)
                 for c in range(arm.capsule_count):
                     a, e = axis_of(placed.in_body.ends, c)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, Capsule, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_poses
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.swings import SwingFinder
@@ -224,3 +225,45 @@ def test_only_what_is_flush_with_a_surface_lies_behind_a_grasp(small_checked_gra
         with obstacles(graph, block):
             after = graph.mask[here].copy()
         assert np.array_equal(before, after) if held else not after.all(axis=1).any()
+
+
+def close_to(graph, s, limb, branch, box, clearance):
+    """Limb, if any, and link of the shapes that a box is close to, a limb on some branch."""
+    stance = tuple(graph.points[s].tolist())
+    bits = [1 << int(mask).bit_length() - 1 for mask in graph.mask[s]]
+    bits[limb] = 1 << branch
+    here = graph.configuration(State(stance, tuple(bits)))
+    found = contacts(ROBOT, (box,), here, clearance, grasps_of(graph, enumerate(stance)))
+    names = [contact.first.split("/") for contact in found if contact.second == "box/rod"]
+    return {(int(name[0][4:]), name[1]) if len(name) > 1 else (-1, "body") for name in names}
+
+
+def test_a_rod_takes_away_the_branches_that_touch_it_and_no_other(small_checked_graph):
+    """By the plain definition, branch by branch; all where it touches the base or a hand.
+
+    Compiled code takes the body for something larger: by up to 3 cm more it may take all away.
+    """
+    graph, rng, shapes = small_checked_graph, np.random.default_rng(6), LimbShapes(ROBOT)
+    hand = shapes.names[int(shapes.limb["hand"]) :]
+    some = all_gone = 0
+    for _ in range(100):
+        s, limb = int(rng.integers(len(graph))), int(rng.integers(2))
+        (base, *_), before = configuration(graph, s, rng)[0], graph.mask[s].tolist()
+        reached = graph.grasp_map.positions[graph.points[s, limb]] - base
+        place = base + rng.uniform(0.3, 1.0) * reached + rng.normal(size=3) * 0.12
+        box = rod(place, Rotation.random(rng=rng).as_matrix(), 0.03, rng.uniform(0.02, 0.2))
+        expected, whole, about = list(before), False, False
+        for i, b in ((i, b) for i in (0, 1) for b in range(8) if before[i] & 0x101 << b):
+            found = close_to(graph, s, i, b, box, CLEARANCE)
+            if any(k == i and link != "base" for k, link in found):
+                expected[i] &= ~(0x101 << b)
+            whole |= any(link in ("body", "base", *hand) for _, link in found)
+            more = close_to(graph, s, i, b, box, CLEARANCE + 0.03)
+            about |= any(link in ("body", "base") for _, link in more)
+        with obstacles(graph, box):
+            after = graph.mask[s].tolist()
+        assert after == ([0, 0] if whole else expected) or (about and after == [0, 0])
+        some += after == expected != before
+        all_gone += whole
+    assert some > 10
+    assert all_gone > 2

@@ -50,6 +50,8 @@ def test_sets_of_branches_and_flips(mask, branch, flip):
     assert ours("has_branch", mask, branch) == bool(found & both)
     assert members(ours("without_branch", mask, branch)) == found - both
     assert members(ours("without_flip", mask, branch, flip)) == found - {(branch, flip)}
+    branches = {branch for branch, _ in found}
+    assert members(ours("any_flip", mask)) == {(b, flip) for b in branches for flip in (0, 1)}
     if mask:
         assert ours("first_branch", mask) == min(branch for branch, _ in found)
 

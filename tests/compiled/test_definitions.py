@@ -1,77 +1,94 @@
-"""Every module of kernels has a plain definition, and a test that compares the two.
+"""Every kernel has a plain definition, or a truth from elsewhere, and a test that compares the two.
 
-The table of `docs/inside.md` names them.
+The tables of `docs/kernels.md` name them.
 """
 
-import ast
 import re
-from pathlib import Path
+from collections import Counter
+from typing import NamedTuple
 
 import pytest
+from call_graph import PACKAGE, ROOT, TESTS, defined, file_of, imported, kernels, reached
 
-ROOT = Path(__file__).parent.parent.parent
-PACKAGE, TESTS = ROOT / "mlivr_gym", ROOT / "tests"
-ROW = re.compile(r"\| `([a-z_0-9/]+)`[^|]*\| ([^|]+) \| ([^|]+) \| `([a-z_0-9/]+\.py)::(\w+)` \|")
-MARKS = {"kernel", "part", "entry"}
-
-
-def tree(path):
-    return ast.parse(path.read_text(encoding="utf-8"))
+LIBRARIES = {
+    "SciPy": "scipy", "Pinocchio": "pinocchio", "Coal": "coal", "MuJoCo": "mujoco",
+    "networkx": "networkx", "heapq": "heapq", "NumPy": "numpy",
+}  # fmt: skip
 
 
-def functions(path):
-    return [node for node in tree(path).body if isinstance(node, ast.FunctionDef)]
+class Row(NamedTuple):
+    """A row of a table."""
+
+    kernels: tuple
+    """Modules, as `folder/name`, and names."""
+    how: str
+    definition: str
+    file: str
+    test: str
+
+    @property
+    def path(self):
+        return TESTS / self.file
 
 
-def modules_of_kernels():
-    """Kernels by module, as `folder/name`."""
-    found = {}
-    for folder in (PACKAGE, ROOT / "planners", ROOT / "agents"):
-        root = PACKAGE if folder == PACKAGE else ROOT
-        for path in sorted(folder.rglob("*.py")):
-            marked = [
-                node.name
-                for node in functions(path)
-                if MARKS & {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
-            ]
-            if marked:
-                found[path.relative_to(root).with_suffix("").as_posix()] = marked
+def rows():
+    """The rows of the document, by folder."""
+    found, text = [], (ROOT / "docs" / "kernels.md").read_text(encoding="utf-8")
+    for folder, body in re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", text, re.M | re.S):
+        for line in body.splitlines():
+            if line.startswith("| `"):
+                module, names, how, definition, test = line.strip("| ").split(" | ")
+                named = re.findall(r"`(\w+)`", names)
+                place = f"{folder}/{module.strip('`')}"
+                file, name = test.strip("`").split("::")
+                found.append(Row(tuple((place, one) for one in named), how, definition, file, name))
     return found
 
 
-def words_of(path):
-    """Names in a test and in the tests' support that it imports."""
-    text = path.read_text(encoding="utf-8")
-    for node in ast.walk(tree(path)):
-        if isinstance(node, ast.ImportFrom):
-            other = TESTS / "support" / f"{node.module}.py"
-            text += other.read_text(encoding="utf-8") if other.exists() else ""
-    return set(re.findall(r"\w+", text))
+ROWS = rows()
+each_row = pytest.mark.parametrize("row", ROWS, ids=lambda row: "-".join(row.kernels[0]))
 
 
-ROWS = ROW.findall((ROOT / "docs" / "inside.md").read_text(encoding="utf-8"))
+def used_by(path):
+    """A test file, what it imports of the support, and what its fixtures are in."""
+    beside = [folder / "conftest.py" for folder in path.parents if folder.is_relative_to(TESTS)]
+    files, todo = set(), [path.resolve(), *(file for file in beside if file.is_file())]
+    while todo:
+        here = todo.pop()
+        files.add(here)
+        inner = {file_of(module) for module, _ in imported(here).values()}
+        todo += [p for p in inner - files if p and p.is_relative_to(TESTS)]
+    return files
 
 
-def test_every_module_of_kernels_is_in_the_table_and_no_other():
-    assert sorted({module for module, *_ in ROWS}) == sorted(modules_of_kernels())
+def test_every_kernel_is_in_one_row_and_nothing_else_is():
+    named = Counter(kernel for row in ROWS for kernel in row.kernels)
+    assert named == Counter(kernels().keys())
 
 
-@pytest.mark.parametrize(("module", "asked", "file", "test"), [(*r[:2], *r[3:]) for r in ROWS])
-def test_the_test_of_a_row_is_there_and_asks_the_kernels(module, asked, file, test):
-    """Kernels that a test can call it calls; others are asked through what is made of them."""
-    assert test in {node.name for node in functions(TESTS / file)}
-    names = set(re.findall(r"\w+", asked))
-    assert names
-    assert names <= words_of(TESTS / file)
+@each_row
+def test_the_test_of_a_row_reaches_its_kernels(row):
+    """By the names that it uses, and that these use."""
+    assert row.test in defined(row.path)
+    there = reached(row.path, row.test)
+    assert not [name for name in row.kernels if (kernels()[name], name[1]) not in there]
 
 
-def test_the_plain_definitions_that_are_named_are_there():
-    """`module.function` and `folder/file.py` of the middle column."""
-    for _, _, definition, *_ in ROWS:
-        for named in re.findall(r"`([\w./]+)`", definition):
-            if named.endswith(".py"):
-                assert (PACKAGE / named).exists()
-            elif "." in named:
-                module, function = named.split(".")
-                (path,) = PACKAGE.rglob(f"{module}.py")
-                assert function in {node.name for node in functions(path)}
+@each_row
+def test_the_plain_definition_of_a_row_is_there(row):
+    """And the libraries that it names are used by the test or its support."""
+    assert row.how in ("equal", "bound", "sound")
+    quoted = re.findall(r"`([\w.]+)`", row.definition)
+    libraries = [name for name in LIBRARIES if name in row.definition]
+    assert quoted or libraries or "Python" in row.definition
+    files = used_by(row.path)
+    modules = {module.split(".")[0] for file in files for module, _ in imported(file).values()}
+    assert {LIBRARIES[name] for name in libraries} <= modules
+    for named in quoted:
+        module, _, name = named.rpartition(".")
+        if module:
+            places = [*PACKAGE.rglob(f"{module}.py"), *ROOT.glob(f"planners/{module}.py")]
+            places += [TESTS / "support" / f"{module}.py"]
+            assert any(place.is_file() and name in defined(place.resolve()) for place in places)
+        else:
+            assert name in defined(row.path) or list(PACKAGE.rglob(f"{name}.py"))

@@ -2,12 +2,24 @@
 
 import numpy as np
 import pytest
+from branches import triple
+from compiled import called
 from held_paths import path_between, random_ends
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
+from mlivr_gym.kinematics.base_path import (
+    ARC,
+    STRAIGHT,
+    BasePath,
+    base_poses,
+    lift_path,
+    resting,
+    velocity_on_path,
+)
+from mlivr_gym.kinematics.grasps import grasp_rows
+from mlivr_gym.kinematics.poses import pose
 
 PIVOT = np.array([0.55, 0.0, -0.65])
 
@@ -53,3 +65,32 @@ def test_the_way_back_is_the_way_there(seed, kind, off):
     back = base_poses(path_between(ends[2:] + ends[:2], kind, PIVOT), 1.0 - s)
     for a, b in zip(there, back, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", [STRAIGHT, ARC])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_velocity_of_the_base_is_that_by_differences(kind, seed):
+    path, step = path_between(random_ends(seed), kind, PIVOT), 1e-6
+    for s in np.linspace(0.1, 0.9, 5):
+        before, after = base_poses(path, np.array([s - step, s + step]))[0]
+        found = called(velocity_on_path)(path, s)
+        np.testing.assert_allclose(found, (after - before) / (2.0 * step), atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_departure_moves_the_base_into_the_surface(seed):
+    """A limb that departs by some way along the normal sees its base go back by it."""
+    (place, axes), rng, s = random_ends(seed)[:2], np.random.default_rng(seed), np.linspace(0, 1, 5)
+    normal, rail, _ = Rotation.random(rng=rng).as_matrix()
+    path, grasp = BasePath.row(), grasp_rows(rng.normal(size=3), normal, rail, 0.1)
+    called(lift_path)(path, pose(place, axes), grasp, 0.07)
+    positions, rotations = base_poses(path, s)
+    np.testing.assert_allclose(positions, place - 0.07 * s[:, None] * normal, atol=1e-12)
+    np.testing.assert_allclose(rotations, np.broadcast_to(axes, (5, 3, 3)), atol=1e-12)
+    assert path["speed"] == 0.07
+    called(resting)(path, pose(place, axes))
+    positions, rotations = base_poses(path, s)
+    np.testing.assert_allclose(positions, np.broadcast_to(place, (5, 3)), atol=1e-12)
+    np.testing.assert_allclose(rotations, np.broadcast_to(axes, (5, 3, 3)), atol=1e-12)
+    assert path["speed"] == path["angle"] == 0.0
+    assert triple(path["last"]["position"]) == triple(path["first"]["position"])

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import station_arm
-from branches import arm_of, solutions, triple
+from branches import arm_of, flange_axis, solutions
 from compiled import called
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -47,11 +47,6 @@ def turned(a, b):
     return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max()
 
 
-def flange_of(pose):
-    """Position and axis of a flange as compiled code takes them."""
-    return triple(pose[:3, 3]), triple(pose[:3, 2])
-
-
 @given(TURN, ANGLES)
 @MANY
 def test_forward_kinematics_is_that_of_the_published_arm(locked, q):
@@ -79,7 +74,7 @@ def test_determinant_and_w_m_are_those_of_the_jacobian_without_its_first_column(
     pose = links(locked, q)[6]
     mask, out = solutions(ARM, pose[:3, 3], pose[:3, :3], 0.0)
     terms = np.empty((4, 4))
-    called(branch_terms)(ARM, *flange_of(pose), terms)
+    called(branch_terms)(ARM, flange_axis(pose), terms)
     for branch in range(8):
         if not mask >> branch & 1:
             continue
@@ -100,7 +95,7 @@ def test_joint_axes_are_those_of_the_published_arm(locked, q):
     for branch in range(8):
         if not mask >> branch & 1 or published_volume(locked, out[branch]) < FAR:
             continue
-        assert called(joint_axes)(ARM, *flange_of(pose), branch, axes)
+        assert called(joint_axes)(ARM, flange_axis(pose), branch, axes)
         poses = station_arm.bodies([locked, *SIGNS * (out[branch] - ZEROS)])
         base = poses[0] @ station_arm.transform(np.eye(3), station_arm.LINKS[0][1])
         seen = np.linalg.inv(base) @ poses[1:]
@@ -126,7 +121,7 @@ def test_link_frames_are_those_of_the_published_bodies(locked, q):
     for branch in range(8):
         if not mask >> branch & 1 or published_volume(locked, out[branch]) < FAR:
             continue
-        assert called(branch_frames)(ARM, *flange_of(pose), branch, axes, frames)
+        assert called(branch_frames)(ARM, flange_axis(pose), branch, axes, frames)
         expected = links(locked, out[branch])[:, :3, [3, 0, 1, 2]].transpose(0, 2, 1)
         np.testing.assert_allclose(frames[:6], expected[:6], atol=1e-8)
         np.testing.assert_allclose(frames[6, [0, 3]], expected[6, [0, 3]], atol=1e-12)

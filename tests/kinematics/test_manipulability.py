@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from branches import arm_of, solutions, triple
+from branches import arm_of, flange_axis, solutions
 from compiled import called
 from oracle import flange, pinocchio_arm
 
@@ -28,8 +28,7 @@ def information(robot, i, pose, branch, l_c):
     limb, out = limb_shapes.Limb.row(), np.full((6, 6), np.nan)
     limb["mount"] = pose_row(robot.mount_positions[i], robot.mount_rotations[i])
     limb["arm"] = ARM_ROW
-    p, z = triple(pose[:3, 3]), triple(pose[:3, 2])
-    assert called(limb_information)(limb, p, z, branch, l_c, Inversion.row(), out)
+    assert called(limb_information)(limb, flange_axis(pose), branch, l_c, Inversion.row(), out)
     return out
 
 

@@ -2,7 +2,7 @@ import itertools
 
 import numpy as np
 import pytest
-from branches import arm_of, triple
+from branches import arm_of, flange_axis
 from branches import solutions as solutions_of
 from compiled import called
 from hypothesis import example, given, settings
@@ -111,10 +111,9 @@ def test_a_half_turn_of_the_tool_is_a_half_turn_of_joint_6():
 @settings(max_examples=200, deadline=None)
 def test_terms_and_axes_give_the_jacobian_without_joint_angles(q):
     pose = forward_kinematics(q, LENGTHS)[6]
-    p, z = triple(pose[:3, 3]), triple(pose[:3, 2])
     mask, out = solutions(pose)
     terms, axes = np.empty((4, 4)), JointAxes.row()
-    called(branch_terms)(ROW, p, z, terms)
+    called(branch_terms)(ROW, flange_axis(pose), terms)
     for branch in range(8):
         if not mask >> branch & 1:
             continue
@@ -122,7 +121,7 @@ def test_terms_and_axes_give_the_jacobian_without_joint_angles(q):
         predicted = abs(LIMB.a2 * LIMB.a3) * np.sqrt(max(terms[branch >> 1, 3], 0.0))
         assert predicted == pytest.approx(determinant, abs=1e-5)
         if determinant > 1e-3:
-            assert called(joint_axes)(ROW, p, z, branch, axes)
+            assert called(joint_axes)(ROW, flange_axis(pose), branch, axes)
             moments = np.cross(axes["axis"], pose[:3, 3] - axes["point"])
             built = np.vstack([moments.T, axes["axis"].T])
             np.testing.assert_allclose(built, flange(ARM, out[branch])[1], atol=1e-9)
@@ -171,13 +170,13 @@ def test_frames_of_links_are_those_of_forward_kinematics_with_and_without_angles
         np.testing.assert_allclose(frames[link, 1:] @ frames[link, 1:].T, np.eye(3), atol=1e-12)
         assert np.linalg.det(frames[link, 1:]) == pytest.approx(1.0)
     pose = truth[6]
-    p, z, axes, built = triple(pose[:3, 3]), triple(pose[:3, 2]), JointAxes.row(), frames.copy()
+    axes, built = JointAxes.row(), frames.copy()
     mask, out = solutions(pose, 0.0)
     for branch in range(8):
         if not mask >> branch & 1 or volume(jacobian(out[branch], LENGTHS)) < 1e-3:
             continue
         called(link_frames)(ROW, out[branch], frames)
-        assert called(branch_frames)(ROW, p, z, branch, axes, built)
+        assert called(branch_frames)(ROW, flange_axis(pose), branch, axes, built)
         np.testing.assert_allclose(built[:6], frames[:6], atol=1e-7)
         np.testing.assert_allclose(built[6, [0, 3]], frames[6, [0, 3]], atol=1e-9)
         np.testing.assert_allclose(built[6, 1:] @ built[6, 1:].T, np.eye(3), atol=1e-9)

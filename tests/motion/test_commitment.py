@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Box, Limb, Settings, robot_spec, stance_graph
 from mlivr_gym.envs.tasks import random_state, sample_task
 from mlivr_gym.kinematics.base_path import base_path, base_poses
+from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
 from mlivr_gym.motion.commitment import committed_motion
@@ -185,3 +186,24 @@ def test_every_walk_of_more_limbs_is_put_together(small_map, limbs):
     graph, rng = stance_graph(small_map, f"mlivr{limbs}"), np.random.default_rng(limbs)
     for _ in range(4):
         check_walk(graph, random_walk(graph, rng, 4))
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_manipulability_of_a_plan_is_that_of_its_joint_angles(small_map, limbs):
+    """By the definitions in NumPy, at every stance."""
+    graph = stance_graph(small_map, f"mlivr{limbs}", NO_COLLISIONS)
+    robot, l_c = graph.robot, graph.robot.characteristic_length
+    states = random_walk(graph, np.random.default_rng(1), 6)
+    motion = committed_motion(graph, states).motion
+    for k, joints in enumerate(motion.joint_positions):
+        jacobians, grasps = [], []
+        for i, q in enumerate(joints):
+            frame = forward_kinematics(q, robot.limb.lengths)[6]
+            of_limb, mount = jacobian(q, robot.limb.lengths), robot.mount_rotations[i]
+            assert motion.w_m[k, i] == pytest.approx(limb_manipulability(of_limb, l_c), rel=1e-6)
+            tool = robot.tool_length * frame[:3, 2]
+            of_limb[:3] += np.cross(of_limb[3:].T, tool).T
+            jacobians.append(np.kron(np.eye(2), mount) @ of_limb)
+            grasps.append(robot.mount_positions[i] + mount @ (frame[:3, 3] + tool))
+        truth = base_manipulability(np.array(jacobians), np.array(grasps), l_c)
+        assert motion.w_b[k] == pytest.approx(truth, rel=1e-6)

@@ -7,6 +7,7 @@ import coal
 import numpy as np
 import pytest
 from branches import arm_of, solutions
+from compiled import called
 from oracle import flange, pinocchio_arm
 from scipy.spatial.transform import Rotation
 
@@ -14,7 +15,10 @@ from mlivr_gym import Settings, State, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import capsule_ends, contacts
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import RobotError, StanceError
+from mlivr_gym.kinematics.base_path import BasePath, lift_path
+from mlivr_gym.kinematics.holding import Holding, hold_mask
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
+from mlivr_gym.kinematics.poses import pose as pose_row
 from mlivr_gym.planners import Planner
 from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.robot.capsules import Capsule
@@ -78,13 +82,16 @@ def candidates(graph, stance):
     return found
 
 
+def among(graph):
+    """Clearance and boxes that postures keep; the robot itself is never penetrated."""
+    if graph.settings.collisions:
+        return graph.settings.clearance, graph.grasp_map.boxes
+    return 0.0, ()
+
+
 def chosen_by_definition(graph, stance):
     """What the rule takes, and how many candidates tied in the margin: the definition."""
-    clearance, boxes = (
-        (graph.settings.clearance, graph.grasp_map.boxes)
-        if graph.settings.collisions
-        else (0.0, ())
-    )
+    clearance, boxes = among(graph)
     grasps = [
         (i, graph.grasp_map.positions[p], graph.grasp_map.normals[p]) for i, p in enumerate(stance)
     ]
@@ -116,6 +123,79 @@ def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
         assert tuple(here.branch[s]) == labels
         ties.append(tied)
     assert max(ties) > 4  # mirror postures and elbows
+
+
+def departing(graph, s, i, branches):
+    """Branches and flips on which a limb can depart from its point, by what follows base paths."""
+    grasp, limits = graph.solver.grasps[graph.points[s, i]], graph.solver.thresholds[0]
+    path, l_c = BasePath.row(), graph.robot.characteristic_length
+    base = pose_row(graph.base_in_world[s], graph.base_axes_in_world[s])
+    called(lift_path)(path, base, grasp, graph.robot.lift)
+    limb, mask = graph.solver.shapes.robot["limbs"][i], sum(0x101 << b for b in branches)
+    floor = float(limits["floor"]) * l_c**3
+    return called(hold_mask)(limb, grasp["flange"], path, floor, mask, Holding.row())
+
+
+def masks_by_definition(graph, s):
+    """Branches and flips that limbs may hold on: a product, grown from those of the posture."""
+    stance, robot = graph.points[s], graph.robot
+    base, axes = graph.base_in_world[s], graph.base_axes_in_world[s]
+    held = (graph.grasp_map.positions[stance] - base) @ axes
+    found = [{c[0]: c for c in limb} for limb in choices(graph, stance, base, axes)]
+    quaternion = Rotation.from_matrix(axes).as_quat(scalar_first=True)
+    clearance, boxes = among(graph)
+    grasps = [
+        (i, graph.grasp_map.positions[p], graph.grasp_map.normals[p]) for i, p in enumerate(stance)
+    ]
+
+    def close(labels):
+        """Limbs of pairs that are too close; None stands for body, mounts and boxes."""
+        joints = np.array([limb[b][1] for limb, b in zip(found, labels, strict=True)])
+        pairs = contacts(robot, boxes, (base, quaternion, joints), clearance, grasps)
+        fixed = "body", "box", *(f"limb{i}/base" for i in range(len(found)))
+        names = [(contact.first, contact.second) for contact in pairs]
+        return {
+            frozenset(None if one.startswith(fixed) else int(one[4]) for one in pair)
+            for pair in names
+        }
+
+    def fits(labels):
+        w_b = base_manipulability(
+            np.array([limb[b][3] for limb, b in zip(found, labels, strict=True)]),
+            held,
+            robot.characteristic_length,
+        )
+        both = frozenset(range(len(found)))
+        return w_b >= graph.base_threshold and both not in close(labels)
+
+    first = graph.posture(tuple(stance.tolist())).branch[0].tolist()
+    masks, allowed = [], []
+    for i, limb in enumerate(found):
+        able = [b for b, choice in limb.items() if choice[2] >= graph.limb_threshold]
+        masks.append(departing(graph, s, i, able))
+        free = [b for b in able if masks[i] & 0x101 << b]
+        labels = [[*first[:i], b, *first[i + 1 :]] for b in free]
+        mine = ({i}, {i, None})
+        alone = [not close(one) & set(map(frozenset, mine)) for one in labels]
+        allowed.append([b for b, ok in zip(free, alone, strict=True) if ok])
+    kept = [{b} for b in first]
+    for i in range(len(found)):
+        for b in allowed[i]:
+            others = [kept[j] if j != i else {b} for j in range(len(found))]
+            if all(fits(labels) for labels in product(*others)):
+                kept[i].add(b)
+    return [masks[i] & sum(0x101 << b for b in kept[i]) for i in range(len(found))]
+
+
+@pytest.mark.parametrize("collisions", [False, True])
+def test_limbs_may_hold_on_the_branches_of_the_definition(graph, ladder, collisions):
+    """Every combination meets the threshold of `w_b` and keeps the limbs apart."""
+    here = stance_graph(ladder) if collisions else graph
+    rng, less = np.random.default_rng(3), 0
+    for s in rng.choice(len(here), 25, replace=False):
+        assert here.mask[s].tolist() == masks_by_definition(here, s)
+        less += (here.mask[s] < 0xFFFF).any()
+    assert less > 5
 
 
 def best_configuration(graph, s):

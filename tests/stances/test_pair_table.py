@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from mlivr_gym import stance_graph
+from mlivr_gym import State, stance_graph
 from mlivr_gym.compiled import kernels
+from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import fill_rows
+from mlivr_gym.stances.pair_steps import longest_step
+from mlivr_gym.stances.step_tables import step_tables
 
 
 @pytest.fixture
@@ -43,3 +46,35 @@ def test_a_step_is_the_same_in_both_directions(filled):
             on_line = forth["pair"] >= 0
             turned = 8 * (forth["pair"] % 8) + forth["pair"] // 8
             assert np.array_equal(turned[on_line], back["pair"][on_line])
+
+
+def test_the_longest_step_of_a_row_is_that_of_all_its_pairs(small_graph):
+    graph, longest = small_graph, 0.0
+    for held in range(2):
+        out = np.zeros(len(graph.grasp_map))
+        longest_step(held, graph.rows, graph.row_start, graph.base_in_world, out)
+        for point in range(len(out)):
+            places = graph.base_in_world[graph.points[:, held] == point]
+            between = places[:, None] - places[None]
+            assert out[point] == pytest.approx((between**2).sum(axis=2).max(initial=0.0))
+        longest = max(longest, float(np.sqrt(out.max())))
+    assert graph.max_step == pytest.approx(longest)
+
+
+def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_graph):
+    """Asked one stance at a time, with every branch that a limb may be on."""
+    graph = small_graph
+    tables = step_tables(graph)
+    lazy = LazyGraph(graph.grasp_map, graph.robot, graph.settings)
+    for s in np.random.default_rng(0).integers(0, len(graph), 10):
+        state = State(tuple(graph.points[s].tolist()), tuple(graph.mask[s].tolist()))
+        found = tables.successors(int(s), state.masks)
+        truth = lazy.successors(state)
+        ours, theirs = (
+            {(int(i), int(p)): tuple(masks.tolist()) for i, p, masks in zip(*one, strict=True)}
+            for one in (
+                (found.limb, found.point, found.masks),
+                (truth.limb, truth.point, truth.masks),
+            )
+        )
+        assert ours == theirs

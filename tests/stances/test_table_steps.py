@@ -53,14 +53,14 @@ def test_steps_that_leave_a_state(seed):
     rng = np.random.default_rng(seed)
     tables = random_tables(rng)
     for s in range(len(tables.points)):
-        masks = rng.integers(0, 8, 2).tolist()
+        masks = tuple(rng.integers(0, 8, 2).tolist())
         truth = plain_steps(tables, s, masks)
         steps, kept = np.zeros(40, dtype=np.int64), np.zeros(40, dtype=np.int64)
-        first, count = steps_of_state(s, *masks, tables, steps, kept)
+        first, count = steps_of_state(s, masks, tables, steps, kept)
         assert first == sum(moving == 0 for moving, *_ in truth)
         assert steps[:count].tolist() == [e for _, e, _, _ in truth]
         assert kept[:count].tolist() == [mask for *_, mask in truth]
-        assert any_step(s, *masks, tables) == bool(truth)
+        assert any_step(s, masks, tables) == bool(truth)
 
 
 @pytest.mark.parametrize("seed", range(5))

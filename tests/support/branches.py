@@ -3,13 +3,18 @@
 import numpy as np
 from compiled import called
 
-from mlivr_gym.kinematics.arm import Arm, set_arm
+from mlivr_gym.kinematics.arm import Arm, FlangeAxis, set_arm
 from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
 
 
 def triple(vector):
     """Three numbers as compiled code takes them."""
     return tuple(vector.tolist())
+
+
+def flange_axis(pose):
+    """Position and axis of a flange pose, shape (4, 4), as compiled code takes them."""
+    return FlangeAxis(triple(pose[:3, 3]), triple(pose[:3, 2]))
 
 
 def arm_of(limb):
@@ -22,9 +27,8 @@ def arm_of(limb):
 def angles_on(arm, p, r, branch, slack=SINGULAR_TOO):
     """Joint angles at a flange pose in the limb base frame on one branch; None out of reach."""
     q = np.full(6, np.nan)
-    found = called(branch_angles)(
-        arm, triple(p), triple(r[:, 0]), triple(r[:, 2]), branch, slack, q
-    )
+    flange = FlangeAxis(triple(p), triple(r[:, 2]))
+    found = called(branch_angles)(arm, flange, triple(r[:, 0]), branch, slack, q)
     return q if found else None
 
 

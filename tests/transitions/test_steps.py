@@ -1,0 +1,160 @@
+"""Releases and steps against their plain definition, which asks for one motion at a time."""
+
+import numpy as np
+import pytest
+from limb_motions import swinging
+from plain_steps import NO_EDGE, PlainChecks, PlainStep, mask_of, members
+
+from mlivr_gym import Settings, stance_graph
+from mlivr_gym.collisions.motion import Sweep
+from mlivr_gym.compiled.bit_sets import ALL
+from mlivr_gym.envs.tasks import random_state
+from mlivr_gym.errors import StanceError
+from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.transitions.motions import Hold, Piece, piece_clear
+
+NO_COLLISIONS = Settings(collisions=False)
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def small(request, small_map):
+    """Graphs of robots of two and of three limbs."""
+    robot = f"mlivr{request.param}"
+    return stance_graph(small_map, robot), stance_graph(small_map, robot, NO_COLLISIONS)
+
+
+def two_stances(graph, rng):
+    """A limb, and the points of a random stance and of one that this limb alone changes."""
+    while True:
+        before, limb = random_state(graph, rng).stance, int(rng.integers(graph.limbs))
+        others = [p for i, p in enumerate(before) if i != limb]
+        places = graph.grasp_map.positions
+        away = np.linalg.norm(places - places[others].mean(axis=0), axis=1)
+        point = int(rng.choice(np.flatnonzero(away < 1.5)))
+        after = (*before[:limb], point, *before[limb + 1 :])
+        if point != before[limb] and can_be_held(graph, after):
+            return limb, before, after
+
+
+def can_be_held(graph, stance):
+    try:
+        graph.state(stance)
+    except StanceError:
+        return False
+    return True
+
+
+def asked(graph, limb, before, after, wanted, given):
+    """The stances, what compiled code says of limbs at both, and of the step between them."""
+    points = np.array([before, after])
+    checks, postures = graph.checks, join(graph.posture(before), graph.posture(after))
+    stances, world = checks.stances(points, postures), checks.world(None)
+    todo = np.array([(s, i) for s in (0, 1) for i in range(graph.limbs)])
+    checks.release(stances, todo, world)
+    steps = checks.steps(1)
+    steps["limb"], steps["before"], steps["after"], steps["given"] = limb, 0, 1, given
+    steps["pivot"] = graph.grasp_map.positions[[p for i, p in enumerate(after) if i != limb]].mean(
+        axis=0
+    )
+    steps["wanted"][0, : graph.limbs] = wanted
+    able = checks.hold(steps.copy(), stances, world)
+    checks.check(steps, stances, world)
+    return stances, steps[0], bool(able[0])
+
+
+def same_release(ours, truth):
+    assert members(ours["branches"]) == truth.pairs
+    assert {fold for fold in range(8) if int(ours["folds"]) >> fold & 1} == truth.folds
+    if truth.folds:
+        assert ours["root"] == truth.root
+        assert {b: int(ours["via"][b]) for b in truth.via} == truth.via
+
+
+def same_edge(step, truth, limbs):
+    assert {i: members(step["kept"][i]) for i in limbs} == (truth.kept or {i: set() for i in limbs})
+    assert members(step["on_arc"]) == truth.on_arc
+    assert int(step["pair"]) == truth.pair
+    assert tuple(step["folds"].tolist()) == truth.folds
+    if truth.kept:
+        assert step["kind"] == truth.kind
+
+
+def some_branches(graph, rng, given):
+    """Bits that each limb may be on: all, or a few that are given."""
+    return [int(rng.integers(1, ALL + 1)) if given else ALL for _ in range(graph.limbs)]
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_releases_and_steps_are_those_of_the_plain_definition(small, given):
+    graph, rng = small[0], np.random.default_rng(int(given))
+    kinds = dict.fromkeys(("none", "folded", "line", "joined"), 0)
+    for _ in range(100 if graph.limbs == 2 else 40):
+        limb, before, after = two_stances(graph, rng)
+        wanted = some_branches(graph, rng, given)
+        stances, step, able = asked(graph, limb, before, after, wanted, given)
+        plain = PlainChecks(graph, stances)
+        released = [[plain.release(s, i) for i in range(graph.limbs)] for s in (0, 1)]
+        for s in (0, 1):
+            for i in range(graph.limbs):
+                same_release(stances.released[s, i], released[s][i])
+        of_step = PlainStep(plain, limb, 0, 1, step["pivot"], [*map(members, wanted)], given)
+        assert able == any(all(on.values()) for on in of_step.on_path)
+        edge = of_step.check(released)
+        same_edge(step, edge, of_step.held)
+        kinds["none"] += edge == NO_EDGE
+        kinds["line"] += edge.pair >= 0
+        kinds["folded"] += max(edge.folds) >= 0
+        kinds["joined"] += any(one.pairs and not one.folds for both in released for one in both)
+    assert min(kinds.values()) > 0
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_steps_without_collisions_are_those_of_the_plain_definition(small, given):
+    graph, rng = small[1], np.random.default_rng(10 + int(given))
+    for _ in range(60):
+        limb, before, after = two_stances(graph, rng)
+        wanted = some_branches(graph, rng, given)
+        stances, step, able = asked(graph, limb, before, after, wanted, given)
+        assert (stances.released["branches"] == stances.mask).all()
+        plain = PlainChecks(graph, stances)
+        of_step = PlainStep(plain, limb, 0, 1, step["pivot"], [*map(members, wanted)], given)
+        edge = of_step.check()
+        same_edge(step, edge, of_step.held)
+        assert able == bool(edge.kept)
+        assert mask_of(edge.on_arc) == int(step["on_arc"])
+
+
+def test_pieces_of_a_swing_are_clear_where_every_motion_in_them_is(small):
+    """A limb on a random line while the base goes along a part of a path and the others hold."""
+    graph, rng, answers = small[0], np.random.default_rng(5), []
+    for _ in range(60):
+        limb, before, after = two_stances(graph, rng)
+        stances, step, _ = asked(graph, limb, before, after, [ALL] * graph.limbs, False)
+        plain = PlainChecks(graph, stances)
+        of_step = PlainStep(plain, limb, 0, 1, step["pivot"], [members(ALL)] * graph.limbs, False)
+        kind = int(rng.integers(2))
+        path, standing = of_step.paths[kind], of_step.on_path[kind]
+        if not all(standing.values()):
+            continue
+        start = plain.folds[int(rng.integers(len(plain.folds)))]
+        end = start + rng.normal(size=6) * 0.3
+        piece, holds = Piece.rows(1), Hold.rows(len(of_step.held))
+        places = sorted(rng.uniform(0.0, 1.0, 2).tolist())
+        piece["path"], piece["limb"] = path, limb
+        piece["begin"], piece["finish"] = places
+        piece["start"]["q"], piece["end"]["q"] = start, end
+        chosen = {i: int(rng.choice([b for b, _ in standing[i]])) for i in of_step.held}
+        for row, i in zip(holds, of_step.held, strict=True):
+            row["limb"], row["point"], row["branch"] = i, after[i], chosen[i]
+        world = graph.checks.world(None)
+        ours = piece_clear(piece, holds, graph.checks.robots, world, Sweep.rows(1))
+        swing = swinging(limb, start, end)
+        truth = plain.clear(path, swing, swing, ("boxes", "body"), places=places) and all(
+            plain.clear(
+                path, of_step.holds(i, b), swing, ("boxes", "body", "meeting"), places=places
+            )
+            for i, b in chosen.items()
+        )
+        assert ours == truth
+        answers.append(ours)
+    assert 5 < sum(answers) < len(answers) - 5
