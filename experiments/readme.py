@@ -13,10 +13,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, rows_of
-
 from comparison_report import readme_table
 
+from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, rows_of
 from mlivr_gym.files import write_whole
 
 ROOT = Path(__file__).parent.parent
