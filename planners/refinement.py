@@ -167,8 +167,8 @@ class _Footholds:
         thresholds = graph.settings.thresholds(graph.limbs)
         layers, last = [], len(self.stances) - 1
         for k, (stance, (positions, rotations)) in enumerate(zip(self.stances, poses, strict=True)):
-            own = State(stance, self.start.masks, self.given[k])
-            first = graph.posture_of(own) if known is None else known.take(slice(k, k + 1))
+            given = State(stance, self.start.masks, self.given[k])
+            first = graph.posture_of(given) if known is None else known.take(slice(k, k + 1))
             if k == 0 or (k == last and not self.arrives):
                 layers.append(first)
                 continue
@@ -191,7 +191,7 @@ class _Footholds:
         sizes = [len(layer.w_b) for layer in layers]
         starts = np.concatenate([[0], np.cumsum(sizes)])
         points = np.repeat(np.array(self.stances, dtype=np.int64), sizes, axis=0)
-        stances, to_go = graph.checks.stances(points, every), _least_left(layers)
+        stances, to_go = graph.checks.stances(points, every), _least_ahead(layers)
         order, closed = count(), dict[int, list[tuple[int, ...]]]()
         first = _Node(0, 0, self.start.masks, 0.0, None)
         queue: list[tuple[float, int, _Node | _Ahead]] = [(0.0, next(order), first)]
@@ -243,13 +243,13 @@ class _Footholds:
         return _Chosen((self.start, *after), postures)
 
 
-def _least_left(layers: list[Postures]) -> Array:
+def _least_ahead(layers: list[Postures]) -> Array:
     """Least base translation from each posture to the last stance, steps not checked [m]."""
-    left = [np.zeros(len(layers[-1].w_b))]
+    ahead = [np.zeros(len(layers[-1].w_b))]
     for there, here in pairwise(layers[::-1]):
         away = np.linalg.norm(here.base_position[:, None] - there.base_position[None], axis=2)
-        left.append((away + left[-1]).min(axis=1, initial=np.inf))
-    return np.concatenate(left[::-1])
+        ahead.append((away + ahead[-1]).min(axis=1, initial=np.inf))
+    return np.concatenate(ahead[::-1])
 
 
 def _covered(node: _Node, closed: dict[int, list[tuple[int, ...]]]) -> bool:

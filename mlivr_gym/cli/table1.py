@@ -151,7 +151,11 @@ class Start(NamedTuple):
     @classmethod
     def of(cls, setup: dict[str, Any]) -> Start:
         """The start of a setup."""
-        graph, stance = case_graph(2, setup, "collisions"), tuple(setup["start"])
+        return cls.at(case_graph(2, setup, "collisions"), tuple(setup["start"]))
+
+    @classmethod
+    def at(cls, graph: PairGraph, stance: tuple[str, ...]) -> Start:
+        """A stance in the posture that a graph gives it."""
         posture = graph.posture(graph.indices(stance))
         turn = quaternion(posture.base_rotation)[0].tolist()
         return cls(stance, (*posture.base_position[0].tolist(), *turn))
