@@ -228,31 +228,45 @@ def told(data: dict[str, Any]) -> str:
             f"{100 * r[name] / max(1, r['pairs']):.0f} %" for r in found["relations"].values()
         ]
         lines.append(f"| {name} | {kind} | {' | '.join(shares)} |")
-    loss = found["paper_heuristic"]
-    lines += [
-        "",
+    return "\n".join(
+        [*lines, "", *told_loss(found["paper_heuristic"]), *told_sweep(data["sweep"]), ""]
+    )
+
+
+def told_loss(loss: dict[str, Any]) -> list[str]:
+    """What the paper's heuristic costs, in lines."""
+    share = 100 * loss["longer"] / loss["pairs"]
+    return [
         f"**What the paper's heuristic costs.** In the paper-faithful Case 2 its plan is longer "
-        f"than the optimum for {loss['longer']} of {loss['pairs']} pairs "
-        f"({100 * loss['longer'] / loss['pairs']:.0f} %), by {loss['mean']:.3f} m on average and "
-        f"{loss['largest']:.3f} m at most.",
+        f"than the optimum for {loss['longer']} of {loss['pairs']} pairs ({share:.0f} %), by "
+        f"{loss['mean']:.3f} m on average and {loss['largest']:.3f} m at most.",
         "",
+    ]
+
+
+def told_sweep(sweep: dict[str, Any]) -> list[str]:
+    """Plans under other thresholds, in lines."""
+    lines = [
         "**Thresholds.** Both as a share of the paper's, base cost, "
-        f"{data['sweep']['pairs']} of the pairs, steps not checked. Executable: every step can be "
-        "made by the holding limb.",
+        f"{sweep['pairs']} of the pairs, steps not checked. Executable: every step can be made by "
+        "the holding limb.",
         "",
         "| share | stances | plans | steps | base translation [m] | executable |",
         "|---|---|---|---|---|---|",
     ]
-    for row in data["sweep"]["rows"]:
+    for row in sweep["rows"]:
         cells = ["-"] * 3
         if row["plans"]:
             share = 100 * row["executable"] / row["plans"]
-            cells = [f"{row['steps']:.2f}", f"{row['base_translation']:.3f}",
-                     f"{row['executable']} ({share:.0f} %)"]  # fmt: skip
+            cells = [
+                f"{row['steps']:.2f}",
+                f"{row['base_translation']:.3f}",
+                f"{row['executable']} ({share:.0f} %)",
+            ]
         lines.append(
             f"| {row['factor']:g} | {row['stances']} | {row['plans']} | {' | '.join(cells)} |"
         )
-    return "\n".join([*lines, ""])
+    return lines
 
 
 def main() -> None:
