@@ -333,8 +333,12 @@ def main() -> None:
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     setup = default_setup()
-    graph = case_graph(3, setup, collisions=True)
-    plan = Planner(graph).plan(tuple(setup["start"]), tuple(setup["goal"]), CASES[3].cost).unwrap()
+    graph = case_graph(3, setup, "collisions")
+    plan = (
+        Planner(graph)
+        .plan(setup["start"], setup["goal"], CASES[3].cost, goal_face=setup["goal_face"])
+        .unwrap()
+    )
     data = {
         "machine": f"Python {platform.python_version()}, MuJoCo {mujoco.__version__}, one core",
         "walks": walks(graph, plan, args.out),

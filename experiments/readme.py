@@ -1,21 +1,28 @@
-"""Put the figures of `results/` between the marks of the README.
+"""Tell the figures of `results/` in its pages and between the marks of the README.
 
     python experiments/readme.py
 
-Each experiment writes its own files; this script alone copies what the README shows of them: Table
-I and its study, the collision checks' truth, what the simulation measured, the benchmark's targets,
-and the comparison of planners and policies.
+Each experiment writes its figures as JSON and its page; this script tells all pages anew from the
+JSON, and copies what the README shows of them: Table I and its study, the promises against truth,
+what the simulation measured, the benchmark's targets, and the comparison of planners and policies.
+`make test` fails when a page says something else.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from comparison_report import readme_table
+import comparison_report
+import dynamic_simulation
+import planning_report
+import table1_statistics
+from table1 import study_markdown
+from truth import told
 
-from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, rows_of
+from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, rows_of, table_markdown
 from mlivr_gym.files import write_whole
 
 ROOT = Path(__file__).parent.parent
@@ -139,31 +146,64 @@ def targets(report: str) -> str:
     return "\n".join(lines[first : lines.index("", first)]) + "\n"
 
 
-def main() -> None:
-    """Fill the README."""
-    results = ROOT / "results"
+def filled(text: str, results: Path) -> str:
+    """The README with the figures of a folder of results between its marks."""
+
+    def data(name: str) -> Any:
+        return json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
+
     parts = {
-        "table1": table1(json.loads((results / "table1.json").read_text(encoding="utf-8"))),
-        "table1_study": study(
-            json.loads((results / "table1_study.json").read_text(encoding="utf-8"))
-        ),
-        "truth": truth(json.loads((results / "truth.json").read_text(encoding="utf-8"))),
-        "dynamic_simulation": dynamics(
-            json.loads((results / "dynamic_simulation.json").read_text(encoding="utf-8"))
-        ),
-        "benchmark_planning": targets(
-            (results / "benchmark_planning.md").read_text(encoding="utf-8")
-        ),
-        "planner_vs_rl": readme_table(
-            json.loads((results / "planner_vs_rl.json").read_text(encoding="utf-8"))
-        ),
+        "table1": table1(data("table1")),
+        "table1_study": study(data("table1_study")),
+        "truth": truth(data("truth")),
+        "dynamic_simulation": dynamics(data("dynamic_simulation")),
+        "benchmark_planning": targets(planning_report.report(data("benchmark_planning"))),
+        "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
     }
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
     for name, part in parts.items():
         first, last = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
         before, rest = text.split(first, 1)
         text = before + first + part + last + rest.split(last, 1)[1]
-    write_whole(ROOT / "README.md", text)
+    return text
+
+
+REPORTS: dict[str, Callable[[Any], str]] = {
+    "table1": table_markdown,
+    "table1_study": study_markdown,
+    "table1_statistics": table1_statistics.told,
+    "truth": told,
+    "dynamic_simulation": dynamic_simulation.markdown,
+    "benchmark_planning": planning_report.report,
+    "planner_vs_rl": comparison_report.full_report,
+}
+"""What tells each file of results as a page of the same name."""
+
+
+def texts() -> dict[Path, str]:
+    """What each page that carries figures must say."""
+    results, readme = ROOT / "results", ROOT / "README.md"
+    pages = {
+        results / f"{name}.md": tell(
+            json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
+        )
+        for name, tell in REPORTS.items()
+    }
+    return pages | {readme: filled(readme.read_text(encoding="utf-8"), results)}
+
+
+def stale() -> list[str]:
+    """Pages that say other figures than the results."""
+    return [
+        path.relative_to(ROOT).as_posix()
+        for path, text in texts().items()
+        if not path.exists() or path.read_text(encoding="utf-8") != text
+    ]
+
+
+def main() -> None:
+    """Write all pages."""
+    for path, text in texts().items():
+        write_whole(path, text)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.planners import Planner
 from mlivr_gym.postures.base_frames import base_frames
-from mlivr_gym.postures.solver import OPPOSED_HEIGHTS, OPPOSED_ROLLS, tool_rotations
+from mlivr_gym.postures.solver import OPPOSED_HEIGHTS, OPPOSED_ROLLS
 from mlivr_gym.stances.pair_graph import PairGraph
 
 Stance = tuple[int, int]
@@ -122,7 +122,8 @@ class ReferencePlanner:
         self.thresholds = settings.thresholds(2)
         self.model, self.frame = dh_model(robot.limb.lengths, robot.tool_length)
         self.data = self.model.createData()
-        self.flange_axes_in_world = tool_rotations(grasp_map)
+        # A flange that grasps: x along the rail, z into the surface.
+        self.flange_axes_in_world = grasp_map.rotations * np.array([1.0, -1.0, -1.0])
         self.mounts = [
             pin.SE3(r, p) for r, p in zip(robot.mount_rotations, robot.mount_positions, strict=True)
         ]

@@ -121,8 +121,25 @@ in plain Python: largest difference of cost {part["largest_difference"]:.1e} ({o
 """
 
 
-PARTS = ("walks", "windows", "execution", "optimality", "limbs", "no", "clearance", "collisions")
-"""Names of the parts."""
+PARTS: dict[str, Callable[[Part], str]] = {
+    "walks": tell_walks,
+    "windows": tell_windows,
+    "execution": tell_execution,
+    "optimality": tell_optimality,
+    "limbs": tell_limbs,
+    "no": tell_no,
+    "clearance": tell_clearance,
+    "collisions": tell_collisions,
+}
+"""The parts, and what tells each."""
+
+
+def told(known: dict[str, Part]) -> str:
+    """The report of the parts that are known."""
+    parts = [tell(known[name]) for name, tell in PARTS.items() if name in known]
+    return "\n".join(
+        ["# Promises against outside truth\n", "Made by `experiments/truth.py`.\n", *parts]
+    )
 
 
 def arguments() -> argparse.Namespace:
@@ -130,7 +147,9 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--parts", nargs="*", choices=PARTS, default=PARTS, help="some, or none")
+    parser.add_argument(
+        "--parts", nargs="*", choices=list(PARTS), default=list(PARTS), help="some, or none"
+    )
     parser.add_argument("--walks", type=int, default=10_000, help="walks put together")
     parser.add_argument("--pairs", type=int, default=20_000, help="pairs of stances for windows")
     parser.add_argument("--unreachable", type=int, default=200, help="queries without a plan")
@@ -157,36 +176,26 @@ def main() -> None:
     def size(name: str) -> int:
         return max(3, getattr(args, name) // (100 if args.small else 1))
 
-    studies: dict[str, tuple[Callable[[], Part], Callable[[Part], str]]] = {
-        "walks": (lambda: study_walks(size("walks"), processes), tell_walks),
-        "windows": (lambda: study_windows(size("pairs")), tell_windows),
-        "execution": (
-            lambda: study_execution(size("executed"), size("steps"), processes),
-            tell_execution,
-        ),
-        "optimality": (
-            lambda: study_optimality(size("queries"), max(3, size("queries") // 10)),
-            tell_optimality,
-        ),
-        "limbs": (lambda: study_small_maps(size("maps"), processes), tell_limbs),
-        "no": (lambda: study_no(size("unreachable")), tell_no),
-        "clearance": (lambda: study_clearance(size("past"), processes), tell_clearance),
-        "collisions": (
-            lambda: study_collisions(size("stances"), size("free"), size("blocked"), size("plans")),
-            tell_collisions,
+    studies: dict[str, Callable[[], Part]] = {
+        "walks": lambda: study_walks(size("walks"), processes),
+        "windows": lambda: study_windows(size("pairs")),
+        "execution": lambda: study_execution(size("executed"), size("steps"), processes),
+        "optimality": lambda: study_optimality(size("queries"), max(3, size("queries") // 10)),
+        "limbs": lambda: study_small_maps(size("maps"), processes),
+        "no": lambda: study_no(size("unreachable")),
+        "clearance": lambda: study_clearance(size("past"), processes),
+        "collisions": lambda: study_collisions(
+            size("stances"), size("free"), size("blocked"), size("plans")
         ),
     }
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / "truth.json"
     known: dict[str, Part] = json.loads(path.read_text()) if path.exists() else {}
     for name in args.parts:
-        known[name] = studies[name][0]()
+        known[name] = studies[name]()
         write_whole(path, json.dumps(known, indent=1) + "\n")
-    told = [tell(known[name]) for name, (_, tell) in studies.items() if name in known]
-    text = "# Promises against outside truth\n\nMade by `experiments/truth.py`.\n\n"
-    text += "\n".join(told)
-    write_whole(args.out / "truth.md", text)
-    print(text)
+    write_whole(args.out / "truth.md", told(known))
+    print(told(known))
 
 
 if __name__ == "__main__":

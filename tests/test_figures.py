@@ -1,0 +1,39 @@
+"""Pages that carry figures say what the results say."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+EXPERIMENTS = Path(__file__).parent.parent / "experiments"
+
+
+@pytest.fixture(scope="module")
+def pages():
+    sys.path.insert(0, str(EXPERIMENTS))
+    try:
+        import readme
+
+        yield readme
+    finally:
+        sys.path.remove(str(EXPERIMENTS))
+
+
+@pytest.mark.parametrize("script", sorted(path.stem for path in EXPERIMENTS.glob("*.py")))
+def test_every_experiment_is_of_this_version_of_the_package(pages, script, monkeypatch):
+    """What it imports is there; `import` runs no experiment."""
+    monkeypatch.setattr(sys, "argv", [script])
+    importlib.import_module(script)
+
+
+def test_readme_and_reports_say_what_the_results_say(pages):
+    """If this fails, run `python experiments/readme.py`."""
+    assert pages.stale() == []
+
+
+def test_a_figure_that_was_typed_is_noticed(pages):
+    text = (pages.ROOT / "README.md").read_text(encoding="utf-8")
+    mark = "<!-- table1 -->\n"
+    typed = text.replace(mark, f"{mark}| 1 | typed | 42 |\n")
+    assert pages.filled(typed, pages.ROOT / "results") != typed
