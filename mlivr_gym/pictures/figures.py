@@ -21,6 +21,18 @@ FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (
 """Corners of each face of a box, in the order of `box_corners`."""
 
 
+BASE_COLOUR, GOAL_COLOUR = "#2b8a3e", "#ffb703"
+"""Colours of base paths, green as in the paper, and of goals."""
+
+FACE_TINTS = {"deck": "#8a6d3b", "overhead": "#5a7d9a", "forward": "#7a7a7a", "aft": "#a3a3a3"}
+"""Colours of points by the face they lie on; other faces are grey."""
+
+
+def tints(grasp_map: GraspMap) -> list[str]:
+    """Colour of each point of a map."""
+    return [FACE_TINTS.get(face, "#8c8c8c") for face in grasp_map.faces]
+
+
 def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
     """A 3-D figure of the map: tracks as thin lines, points as dots, equal scale."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -34,7 +46,7 @@ def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
     axes.scatter(
         *grasp_map.positions.T,
         s=4,
-        color="0.55",
+        color=tints(grasp_map),
         depthshade=False,
         zorder=2,
         label="graspable points",
@@ -64,13 +76,13 @@ def draw_base_path(axes: Any, base: Array, goal: Sequence[float], label: str) ->
         label: What the legend calls the path.
     """
     axes.plot(
-        *base.T, color="#c1121f", linewidth=3.0, marker="s", markersize=5, zorder=5, label=label
+        *base.T, color=BASE_COLOUR, linewidth=3.0, marker="s", markersize=5, zorder=5, label=label
     )
     axes.scatter(
         *np.array(goal),
         s=150,
         marker="*",
-        color="#ffb703",
+        color=GOAL_COLOUR,
         edgecolor="black",
         depthshade=False,
         zorder=7,
@@ -87,9 +99,11 @@ def add_heading(figure: Any, title: str, remark: str | None = None) -> None:
 
 def add_legend(figure: Any) -> None:
     """Put the legend at the upper right of a figure of `map_axes`."""
-    figure.legend(
+    legend = figure.legend(
         loc="upper right", bbox_to_anchor=(0.985, 0.985), ncols=2, fontsize=8.5, frameon=False
     )
+    for handle in legend.legend_handles:
+        handle.set_alpha(1.0)
 
 
 def box_corners(box: Box) -> Array:

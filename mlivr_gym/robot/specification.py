@@ -27,16 +27,16 @@ from mlivr_gym.schema import NAME, Listed, Maybe, Place, Record, Tuples, Whole
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 
 LIMB_COLOURS = (
-    "#1f77b4",
-    "#ff7f0e",
-    "#2ca02c",
     "#d62728",
+    "#1f5fd0",
+    "#ff9f1c",
+    "#17a2a2",
     "#9467bd",
     "#8c564b",
     "#e377c2",
     "#7f7f7f",
 )
-"""Colour of each limb, in the scene and in figures."""
+"""Colour of each limb, in the scene and in figures; red and blue are the paper's."""
 
 
 @cache
