@@ -47,7 +47,7 @@ PLAIN = ("kinematics/test_base_path.py", "kinematics/test_manipulability.py",
          "planners/test_queue.py")  # fmt: skip
 """Tests that are quick without compiling; faults in kernels of their folders meet them first."""
 
-FILES = ("test_files.py", "test_mutated_files.py", "test_values.py", "test_settings.py",
+FILES = ("test_files.py", "test_fuzzed_files.py", "test_values.py", "test_settings.py",
          "test_errors.py", "world", "motion/test_plan_files.py")  # fmt: skip
 
 STRATA = {
@@ -55,7 +55,7 @@ STRATA = {
         {
             "mlivr_gym/kinematics": ("kinematics", "postures", "robot"),
             "mlivr_gym/postures": ("postures", "kinematics/test_certificate.py", "stances"),
-            "mlivr_gym/robot": ("robot", "kinematics", "test_mutated_files.py"),
+            "mlivr_gym/robot": ("robot", "kinematics", "test_fuzzed_files.py"),
         }
     ),
     "collisions": Stratum({"mlivr_gym/collisions": ("collisions", "stances")}),
@@ -70,7 +70,7 @@ STRATA = {
     "simulation": Stratum(
         {
             "mlivr_gym/simulation": ("simulation", "envs/test_env.py", "cli/test_simulate.py"),
-            "mlivr_gym/motion": ("motion", "simulation", "test_mutated_files.py"),
+            "mlivr_gym/motion": ("motion", "simulation", "test_fuzzed_files.py"),
         }
     ),
     "agents": Stratum({"agents": ("agents",)}),
