@@ -30,8 +30,11 @@ from mutation import Mutant, mutants_of, planted
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "results"
 SEED, COUNT = 14, 150
-LIMIT = 300.0
-"""Seconds after which the tests of a fault are ended: it hangs, which no one would overlook."""
+LIMIT = 600.0
+"""Seconds after which the tests of a fault are ended without a result.
+
+Each test has a limit of its own, so that a fault that hangs fails one of them long before.
+"""
 
 
 class Stratum(NamedTuple):
@@ -205,7 +208,8 @@ class Tree:
             else:
                 self.sound.add(test)
         seconds = round(time.perf_counter() - began, 1)
-        return {"caught": status != 0, "by": test or None, "seconds": seconds}
+        return {"caught": None if status is None else status != 0, "by": test or None,
+                "seconds": seconds}  # fmt: skip
 
 
 def same(source: Path, target: Path) -> bool:
@@ -282,8 +286,9 @@ def main() -> None:
         if (known and known["digest"] == digest(mutant) and not again) or time.time() > ends:
             continue
         done = tree.run(mutant, tests_of(name, mutant.path))
-        results[mutant.key] = {"stratum": name, "digest": digest(mutant), **done}
-        word = "caught" if done["caught"] else "SURVIVED"
+        word = {True: "caught", False: "SURVIVED", None: "undecided"}[done["caught"]]
+        if done["caught"] is not None:
+            results[mutant.key] = {"stratum": name, "digest": digest(mutant), **done}
         print(f"{k + 1}/{len(todo)} {word} {done['seconds']} s {mutant.line} {mutant.key}")
         print(f"    {done['by']}", flush=True)
         file.write_text(json.dumps(results, indent=1, sort_keys=True) + "\n")

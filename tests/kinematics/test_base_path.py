@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from compiled import called
 from held_paths import path_between, random_ends
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses, travel_seen
+from mlivr_gym.kinematics.poses import pose
 
 PIVOT = np.array([0.55, 0.0, -0.65])
 
@@ -53,3 +55,19 @@ def test_the_way_back_is_the_way_there(seed, kind, off):
     back = base_poses(path_between(ends[2:] + ends[:2], kind, PIVOT), 1.0 - s)
     for a, b in zip(there, back, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-7)
+
+
+@given(st.integers(0, 10**6), st.sampled_from([STRAIGHT, ARC]), st.sampled_from([0.5, 0.2, 0.05]))
+@settings(max_examples=100, deadline=None)
+def test_a_point_at_rest_travels_no_farther_seen_from_the_base_than_its_bound(seed, kind, half):
+    """Bases that do not turn too: on an arc nothing but its bend is left to bound."""
+    rng, ends = np.random.default_rng(seed), random_ends(seed)
+    if seed % 2:
+        ends[3] = ends[1]
+    path, point = path_between(ends, kind, PIVOT), rng.uniform(-1.0, 1.0, 3)
+    s = rng.uniform(half, 1.0 - half)
+    positions, rotations = base_poses(path, s + half * np.linspace(-1.0, 1.0, 101))
+    seen = np.einsum("kji,kj->ki", rotations, point - positions)
+    gone = np.linalg.norm(seen - seen[50], axis=1).max()
+    bound = called(travel_seen)(path, pose(positions[50], rotations[50]), s, half, tuple(point))
+    assert gone <= bound + 1e-12
