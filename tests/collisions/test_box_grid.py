@@ -65,6 +65,18 @@ def test_a_box_that_the_tip_touches_is_found_after_one_that_is_only_close(axis, 
     assert answer(box_grid([plate, crate]), *ends, 0.1, motion) == OBSTACLE
 
 
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_capsule_may_reach_far_out_of_the_grid(axis, sign):
+    """From 90 m away into one of two boxes, and past them."""
+    boxes = [Box(f"b{k}", "obstacle", (k, k, k), (0.2, 0.2, 0.2)) for k in range(2)]
+    grid, along = box_grid(boxes), 90.0 * sign * np.eye(3)[axis]
+    for k in range(2):
+        middle = np.full(3, float(k))
+        assert touched(grid, middle + along, middle, 0.1)
+        assert not touched(grid, middle + along + 0.5, middle + 0.5, 0.1)
+
+
 @pytest.mark.parametrize(
     "boxes",
     [
