@@ -263,6 +263,16 @@ def test_stances_whose_every_posture_penetrates_the_robot_are_left_out_and_named
         stance_graph(small_map, replace(spec, body_size=1.1), settings)
 
 
+def test_a_stance_that_collisions_alone_keep_out_is_refused_for_what_it_touches(
+    small_graph, small_checked_graph
+):
+    missing = [s for s in small_graph.points.tolist() if small_checked_graph.find(s) < 0]
+    assert len(missing) > 10
+    for stance in missing:
+        with pytest.raises(StanceError, match="every posture that meets the thresholds touches"):
+            small_checked_graph.state(stance)
+
+
 def test_what_is_left_out_without_thresholds_is_counted(small_map):
     """By a second graph without the floor, and by distances."""
     settings, spec = Settings(collisions=False, manipulability=False), robot_spec("mlivr2")
