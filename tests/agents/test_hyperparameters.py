@@ -29,6 +29,7 @@ def test_the_shipped_ones_are_returned_as_they_are(method):
         ("bc", ("bc", "imitation", "dagger"), 1, "bc.imitation.dagger is 1; .*true or false"),
         ("bc", ("bc", "imitation", "noise"), 2.0, "bc.imitation.noise is 2"),
         ("bc", ("ppo", "ppo", "gamma"), 2.0, "ppo.ppo.gamma is 2"),
+        ("ppo", ("ppo", "ppo", "n_steps"), 2**20 + 1, "n_steps is 1048577"),
         ("ppo", ("ppo", "ppo", "gama"), 0.9, "unknown field 'gama'; .*did you mean 'gamma'"),
         ("ppo", ("ppo", "copies"), "many", "ppo.copies is 'many'"),
         ("ppo", ("ppo", "timesteps"), None, "ppo.timesteps is None"),

@@ -5,13 +5,18 @@ from compiled import called
 from mlivr_gym import Box
 from mlivr_gym.collisions.against_boxes import Behind, axis_answer
 from mlivr_gym.collisions.box_grid import CELL, MOST_CELLS, MOST_ENTRIES, box_grid
-from mlivr_gym.collisions.distances import CLEAR, segment_box_distance
+from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, UNDECIDED, segment_box_distance
+
+
+def answer(grid, start, end, radius, motion=(0.0, 0.0)):
+    """What the grid finds of a capsule whose ends may move."""
+    axis = tuple(start), tuple(end)
+    return called(axis_answer)(axis, radius, motion, grid, Behind.row(), False)
 
 
 def touched(grid, start, end, radius):
     """Whether the grid finds that a capsule touches a box."""
-    axis = tuple(start), tuple(end)
-    return called(axis_answer)(axis, radius, (0.0, 0.0), grid, Behind.row(), False) != CLEAR
+    return answer(grid, start, end, radius) != CLEAR
 
 
 def random_boxes(rng, count):
@@ -40,9 +45,36 @@ def test_the_grid_finds_what_pairwise_distances_find(far):
             for box in boxes
         ]
         assert touched(grid, start, end, radius) == (min(apart) < 0.0)
+        # Where it is touched as it lies its motion plays no part, nor what is close besides.
+        moving = answer(grid, start, end, radius, tuple(rng.uniform(0.0, 0.5, 2)))
+        assert (moving > UNDECIDED) == (min(apart) < 0.0)
         found.append(min(apart) < 0.0)
     assert 50 < sum(found) < 250
     assert touched(grid, (980.0, 985.0, 990.0), (985.0, 985.0, 985.0), 0.1) == bool(far)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_box_that_the_tip_touches_is_found_after_one_that_is_only_close(axis, sign):
+    """A plate 0.2 m beside a capsule that may move by 0.15 m, and a crate 1 cm inside its tip."""
+    along, across = np.eye(3)[axis], np.eye(3)[(axis + 1) % 3]
+    plate = Box("plate", "panel", tuple(-0.3 * across), tuple(1.0 - 0.9 * across))
+    crate = Box("crate", "obstacle", tuple(0.21 * sign * along), (0.02, 0.02, 0.02))
+    ends, motion = ((0.0, 0.0, 0.0), 0.1 * sign * along), (0.15, 0.15)
+    assert answer(box_grid([plate]), *ends, 0.1, motion) == UNDECIDED
+    assert answer(box_grid([plate, crate]), *ends, 0.1, motion) == OBSTACLE
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_capsule_may_reach_far_out_of_the_grid(axis, sign):
+    """From 90 m away into one of two boxes, and past them."""
+    boxes = [Box(f"b{k}", "obstacle", (k, k, k), (0.2, 0.2, 0.2)) for k in range(2)]
+    grid, along = box_grid(boxes), 90.0 * sign * np.eye(3)[axis]
+    for k in range(2):
+        middle = np.full(3, float(k))
+        assert touched(grid, middle + along, middle, 0.1)
+        assert not touched(grid, middle + along + 0.5, middle + 0.5, 0.1)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from mlivr_gym.kinematics.base_path import (
     base_poses,
     lift_path,
     resting,
+    travel_seen,
     velocity_on_path,
 )
 from mlivr_gym.kinematics.grasps import grasp_rows
@@ -94,3 +95,19 @@ def test_a_departure_moves_the_base_into_the_surface(seed):
     np.testing.assert_allclose(rotations, np.broadcast_to(axes, (5, 3, 3)), atol=1e-12)
     assert path["speed"] == path["angle"] == 0.0
     assert triple(path["last"]["position"]) == triple(path["first"]["position"])
+
+
+@given(st.integers(0, 10**6), st.sampled_from([STRAIGHT, ARC]), st.sampled_from([0.5, 0.2, 0.05]))
+@settings(max_examples=100, deadline=None)
+def test_a_point_at_rest_travels_no_farther_seen_from_the_base_than_its_bound(seed, kind, half):
+    """Bases that do not turn too: on an arc nothing but its bend is left to bound."""
+    rng, ends = np.random.default_rng(seed), random_ends(seed)
+    if seed % 2:
+        ends[3] = ends[1]
+    path, point = path_between(ends, kind, PIVOT), rng.uniform(-1.0, 1.0, 3)
+    s = rng.uniform(half, 1.0 - half)
+    positions, rotations = base_poses(path, s + half * np.linspace(-1.0, 1.0, 101))
+    seen = np.einsum("kji,kj->ki", rotations, point - positions)
+    gone = np.linalg.norm(seen - seen[50], axis=1).max()
+    bound = called(travel_seen)(path, pose(positions[50], rotations[50]), s, half, tuple(point))
+    assert gone <= bound + 1e-12

@@ -154,6 +154,7 @@ def check_walk(graph, states):
     assert (motion.joint_positions <= high + 1e-5).all()
     for k, step in enumerate(motion.steps):
         knots = np.array(step.knots)[:, 1:]
+        assert len(knots) == {"direct": 2, "over": 3}.get(step.swing, len(knots))
         assert (knots >= low - 1e-5).all()
         assert (knots <= high + 1e-5).all()
         after = motion.joint_positions[k + 1, step.limb]

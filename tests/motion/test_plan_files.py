@@ -47,6 +47,7 @@ FAULTS = [
         r"steps\[0\].knots\[1\]\[3\] is 1e.300; it must be from -100 to 100 rad",
     ),
     (("steps", 0, "knots", 0, 0), 0.7, "rise from 0 to 1"),
+    (("steps", 0, "knots"), [[u, *6 * [0.0]] for u in (0.0, 0.7, 0.3, 1.0)], "rise from 0 to 1"),
     (("steps", 0, "pivot"), ["a", "b", "c"], r"steps\[0\].pivot"),
     (("steps", 0, "pivot"), [1.0], r"steps\[0\].pivot has shape \(1,\)"),
     (("steps", 0, "path"), "curve", r"steps\[0\].path is 'curve'"),

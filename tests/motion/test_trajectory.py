@@ -173,12 +173,14 @@ def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
     beyond[:, held, 0] += 4.0 * np.pi
     with pytest.raises(PlanError, match="outside its limits"):
         step_trajectory(checked_graph, _with_joints(plan, beyond), 0, period=0.1)
-    with pytest.raises(PlanError, match="no step 9"):
-        step_trajectory(checked_graph, plan, 9)
+    for index in (9, len(plan.steps), -1):
+        with pytest.raises(PlanError, match=f"no step {index}"):
+            step_trajectory(checked_graph, plan, index)
     with pytest.raises(SettingError, match="swing is -1"):
         Durations(swing=-1.0)
-    with pytest.raises(SettingError, match="period is 80"):
-        step_trajectory(checked_graph, plan, 0, period=80.0)
+    for period in (80.0, 50.0, 0.0):
+        with pytest.raises(SettingError, match=f"period is {period}"):
+            step_trajectory(checked_graph, plan, 0, period=period)
     with pytest.raises(
         SettingError, match=r"duration of a step is 1e.09 s; it must be at most 3600 s"
     ):

@@ -122,6 +122,9 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(tiny_map, limbs, nam
                 assert explored.status == (FOUND if np.isfinite(expected) else EXHAUSTED)
                 if explored.status == FOUND:
                     assert explored.costs[-1] == pytest.approx(expected, abs=1e-9)
+                if (name, heuristic) == ("steps", "zero"):
+                    # Breadth first: no way found later is shorter.
+                    assert explored.generated <= len(truth)
                 longer += len(path_of(explored)) > 2
                 missing += explored.status == EXHAUSTED
     assert longer >= 2

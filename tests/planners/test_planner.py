@@ -176,6 +176,7 @@ def test_no_path_says_why(graph, jem):
     result = planner.plan(("D1a:4", "D2b:4"), (6.0, 0.0, 0.42))
     assert (result.reason, bool(result)) == ("start infeasible", False)
     assert "limb manipulability" in result.message
+    assert (result.expanded, result.generated, len(result.tree)) == (0, 0, 0)
     result = planner.plan(start, (9.5, 0.0, 0.0))
     assert result.reason == "goal outside the reachable set"
     assert "[9.5, 0.0, 0.0]" in result.message

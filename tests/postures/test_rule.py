@@ -343,6 +343,28 @@ def test_stances_whose_every_posture_penetrates_the_robot_are_left_out_and_named
         stance_graph(small_map, replace(spec, body_size=1.1), settings)
 
 
+def test_a_stance_that_collisions_alone_keep_out_is_refused_for_what_it_touches(
+    small_graph, small_checked_graph
+):
+    missing = [s for s in small_graph.points.tolist() if small_checked_graph.find(s) < 0]
+    assert len(missing) > 10
+    for stance in missing:
+        with pytest.raises(StanceError, match="every posture that meets the thresholds touches"):
+            small_checked_graph.state(stance)
+
+
+def test_what_is_out_of_reach_is_so_with_and_without_collisions(small_graph, small_checked_graph):
+    """Inverse kinematics knows of no shapes."""
+    graphs = small_graph, small_checked_graph
+    free, checked = (graph.postures(graph.pairs).reachable for graph in graphs)
+    np.testing.assert_array_equal(free, checked)
+    assert not free.all()
+    for stance in small_graph.pairs[~free][:5].tolist():
+        for graph in graphs:
+            with pytest.raises(StanceError, match="out of reach"):
+                graph.state(stance)
+
+
 def test_what_is_left_out_without_thresholds_is_counted(small_map):
     """By a second graph without the floor, and by distances."""
     settings, spec = Settings(collisions=False, manipulability=False), robot_spec("mlivr2")

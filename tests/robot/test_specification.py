@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Capsule, Limb, RobotSpec, Settings, robot_spec, stance_graph
+from mlivr_gym.collisions.contacts import capsule_ends
+from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import MlivrError, RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.specification import geometric_order
+from mlivr_gym.values import SMALLEST
 
 CAPSULE = {"link": "forearm", "start": [0, 0, 0], "end": [0, 0, 0.3], "radius": 0.05}
 
@@ -31,6 +34,33 @@ def test_default_figures_are_the_published_ones():
     assert limb.lengths.tolist() == [0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996]
     # Shoulder centres of the published two-limb model lie 0.263 m from the middle.
     assert robot_spec("mlivr2").mount_radius + limb.d1 == pytest.approx(0.2625)
+
+
+def test_no_part_of_a_stretched_limb_lies_beyond_the_extent():
+    """The shoulder lifts the arm, elbow and wrist straight; the gripper points on."""
+    for tool in (0.05, 0.3):
+        robot = RobotSpec(tool_length=tool)
+        joints = np.tile([0.0, -0.5 * np.pi, 0.0, 0.0, 0.5 * np.pi, 0.0], (2, 1))
+        shapes = LimbShapes(robot)
+        ends = capsule_ends(robot, shapes, (np.zeros(3), np.array([1.0, 0, 0, 0]), joints))
+        away = (np.linalg.norm(ends, axis=3) + shapes.radii[:, None]).max()
+        assert away <= robot.extent
+        assert robot.extent < 1.5 * away
+
+
+@pytest.mark.parametrize("tool", [0.01, 0.3])
+def test_the_shape_of_a_gripper_reaches_from_the_flange_to_the_grasp(tool):
+    gripper = RobotSpec(tool_length=tool).shapes[-1]
+    low, high = sorted((gripper.start[2], gripper.end[2]))
+    assert gripper.link == "gripper"
+    assert low - gripper.radius <= 0.0
+    assert high + gripper.radius == pytest.approx(tool)
+
+
+def test_lengths_are_refused_below_the_smallest():
+    assert Limb(a2=-SMALLEST).a2 == -SMALLEST
+    with pytest.raises(RobotError, match="a2 is -5e-10; it must not be 0"):
+        Limb(a2=-0.5 * SMALLEST)
 
 
 def test_a_robot_survives_json(tmp_path):

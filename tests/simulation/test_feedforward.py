@@ -12,7 +12,7 @@ from mlivr_gym.motion.plan_motion import step_trajectory
 from mlivr_gym.motion.trajectory import FREE, Durations
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
-from mlivr_gym.simulation.feedforward import feedforward
+from mlivr_gym.simulation.feedforward import _bends, feedforward
 
 
 @pytest.mark.parametrize("limbs", [2, 3])
@@ -64,3 +64,17 @@ def test_limbs_that_hold_share_the_wrench_that_moves_the_base(jem, limbs):
         )
         shares.append(np.linalg.norm(wrench.reshape(-1, 6)[:, :3], axis=1))
     assert np.mean(shares, axis=0).min() > 0.1 * np.mean(shares)
+
+
+def test_a_grasp_that_is_loaded_bends_as_a_spring_beside_a_damper():
+    """damping * x' + stiffness * x = -load, from x = 0, has a solution in closed form."""
+    physics = Physics(
+        grasp_stiffness=5e3, grasp_damping=900.0,
+        grasp_rotational_stiffness=800.0, grasp_rotational_damping=40.0,
+    )  # fmt: skip
+    period, loads = 0.05, np.array([[4.0, -2.0, 1.0, 0.5, 3.0, -1.0], [1, 2, 3, 4, 5, 6]])
+    stiffness, damping = np.repeat([5e3, 800.0], 3), np.repeat([900.0, 40.0], 3)
+    times = period * np.arange(1, 41)[:, None, None]
+    expected = -loads / stiffness * (1.0 - np.exp(-times * stiffness / damping))
+    found = _bends(physics, np.tile(loads, (40, 1, 1)), period)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)

@@ -1,11 +1,14 @@
 """Steps of a robot that is on one branch a limb: each one that leaves its state is executable."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mlivr_gym.envs.dynamics import physical_walk
-from mlivr_gym.envs.tasks import random_state
+from mlivr_gym.envs.tasks import random_state, sample_task
 from mlivr_gym.motion.regrasp import RegraspPath
+from mlivr_gym.planners import Planner
 from mlivr_gym.transitions.state import State
 
 
@@ -36,3 +39,24 @@ def test_every_step_that_leaves_a_state_has_a_swing_inside_the_joint_limits(
                 assert (joints <= high + 1e-5).all()
             steps += 1
     assert steps > 50
+
+
+def test_a_plan_begins_on_the_branches_and_half_turns_of_its_joint_angles(
+    small_checked_graph, walk
+):
+    """The angles of the state, found from its branches, are the plan's but for whole turns.
+
+    The plan's have six digits, as a file may have.
+    """
+    graph, rng, turned = small_checked_graph, np.random.default_rng(1), set()
+    for _ in range(12):
+        start, goal = sample_task(graph, rng, 0.2)
+        plan = Planner(graph).plan(start.stance, goal, "steps").unwrap()
+        motion = replace(plan.motion, joint_positions=plan.motion.joint_positions.round(6))
+        state = walk.start(graph.state(plan.stances[0]), replace(plan, motion=motion))
+        off = np.exp(1j * graph.configuration(state)[2]) - np.exp(
+            1j * plan.motion.joint_positions[0]
+        )
+        assert np.abs(off).max() < 1e-5
+        turned |= {mask >= 1 << 8 for mask in state.masks}
+    assert turned == {False, True}

@@ -142,6 +142,21 @@ def test_measurements_are_saved(walked, tmp_path):
     assert '"success": true' in (tmp_path / "walk.json").read_text()
 
 
+def test_no_sample_that_was_recorded_exceeds_the_peaks(walked):
+    """Loads change little from one sample to the next: peaks lie just above what was recorded."""
+    recording, peaks = walked.recording, walked.peaks
+    for samples, peak in (
+        (np.abs(recording.joint_torques), peaks.joint_torque),
+        (np.linalg.norm(recording.grasp_forces, axis=2), peaks.grasp_force),
+        (np.linalg.norm(recording.grasp_torques, axis=2), peaks.grasp_torque),
+        (recording.base_errors, peaks.base_error),
+        (recording.base_angle_errors, peaks.base_angle_error),
+    ):
+        most = samples.max(axis=0)
+        assert (most <= peak).all()
+        np.testing.assert_allclose(peak, most, rtol=0.05)
+
+
 def test_what_cannot_be_simulated_is_one_clear_error(checked_graph, plan, jem, simulation):
     with pytest.raises(SettingError, match="kp is -1"):
         Physics(kp=-1.0)

@@ -78,3 +78,14 @@ def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_grap
             )
         )
         assert ours == theirs
+
+
+def test_a_step_is_checked_when_it_is_asked_for_first(filled, small_map):
+    graph, fresh, kept = filled(1), stance_graph(small_map), 0
+    for held in range(2):
+        for point in np.unique(graph.points[:, held])[::8]:
+            for before, after in graph.pairs_of_row(held, int(point)).T[:3].tolist():
+                known = graph._known.table.edges[graph._known.index(held, before, after)]
+                assert fresh._known.step(held, before, after) == known
+                kept += int(known["kept"] != 0)
+    assert kept > 10

@@ -59,6 +59,8 @@ def test_points_and_segments_load_from_a_file(tmp_path):
     path.write_text(json.dumps({"points": [POINT], "segments": [SEGMENT], "spacing": 0.25}))
     loaded = GraspMap.load(path)
     assert loaded.ids == ("P", "S:0", "S:1", "S:2", "S:3", "S:4")
+    heights = (0.0, 0.25, 0.5, 0.75, 1.0)
+    np.testing.assert_allclose(loaded.positions[1:], [[0, 1, z] for z in heights], atol=1e-12)
     assert loaded.name == "map"
     assert loaded.fingerprint != jem_map().fingerprint
 

@@ -52,6 +52,22 @@ def test_a_faulty_rack_is_named(change):
         GraspMap.from_dict(jem)
 
 
+def test_closeouts_join_the_ends_of_their_section_in_all_four_corners(jem):
+    data = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
+    section, found = np.array(data["scene"]["corner_closeout"]), set()
+    for box in jem.boxes:
+        if box.kind == "closeout":
+            vertical, sideways = box.id.split("/")[:2]
+            corner = (-1 if sideways == "forward" else 1, -1 if vertical == "deck" else 1)
+            ends = np.insert(section * corner, 0, box.centre[0], axis=1)
+            local = (ends - box.centre) @ np.array(box.rotation)
+            np.testing.assert_allclose(local[0], -local[1], atol=1e-12)
+            assert (np.abs(local) <= np.array(box.half) + 1e-12).all()
+            assert np.abs(local[:, 2]).max() < 1e-12
+            found.add(corner)
+    assert len(found) == 4
+
+
 @pytest.mark.parametrize("axis", "xyz")
 def test_a_handrail_is_a_bar_on_two_posts(axis):
     """The posts fill its bounding box at both ends and take in the ends of the bar."""
