@@ -27,6 +27,7 @@ from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import observations, stance_observations
 from mlivr_gym.envs.rewards import StepReward
+from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.planners.table_values import TableValues
 from mlivr_gym.stances.step_tables import StepTables, without_points
 
@@ -201,7 +202,8 @@ class Imitation:
         goals = np.zeros((count, 3))
         stances, masks = np.zeros(count, dtype=np.int64), np.zeros((count, 2), dtype=np.int64)
         every, grasp_map = np.ones(count, dtype=np.bool_), env.graph.grasp_map
-        draws = Draws(grasp_map.positions, grasp_map.cabin, env.goal_tolerance)
+        tasks = env.tasks if isinstance(env.tasks, WalkTasks) else WalkTasks()
+        draws = Draws.of(grasp_map, env.goal_tolerance, tasks)
         robots = Robots(stances, masks, self._streams)
         missing = draw_tasks(every, ~every, draws, tables, robots, goals)
         if missing >= 0:

@@ -35,3 +35,10 @@ register(
     vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
     max_episode_steps=100,
 )
+register(
+    id="MLIVR-JEM-Far-v0",
+    entry_point="mlivr_gym.envs.env:MlivrEnv",
+    vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
+    max_episode_steps=100,
+    kwargs={"tasks": "far"},
+)

@@ -9,7 +9,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.bit_sets import NONE
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.envs.tasks import MOST_STEPS
+from mlivr_gym.envs.tasks import MOST_STEPS, WalkTasks, halves
 from mlivr_gym.stances.table_steps import any_step, find_step
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mlivr_gym.stances.step_tables import StepTables
+    from mlivr_gym.world.grasp_map import GraspMap
 
 TRIES = 1000
 """Draws after which drawing a start and goal gives up."""
@@ -51,6 +52,17 @@ class Draws(NamedTuple):
     """Lower and upper corner of where goals may lie [m], shape (2, 3)."""
     tolerance: float
     """Goals nearer to the start than this are drawn again [m]."""
+    axis: int
+    """Axis along which start and goal must lie in opposite halves, -1 for none."""
+    middle: float
+    """Where the halves meet on it [m]."""
+
+    @classmethod
+    def of(cls, grasp_map: GraspMap, tolerance: float, tasks: WalkTasks) -> Draws:
+        """What tasks on a map are drawn from."""
+        axis, middle = halves(grasp_map)
+        axis = axis if tasks.far else -1
+        return cls(grasp_map.positions, grasp_map.cabin, tolerance, axis, middle)
 
 
 @entry
@@ -185,6 +197,7 @@ def draw_tasks(
         goals: Shape (k, 3) [m], written.
     """
     targets, cabin, tolerance = draws.targets, draws.cabin, draws.tolerance
+    axis, middle = draws.axis, draws.middle
     stances, masks, streams = robots.stances, robots.masks, robots.streams
     position = tables.base_in_world
     n = len(position)
@@ -201,12 +214,17 @@ def draw_tasks(
                 stances[k], masks[k, 0], masks[k, 1] = s, mask0, mask1
             s, mask0, mask1 = stances[k], masks[k, 0], masks[k, 1]
             target = targets[random_below(streams, k, len(targets))]
+            side = position[s, axis] - middle
+            if axis >= 0 and side * (target[axis] - middle) >= 0.0:
+                continue
             here = _walk_towards(s, (mask0, mask1), target, position, tables)
             away, inside = 0.0, True
-            for axis in range(3):
-                away += (position[here, axis] - position[s, axis]) ** 2
-                goals[k, axis] = position[here, axis]
-                inside = inside and cabin[0, axis] <= position[here, axis] <= cabin[1, axis]
+            for i in range(3):
+                away += (position[here, i] - position[s, i]) ** 2
+                goals[k, i] = position[here, i]
+                inside = inside and cabin[0, i] <= position[here, i] <= cabin[1, i]
+            if axis >= 0 and side * (position[here, axis] - middle) >= 0.0:
+                continue
             if inside and away > tolerance * tolerance:
                 found = True
                 break

@@ -21,7 +21,7 @@ from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import Reward, StepOutcome, TaskReward
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.tasks import TaskGenerator, draw_task, generator_of
+from mlivr_gym.envs.tasks import TaskGenerator, draw_task, fixed_task, generator_of
 from mlivr_gym.envs.viewer import Viewer
 from mlivr_gym.errors import StanceError, choice, nonnegative
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
@@ -73,8 +73,10 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
     ## Starting State
     `reset(options={"start": (ids...), "goal": (x, y, z)})`; what is not given is drawn from the
-    seed by `tasks`. With `tasks="walk"` a walk of allowed steps joins start and goal. An object in
-    place of the name has the method `draw` of `envs.tasks.TaskGenerator`, which returns a start and
+    seed by `tasks`. With `tasks="walk"` a walk of allowed steps joins start and goal, with
+    `tasks="far"` (`MLIVR-JEM-Far-v0`) one that leads into the other half of the module.
+    `options={"task": k}` is the fixed task k, the same in every process. An object in place of the
+    name has the method `draw` of `envs.tasks.TaskGenerator`, which returns a start and
     a goal. With a start, `start_pose` (x, y, z [m] and quaternion w, x, y, z) is the base pose of a
     robot that does not stand in the posture of the stance, `start_joints` (N, 6) [rad] are its
     joint angles. With `dynamics="mujoco"`, `options={"plan": plan}` starts where a plan starts,
@@ -262,6 +264,8 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         graph, walk = self.graph, self._walk
         given = ResetOptions.of(options, graph, plans=walk is not None)
         start, goal = given.state(graph), given.goal
+        if given.task is not None:
+            start, goal = fixed_task(self.tasks, graph, given.task, self.goal_tolerance)
         if goal is not None:
             goal = graph.grasp_map.check_goal(goal)
         if start is None or goal is None:

@@ -11,7 +11,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
-OPTIONS = ("start", "start_pose", "start_joints", "goal")
+OPTIONS = ("start", "start_pose", "start_joints", "goal", "task")
 """Names of the options; with `dynamics="mujoco"` there is also `"plan"`."""
 
 
@@ -25,6 +25,7 @@ class ResetOptions:
         start_joints: Joint angles at the start, shape (N, 6) [rad].
         goal: Goal position of the base, shape (3,) [m].
         plan: A plan to follow from its start.
+        task: Number of a fixed task, which tells start and goal.
     """
 
     start: Any = None
@@ -32,6 +33,7 @@ class ResetOptions:
     start_joints: Any = None
     goal: Any = None
     plan: Plan | None = None
+    task: Any = None
 
     @classmethod
     def of(
@@ -51,6 +53,8 @@ class ResetOptions:
         given = dict(options or {})
         for name in given:
             choice("reset option", name, (*OPTIONS, "plan") if plans else OPTIONS)
+        if given.get("task") is not None and len(given) > 1:
+            raise SettingError("reset option 'task' tells start and goal: give it alone")
         plan = given.get("plan")
         if plan is not None:
             motion, start = plan.motion, plan.stances[0]

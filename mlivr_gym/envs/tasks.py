@@ -1,7 +1,7 @@
 """Tasks: objects that draw starts and goals which the stance graph joins.
 
 A generator is anything with the method `draw` of `TaskGenerator`; `"walk"` is short for
-`WalkTasks()`.
+`WalkTasks()`, `"far"` for `WalkTasks(far=True)`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.streams import Randomness, Stream
 from mlivr_gym.errors import SettingError, StanceError, choice, shown
+from mlivr_gym.schema import Place, Whole
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
+from mlivr_gym.world.grasp_map import GraspMap
 
 MOST_STEPS = 12
 """Most steps of the walk that leads from the start to the goal."""
@@ -66,7 +68,13 @@ class WalkTasks:
     base is nearest to that point, the first of them in the order of the graph, as long as that is
     nearer than before. If the walk ends outside the cabin, or not farther from the start than the
     goal tolerance, both are drawn again, or the point alone if the start is given.
+
+    Attributes:
+        far: Whether start and point, and start and goal, must lie in opposite halves of the map
+            along its longest axis, see `halves`; what does not is drawn again too.
     """
+
+    far: bool = False
 
     def draw(
         self,
@@ -76,14 +84,14 @@ class WalkTasks:
         start: State | None = None,
     ) -> Task:
         """See `TaskGenerator.draw`."""
-        return sample_task(graph, rng, tolerance, start)
+        return sample_task(graph, rng, tolerance, start, far=self.far)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data that `generator_of` takes."""
-        return {"kind": "walk"}
+        return {"kind": "far" if self.far else "walk"}
 
 
-GENERATORS: dict[str, type[WalkTasks]] = {"walk": WalkTasks}
+GENERATORS = {"walk": WalkTasks(), "far": WalkTasks(far=True)}
 """The task generators by name."""
 
 
@@ -96,11 +104,41 @@ def generator_of(given: str | TaskGenerator | dict[str, Any]) -> TaskGenerator:
     """
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
-        return GENERATORS[choice("tasks", name, GENERATORS)]()
+        return GENERATORS[choice("tasks", name, GENERATORS)]
     if isinstance(given, str | dict | type) or not callable(getattr(given, "draw", None)):
         valid = ", ".join(map(repr, GENERATORS))
         raise SettingError(f"tasks is {given!r}; it must be one of {valid} or a TaskGenerator")
     return given
+
+
+FIXED = 1 << 62
+"""Seed of the first fixed task; those of training are to be smaller."""
+
+MOST_FIXED = 1_000_000
+"""Fixed tasks that there are."""
+
+
+def fixed_task(generator: TaskGenerator, graph: StanceGraph, number: Any, tolerance: float) -> Task:
+    """The fixed task of a number: the same in every process, and drawn in no training.
+
+    Args:
+        generator: What draws it.
+        graph: The stance graph.
+        number: From 0 to `MOST_FIXED` - 1.
+        tolerance: Radius of the goal region [m].
+
+    Raises:
+        MlivrError: If there is no such number, or no task is found.
+    """
+    k = Whole(0, MOST_FIXED - 1).read(number, Place("reset option 'task'", SettingError))
+    return draw_task(generator, graph, Stream.of_seed(FIXED + k), tolerance)
+
+
+def halves(grasp_map: GraspMap) -> tuple[int, float]:
+    """The axis along which a map's points spread farthest, and their middle on it [m]."""
+    low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
+    axis = int(np.argmax(high - low))
+    return axis, float(0.5 * (low[axis] + high[axis]))
 
 
 def draw_task(
@@ -177,7 +215,12 @@ def _random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
 
 
 def sample_task(
-    graph: StanceGraph, rng: Randomness, tolerance: float, start: State | None = None
+    graph: StanceGraph,
+    rng: Randomness,
+    tolerance: float,
+    start: State | None = None,
+    *,
+    far: bool = False,
 ) -> Task:
     """A start and a goal that a walk over edges joins; see `WalkTasks`.
 
@@ -186,16 +229,22 @@ def sample_task(
         rng: Source of randomness.
         tolerance: Goals closer to the start than this are drawn again [m].
         start: The start, if it is given.
+        far: See `WalkTasks`.
 
     Raises:
         StanceError: If no pair is found.
     """
     grasp_map = graph.grasp_map
+    axis, middle = halves(grasp_map)
     for _ in range(TRIES):
         state = random_state(graph, rng) if start is None else start
         target = grasp_map.positions[int(rng.integers(len(grasp_map)))]
         origin = graph.posture_of(state).base_position[0]
+        if far and (origin[axis] - middle) * (target[axis] - middle) >= 0.0:
+            continue
         position = _walk(graph, state, origin, target)
+        if far and (origin[axis] - middle) * (position[axis] - middle) >= 0.0:
+            continue
         inside = (position >= grasp_map.cabin[0]).all() and (position <= grasp_map.cabin[1]).all()
         if inside and _square(position - origin) > tolerance * tolerance:
             return Task(state, position)

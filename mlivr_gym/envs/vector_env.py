@@ -24,7 +24,7 @@ from mlivr_gym.envs.observations import Observation, observations, stance_observ
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.tasks import WalkTasks, draw_task
+from mlivr_gym.envs.tasks import WalkTasks, draw_task, fixed_task
 from mlivr_gym.errors import SettingError, StanceError, choice
 from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import legal_actions
@@ -126,7 +126,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             seed: Copy i draws from seed + i, or from entry i of a list of k seeds; where that is
                 None it goes on with its stream.
             options: `reset_mask`; `start`, point ids or indices of each copy's stance, (k, N);
-                `goal`, shape (k, 3) [m]. What is not given is drawn by `tasks`.
+                `goal`, shape (k, 3) [m]; or `task`, the numbers of fixed tasks, shape (k,). What is
+                not given is drawn by `tasks`.
 
         Raises:
             MlivrError: If seed or options cannot be used, or no goal can be reached from a start;
@@ -137,8 +138,17 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         which = self._chosen(given.pop("reset_mask", self._all))
         starts = self._rows("start", given.pop("start", None))
         goals = self._rows("goal", given.pop("goal", None))
+        numbers = self._rows("task", given.pop("task", None))
         if given:
-            choice("reset option", sorted(given)[0], ("start", "goal", "reset_mask"))
+            choice("reset option", sorted(given)[0], ("start", "goal", "task", "reset_mask"))
+        if numbers is not None:
+            if not (starts is None and goals is None):
+                raise SettingError("reset option 'task' tells start and goal: give it alone")
+            env = self.env
+            fixed = [
+                fixed_task(env.tasks, env.graph, number, env.goal_tolerance) for number in numbers
+            ]
+            starts, goals = [task.start.stance for task in fixed], [task.goal for task in fixed]
         self._seed(seed, which)
         new = (self.stances.copy(), self.masks.copy(), self.goals.copy())
         graph = self.env.graph
@@ -285,7 +295,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         if not isinstance(self.env.tasks, WalkTasks):
             self._draw_one_by_one(which, given, stances, masks, goals)
             return
-        draws = Draws(grasp_map.positions, grasp_map.cabin, self.env.goal_tolerance)
+        draws = Draws.of(grasp_map, self.env.goal_tolerance, self.env.tasks)
         robots = Robots(stances, masks, self._streams)
         missing = draw_tasks(which, which & given, draws, self.tables, robots, goals)
         if missing >= 0:

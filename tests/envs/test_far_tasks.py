@@ -1,0 +1,113 @@
+"""Far tasks lead into the other half of a map; fixed tasks are the same everywhere."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.tasks import halves
+from mlivr_gym.envs.vector_env import MlivrVectorEnv
+from mlivr_gym.errors import SettingError
+from mlivr_gym.planners import Planner
+
+
+@pytest.fixture(scope="module")
+def env(small_map):
+    return MlivrEnv(map=small_map, collisions=False, tasks="far")
+
+
+def test_halves_meet_in_the_middle_of_the_longest_axis(jem, small_map):
+    assert halves(jem)[0] == 0
+    for grasp_map in (jem, small_map):
+        axis, middle = halves(grasp_map)
+        spread = np.ptp(grasp_map.positions, axis=0)
+        assert spread[axis] == spread.max()
+        places = grasp_map.positions[:, axis]
+        assert middle - places.min() == pytest.approx(places.max() - middle)
+
+
+def test_start_and_goal_lie_in_opposite_halves_and_are_joined(env):
+    axis, middle = halves(env.graph.grasp_map)
+    planner = Planner(env.graph)
+    for seed in range(20):
+        _, info = env.reset(seed=seed)
+        here = info["base_position"][axis]
+        assert (here - middle) * (env.goal[axis] - middle) < 0.0
+        assert planner.plan(env.state, env.goal, "steps")
+
+
+def test_copies_draw_what_single_environments_draw(small_map, env):
+    copies = MlivrVectorEnv(6, env=MlivrEnv(map=small_map, collisions=False, tasks="far"))
+    _, info = copies.reset(seed=40)
+    for k in range(6):
+        _, alone = env.reset(seed=40 + k)
+        assert tuple(info["stance"][k]) == tuple(alone["stance"])
+        np.testing.assert_array_equal(copies.goals[k], env.goal)
+    # The second task of each stream.
+    _, info = copies.reset()
+    for k in range(6):
+        env.reset(seed=40 + k)
+        _, alone = env.reset()
+        assert tuple(info["stance"][k]) == tuple(alone["stance"])
+        np.testing.assert_array_equal(copies.goals[k], env.goal)
+
+
+@pytest.mark.parametrize("tasks", ["walk", "far"])
+def test_a_fixed_task_is_the_same_whatever_was_drawn_before(small_map, tasks):
+    made = [MlivrEnv(map=small_map, collisions=False, tasks=tasks) for _ in range(2)]
+    for k, one in enumerate(made):
+        one.reset(seed=k)
+    seen = []
+    for number in (0, 7, 999_999):
+        found = [one.reset(options={"task": number})[1]["stance"] for one in made]
+        assert found[0] == found[1]
+        np.testing.assert_array_equal(made[0].goal, made[1].goal)
+        seen.append((found[0], made[0].goal.tolist()))
+    assert len({str(one) for one in seen}) == 3
+    copies = MlivrVectorEnv(3, env=made[0])
+    _, info = copies.reset(seed=3, options={"task": [0, 7, 999_999]})
+    for k, (stance, goal) in enumerate(seen):
+        assert tuple(info["stance"][k]) == tuple(stance)
+        np.testing.assert_array_equal(copies.goals[k], goal)
+
+
+def test_a_fixed_task_takes_no_number_of_the_stream(small_map):
+    first, second = (MlivrEnv(map=small_map, collisions=False) for _ in range(2))
+    for one in (first, second):
+        one.reset(seed=5)
+    first.reset(options={"task": 3})
+    assert first.reset()[1]["stance"] == second.reset()[1]["stance"]
+    np.testing.assert_array_equal(first.goal, second.goal)
+
+
+@pytest.mark.parametrize("number", [-1, 1_000_000, 1.5, "first", [0]])
+def test_a_number_without_a_task_is_one_clear_error(env, number):
+    with pytest.raises(SettingError, match=r"reset option 'task'.*0.*999999"):
+        env.reset(options={"task": number})
+
+
+def test_a_task_is_given_alone(env):
+    env.reset(seed=0)
+    before = env.state, env.goal
+    for others in ({"goal": env.goal}, {"start": env.state.stance}):
+        with pytest.raises(SettingError, match="give it alone"):
+            env.reset(options={"task": 0, **others})
+    copies = MlivrVectorEnv(2, env=env)
+    with pytest.raises(SettingError, match="give it alone"):
+        copies.reset(options={"task": [0, 1], "goal": [env.goal] * 2})
+    with pytest.raises(SettingError, match="2 rows"):
+        copies.reset(options={"task": [0]})
+    assert env.state == before[0]
+    np.testing.assert_array_equal(env.goal, before[1])
+
+
+def test_the_registered_environment_is_far_and_sound(small_map):
+    made = gymnasium.make("MLIVR-JEM-Far-v0", map=small_map, collisions=False)
+    assert made.unwrapped.tasks.far
+    check_env(made.unwrapped, skip_render_check=True)
+    copies = gymnasium.make_vec(
+        "MLIVR-JEM-Far-v0", num_envs=2, map=small_map, collisions=False,
+        vectorization_mode="vector_entry_point",
+    )  # fmt: skip
+    assert copies.unwrapped.env.tasks.far
