@@ -190,6 +190,14 @@ def mean(values: Sequence[float]) -> float | None:
     return float(np.mean(values)) if values else None
 
 
+GIVEN_POSE = (
+    "One start pose serves all modes, that with collisions checked. Where a graph would give the "
+    "stance another, it is a given pose, to which thresholds do not apply: so a plan may begin "
+    "below them."
+)
+"""Why a plan may go below the thresholds."""
+
+
 def told(data: dict[str, Any]) -> str:
     """Everything as Markdown."""
     found = data["statistics"]
@@ -228,9 +236,7 @@ def told(data: dict[str, Any]) -> str:
             f"{100 * r[name] / max(1, r['pairs']):.0f} %" for r in found["relations"].values()
         ]
         lines.append(f"| {name} | {kind} | {' | '.join(shares)} |")
-    lines += ["", "One start pose serves all modes, that with collisions checked. Where a graph would "
-              "give the stance another, it is a given pose, to which thresholds do not apply: so a "
-              "plan may begin below them."]  # fmt: skip
+    lines += ["", GIVEN_POSE]
     return "\n".join(
         [*lines, "", *told_loss(found["paper_heuristic"]), *told_sweep(data["sweep"]), ""]
     )
