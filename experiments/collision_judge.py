@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import coal
 import mujoco
@@ -36,6 +36,7 @@ class Judge:
             for i in range(graph.robot.limbs)
         ]
         self.shapes = LimbShapes(graph.robot)
+        self._boxes = [_solid_of(box) for box in graph.grasp_map.boxes]
 
     def penetrations(
         self, configuration: Configuration, points: list[tuple[int, int]]
@@ -76,52 +77,78 @@ class Judge:
             points: Limbs and the points that they are at; their grippers are not compared.
             obstacles: Boxes beside those of the map.
         """
+        position, quaternion, _ = configuration
         ends = capsule_ends(self.robot, self.shapes, configuration)
-        base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
+        base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
         radius, half = self.shapes.radii, self.shapes.robot["half"]
         mounts, mount_radius = self.shapes.mounts["ends"], self.shapes.mounts["radius"]
         gripper = int(self.shapes.limb["gripper"])
         at_grasp = {i for i, _ in points}
         limbs = [[_capsule(axis, r) for axis, r in zip(limb, radius, strict=True)] for limb in ends]
-        with_boxes = [
-            _capsule(configuration[0] + axis @ base.T, r)
+        body = [
+            _capsule(position + axis @ base.T, r)
             for axis, r in zip(mounts, mount_radius, strict=True)
         ]
-        with_boxes.append((coal.Box(*(2.0 * half)), coal.Transform3s(base, configuration[0])))
+        body.append(_solid(half, base, position))
         for i, limb in enumerate(limbs):
-            with_boxes += limb[:gripper] if i in at_grasp else limb
-        least = min(
-            (
-                _distance(a, b)
-                for first, second in combinations(limbs, 2)
-                for a in first
-                for b in second
-            ),
-            default=np.inf,
-        )
-        for shape, pose in with_boxes:
-            # The sphere round a shape tells from which boxes it is far enough away.
-            shape.computeLocalAABB()
-            middle = pose.getTranslation()
-            for box in (*self.graph.grasp_map.boxes, *obstacles):
-                away = np.maximum(np.maximum(box.bounds[0] - middle, middle - box.bounds[1]), 0.0)
-                if np.linalg.norm(away) - shape.aabb_radius < min(least, 0.1):
-                    solid = coal.Box(*(2.0 * np.array(box.half)))
-                    where = coal.Transform3s(np.array(box.rotation), np.array(box.centre))
-                    least = min(least, _distance((shape, pose), (solid, where)))
-        return float(least)
+            body += limb[:gripper] if i in at_grasp else limb
+        boxes = [*self._boxes, *(_solid_of(box) for box in obstacles)]
+        least = min((_least(a, b) for a, b in combinations(limbs, 2)), default=np.inf)
+        return min(least, _least(body, boxes))
 
 
-def _capsule(ends: Array, radius: float) -> tuple[Any, Any]:
-    """A capsule for coal, and where it is; `ends` has shape (2, 3) [m]."""
-    along = ends[1] - ends[0]
+class _Placed(NamedTuple):
+    """A shape of coal somewhere, and the sphere round it."""
+
+    shape: Any
+    pose: Any
+    centre: Array
+    """Centre of the sphere [m], shape (3,)."""
+    radius: float
+    """Radius of the sphere [m]."""
+
+
+def _capsule(ends: Array, radius: float) -> _Placed:
+    """A capsule; `ends` has shape (2, 3) [m]."""
+    along, middle = ends[1] - ends[0], 0.5 * (ends[0] + ends[1])
     length = float(np.linalg.norm(along))
     if length < 1e-9:
-        return coal.Sphere(float(radius)), coal.Transform3s(np.eye(3), ends[0])
-    turn = Rotation.align_vectors([along / length], [[0.0, 0.0, 1.0]])[0].as_matrix()
-    return coal.Capsule(float(radius), length), coal.Transform3s(turn, 0.5 * (ends[0] + ends[1]))
+        shape, turn = coal.Sphere(float(radius)), np.eye(3)
+    else:
+        shape, z = coal.Capsule(float(radius), length), along / length
+        x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
+        x /= np.linalg.norm(x)
+        turn = np.stack([x, np.cross(z, x), z], axis=1)
+    return _Placed(shape, coal.Transform3s(turn, middle), middle, 0.5 * length + float(radius))
 
 
-def _distance(first: tuple[Any, Any], second: tuple[Any, Any]) -> float:
+def _solid(half: Array, turn: Array, centre: Array) -> _Placed:
+    """A box by its half edges [m]."""
+    pose = coal.Transform3s(turn, centre)
+    return _Placed(coal.Box(*(2.0 * half)), pose, centre, float(np.linalg.norm(half)))
+
+
+def _solid_of(box: Box) -> _Placed:
+    """A box of the map, or an obstacle."""
+    return _solid(np.array(box.half), np.array(box.rotation), np.array(box.centre))
+
+
+def _least(first: Sequence[_Placed], second: Sequence[_Placed]) -> float:
+    """Least distance of two groups of shapes [m]; those nearest by their spheres come first."""
+    spheres = [np.array([shape.centre for shape in group]) for group in (first, second)]
+    radii = [np.array([shape.radius for shape in group]) for group in (first, second)]
+    apart = np.linalg.norm(spheres[0][:, None] - spheres[1], axis=2)
+    apart -= radii[0][:, None] + radii[1]
+    least = np.inf
+    for flat in np.argsort(apart, axis=None):
+        i, j = divmod(int(flat), len(second))
+        if apart[i, j] >= least:
+            break
+        least = min(least, _distance(first[i], second[j]))
+    return least
+
+
+def _distance(first: _Placed, second: _Placed) -> float:
     """Coal's distance of two placed shapes [m]."""
-    return float(coal.distance(*first, *second, coal.DistanceRequest(), coal.DistanceResult()))
+    places = first.shape, first.pose, second.shape, second.pose
+    return float(coal.distance(*places, coal.DistanceRequest(), coal.DistanceResult()))
