@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint types unit mutants results compare clean
+.PHONY: demo test lint types unit slow mutants results compare clean
 
 demo: $(VENV)/.core
 	$(BIN)/mlivr-gym table1 --out results
@@ -23,6 +23,10 @@ types: $(VENV)/.dev
 # One worker a core; tests of one file stay together, since they share what they set up.
 unit: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto --dist loadfile
+
+# The tests that `make test` leaves out because each takes minutes.
+slow: $(VENV)/.dev
+	$(BIN)/pytest --numprocesses auto -m slow
 
 # Do the tests notice faults? 150 of them, an hour at most; what has run is kept, so that it goes on.
 mutants: $(VENV)/.dev

@@ -213,12 +213,22 @@ class EnvironmentsAgree(RuleBasedStateMachine):
             np.testing.assert_array_equal(single.unwrapped.action_masks(), model.mask())
 
 
+def examples(count):
+    # To shrink a failure takes minutes: for that, run it with all phases.
+    return settings(
+        max_examples=count, stateful_step_count=30, deadline=None, phases=[Phase.generate]
+    )
+
+
 @pytest.mark.usefixtures("cache")
 class TestEnvironments(EnvironmentsAgree.TestCase):
-    # To shrink a failure takes minutes: for that, run it with all phases.
-    settings = settings(
-        max_examples=12, stateful_step_count=30, deadline=None, phases=[Phase.generate]
-    )
+    settings = examples(6)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("cache")
+class TestEnvironmentsLonger(EnvironmentsAgree.TestCase):
+    settings = examples(60)
 
 
 @pytest.mark.usefixtures("cache")
