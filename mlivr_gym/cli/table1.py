@@ -42,7 +42,12 @@ MODE_PICTURES = {"steps": "", "collisions": "_collisions"}
 FILES = (
     "table1.json",
     "table1.md",
-    *(f"case{case}{end}.png" for case in CASES for end in MODE_PICTURES.values()),
+    *(
+        f"case{case}{end}{kind}"
+        for case in CASES
+        for end in MODE_PICTURES.values()
+        for kind in (".png", ".svg")
+    ),
     "scene_start.png",
     "scene_goal.png",
 )

@@ -24,6 +24,15 @@ FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (
 BASE_COLOUR, GOAL_COLOUR = "#2b8a3e", "#ffb703"
 """Colours of base paths, green as in the paper, and of goals."""
 
+MOST_VERTICES, RASTER_DPI = 2000, 90
+"""Paths with more vertices are an image in an SVG, of this many dots per inch.
+
+They would fill the file: lines are thinned out when they are drawn, the edges of areas are not.
+"""
+
+SALT = "mlivr-gym"
+"""What the names of parts in an SVG are made from, besides the parts."""
+
 FACE_TINTS = {"deck": "#8a6d3b", "overhead": "#5a7d9a", "forward": "#7a7a7a", "aft": "#a3a3a3"}
 """Colours of points by the face they lie on; other faces are grey."""
 
@@ -115,21 +124,51 @@ def box_corners(box: Box) -> Array:
     return corners
 
 
-def save_figure(figure: Any, path: str | Path) -> None:
-    """Write a figure as PNG, whole or not at all."""
+def figure_files(path: str | Path) -> tuple[Path, Path]:
+    """The PNG file of a figure and the SVG file beside it; `path` names either."""
+    given = Path(path)
+    png, svg = (given.parent / f"{given.stem}{ending}" for ending in (".png", ".svg"))
+    return (png, given) if given.suffix.lower() == ".svg" else (given, svg)
+
+
+def save_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
+    """Write a figure as PNG and as SVG; see `write_figure`."""
     for axes in figure.axes:
         if axes.name == "3d":
             # The clip box of 3-D axes is a square in their middle, narrower than the module.
             for artist in axes.get_children():
                 artist.set_clip_on(False)
-    write_figure(figure, path)
+    write_figure(figure, path, vector=vector)
 
 
-def write_figure(figure: Any, path: str | Path) -> None:
-    """Write a figure as it is as PNG, whole or not at all."""
+def write_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
+    """Write a figure as it is as PNG and as SVG, each whole or not at all.
+
+    The same figure gives the same bytes: nothing in the files is drawn by chance or dated.
+
+    Args:
+        figure: The figure.
+        path: File to write; `figure_files` says which the two are.
+        vector: Write the SVG too.
+
+    Raises:
+        FileError: If a file cannot be written.
+    """
+    from matplotlib import rc_context
+
+    png, svg = figure_files(path)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
-    write_whole(path, buffer.getvalue())
+    write_whole(png, buffer.getvalue())
+    if vector:
+        buffer = io.BytesIO()
+        for axes in figure.axes:
+            for paths in axes.collections:
+                if sum(len(path.vertices) for path in paths.get_paths()) > MOST_VERTICES:
+                    paths.set_rasterized(True)
+        with rc_context({"svg.hashsalt": SALT}):
+            figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=RASTER_DPI)
+        write_whole(svg, buffer.getvalue())
 
 
 def save_image(image: NDArray[np.uint8], path: str | Path) -> None:
@@ -179,4 +218,4 @@ def configuration_figure(
                 zorder=5,
             )
     add_heading(figure, title)
-    save_figure(figure, path)
+    save_figure(figure, path, vector=False)  # in the place of a picture that is rendered
