@@ -249,6 +249,7 @@ def _film(
             plan.world.robot,
             execution.recording,
             path,
+            plan=plan,
             size=tuple(args.size),
             frames=args.frames,
             obstacles=plan.world.obstacles,
