@@ -2,8 +2,9 @@
 
     python experiments/blocked.py [--out results]
 
-writes `blocked.png`: a stance that meets the thresholds, but not without touching the cabin, and a
-step between two free stances on which the robot would touch something, at the worst place.
+writes `blocked.png`, and an SVG beside it: a stance that meets the thresholds, but not without
+touching the cabin, and a step between two free stances on which the robot would touch something, at
+the worst place; below each a close-up of the worst contact.
 """
 
 from __future__ import annotations

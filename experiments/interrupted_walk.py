@@ -3,8 +3,8 @@
     python experiments/interrupted_walk.py [--out results]
 
 The robot plans, takes two steps, finds a box in its way, plans again from where it stands; takes
-two more, finds the points ahead occupied, and plans again. Writes `interrupted_walk.png`: the walk
-made, and what was planned before each interruption.
+two more, finds the points ahead occupied, and plans again. Writes `interrupted_walk.png`, and an
+SVG beside it: the walk made, and what each plan had in mind when it was given up.
 """
 
 from __future__ import annotations
