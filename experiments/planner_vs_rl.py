@@ -7,9 +7,9 @@
 
 `--policies` is the folder that `train_policies.py` filled. What is measured goes into
 `planner_vs_rl.json` piece by piece, and a piece that is there is not measured again; the report
-writes `planner_vs_rl.md` and `planner_vs_rl.png`, of which `readme.py` copies one table. Every
-figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. The first `--execute
-N` walks of some methods on the same map are executed in MuJoCo.
+writes `planner_vs_rl.md`, of which `readme.py` copies one table, and `planner_vs_rl.png` with an
+SVG beside it. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike.
+The first `--execute N` walks of some methods on the same map are executed in MuJoCo.
 """
 
 from __future__ import annotations
