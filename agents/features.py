@@ -22,11 +22,14 @@ from mlivr_gym.transitions.state import State
 Features = dict[str, NDArray[np.float32]]
 """Observations of the point-wise policy by name, as `point_features` returns them."""
 
-DEPTH = 3
+DEPTH = 5
 """Steps that the reach of a point looks ahead."""
 
-POINT, LIMB, GOAL = 8, 6 + DEPTH, 5
+POINT, LIMB, GOAL = 8, 6 + 2 * DEPTH, 5
 """Numbers that describe a point, a point as seen by one limb, and the goal."""
+
+REACH, WAYS = slice(6, 6 + DEPTH), slice(6 + DEPTH, LIMB)
+"""Where the reach of a point and its ways stand among those of a point as seen by one limb."""
 
 FAR = 10.0
 """Reach of points that no stance has [m]."""
@@ -70,16 +73,16 @@ class Aims(NamedTuple):
     tolerance: float
     """Radius of the goal region [m]."""
     reach: Array
-    """What `reach_of_points` returns [m], shape (k, N, m, DEPTH), or (1, N, m, DEPTH) for all."""
+    """What `reach_of_points` returns, shape (k, N, m, 2 DEPTH), or (1, N, m, 2 DEPTH) for all."""
 
 
 def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     """Features of k states with N limbs on m points, all in the robot's frame.
 
     Returns:
-        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6 + DEPTH):
+        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6 + 2 DEPTH):
         whether the limb holds the point, whether it may move there, the base's displacement if it
-        does, whether a limb that holds could let go then, and the reach. `goal` (k, 5): where the
+        does, whether a limb that holds could let go then, its reach and its ways. `goal` (k, 5): where the
         goal lies, its distance, and the tolerance.
     """
     base, rotation, legal = states.base, states.rotation, states.legal
@@ -102,40 +105,48 @@ def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     return {"points": looks, "limbs": seen, "goal": ahead.astype(np.float32)}
 
 
-def reach_of_points(graph: StanceGraph, goal: Array, held: BoolArray | None = None) -> Array:
-    """Least distance to the goal that the base can have within the steps after a grasp [m].
+def reach_of_points(
+    graph: StanceGraph, goal: Array, tolerance: float, held: BoolArray | None = None
+) -> Array:
+    """How near to the goal the steps after a grasp can lead, and in how many ways they arrive.
 
     It is told for 1 to `DEPTH` steps, over all stances that can be held, whether steps lead there
-    or not, the limbs moving in turns; at most `FAR`. For more than two limbs the stances are not
-    known beforehand; it is then the distance of the point itself.
+    or not, the limbs moving in turns. For more than two limbs the stances are not known
+    beforehand: the distance is then that of the point itself, and the ways are none.
 
     Args:
         graph: The stance graph.
         goal: Goal position [m], shape (3,).
+        tolerance: Radius of the goal region [m].
         held: Which stances can be held, shape (n,); by default those that the graph says.
 
     Returns:
-        Shape (N, m, DEPTH).
+        Shape (N, m, 2 DEPTH): the least distance of the base [m], at most `FAR`, and the logarithm
+        to the base 2 of one more than the number of sequences of stances that end in the goal region.
     """
     if not isinstance(graph, PairGraph):
         away = np.minimum(np.linalg.norm(graph.grasp_map.positions - goal, axis=1), FAR)
-        return np.broadcast_to(away[None, :, None], (graph.limbs, len(away), DEPTH)).copy()
+        none = np.zeros((graph.limbs, len(away), 2 * DEPTH))
+        none[..., :DEPTH] = away[None, :, None]
+        return none
     held = (graph.mask != 0).all(axis=1) if held is None else held
     away = graph.steps.row_base - goal
     distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), FAR)
     lost = ~held[graph.rows]
-    out = np.full((2, len(graph.grasp_map), DEPTH), FAR)
+    out, count = np.full((2, len(graph.grasp_map), DEPTH), FAR), (distance <= tolerance) * 1.0
+    ways = np.zeros(out.shape)
     for depth in range(DEPTH):
         for limb in range(2):
             if depth:
                 other = graph.points[graph.rows[limb], 1 - limb]
                 distance[limb] = out[1 - limb, other, depth - 1]
-            distance[limb, lost[limb]] = FAR
+                count[limb] = ways[1 - limb, other, depth - 1]
+            distance[limb, lost[limb]], count[limb, lost[limb]] = FAR, 0.0
             known = np.flatnonzero(graph.degree[limb])
-            out[limb, known, depth] = np.minimum.reduceat(
-                distance[limb], graph.row_start[limb, known]
-            )
-    return out
+            first = graph.row_start[limb, known]
+            out[limb, known, depth] = np.minimum.reduceat(distance[limb], first)
+            ways[limb, known, depth] = np.add.reduceat(count[limb], first)
+    return np.concatenate([out, np.log2(1.0 + ways)], axis=2)
 
 
 def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Features:
@@ -155,7 +166,7 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     free = np.ones(m, dtype=np.bool_)
     free[list(graph.occupied)] = False
     stance = np.array([state.stance for state in states])
-    reach = reach_of_points(graph, env.goal)[None]
+    reach = reach_of_points(graph, env.goal, env.goal_tolerance)[None]
     return point_features(
         Points(graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability),
         Situations(base, rotation, stance, legal, after, releasable_after),
@@ -190,7 +201,7 @@ class TableFeatures:
             stances: Stance indices, shape (k,).
             masks: Branches each limb may be on, shape (k, 2).
             goals: Goal positions [m], shape (k, 3).
-            reach: What `reach_of_points` returns for each state [m], shape (k, 2, m, DEPTH).
+            reach: What `reach_of_points` returns for each state, shape (k, 2, m, 2 DEPTH).
             free: Which points may be grasped, shape (m,) or (k, m); by default all.
         """
         k, m = len(stances), len(self.grasp_map)

@@ -17,7 +17,7 @@ from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
-from mlivr_gym.agents.features import DEPTH, GOAL, POINT
+from mlivr_gym.agents.features import DEPTH, GOAL, POINT, REACH, WAYS
 
 IMPOSSIBLE = -1e8
 """Score of actions that are not possible."""
@@ -52,11 +52,11 @@ class PointerNetwork(nn.Module):
         """
         super().__init__()
         self.latent_dim_vf = width
-        self.encode = mlp([POINT + 1 + GOAL + 1 + DEPTH, summary, summary])
-        self.of_limb = nn.Linear(GOAL + 2 * (POINT + 2 * DEPTH) + 4 * summary, width)
-        self.of_action = nn.Linear(POINT + 6 + 2 * DEPTH, width)
+        self.encode = mlp([POINT + 1 + GOAL + 1 + 2 * DEPTH, summary, summary])
+        self.of_limb = nn.Linear(GOAL + 2 * (POINT + 3 * DEPTH) + 4 * summary, width)
+        self.of_action = nn.Linear(POINT + 6 + 3 * DEPTH, width)
         self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
-        self.assess = mlp([4 * summary + GOAL + POINT + 2 * DEPTH, width, width])
+        self.assess = mlp([4 * summary + GOAL + POINT + 3 * DEPTH, width, width])
         # Untrained, the scores are all but equal: a new policy explores evenly.
         last = self.score[-1]
         assert isinstance(last, nn.Linear)
@@ -69,9 +69,10 @@ class PointerNetwork(nn.Module):
         held = observation["limbs"][..., 0].sum(dim=1)[..., None]
         to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
         expanded = goal[:, None].expand(-1, points.shape[1], -1)
-        reach = observation["limbs"][..., 6:].amin(dim=1)
+        limbs = observation["limbs"]
+        reach, ways = limbs[..., REACH].amin(dim=1), limbs[..., WAYS].amax(dim=1)
         code: Tensor = torch.relu(
-            self.encode(torch.cat([points, held, expanded, to_goal, reach], dim=-1))
+            self.encode(torch.cat([points, held, expanded, to_goal, reach, ways], dim=-1))
         )
         return code * points[..., 6:7]
 
@@ -83,7 +84,7 @@ class PointerNetwork(nn.Module):
 
         Returns:
             The summary, shape (k, 4 summary), and for each limb the features of the point it holds,
-            its reach and whether that arrives, shape (k, N, 8 + 2 DEPTH).
+            its reach, its ways and whether the reach arrives, shape (k, N, 8 + 3 DEPTH).
         """
         points, goal = observation["points"], observation["goal"]
         ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))
@@ -96,9 +97,11 @@ class PointerNetwork(nn.Module):
             parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
         limbs = observation["limbs"]
         held = torch.einsum("knm,kmf->knf", limbs[..., 0], points)
-        reach = torch.einsum("knm,kmdn->knd", limbs[..., 0], limbs[..., 6:].permute(0, 2, 3, 1))
-        arrives = self._arrives(goal[:, None].expand(-1, held.shape[1], -1), reach)
-        return torch.cat(parts, dim=-1), torch.cat([held, reach, arrives], dim=-1)
+        onward = torch.einsum("knm,knmd->knd", limbs[..., 0], limbs[..., REACH.start :])
+        arrives = self._arrives(
+            goal[:, None].expand(-1, held.shape[1], -1), onward[..., : REACH.stop - REACH.start]
+        )
+        return torch.cat(parts, dim=-1), torch.cat([held, onward, arrives], dim=-1)
 
     @staticmethod
     def _arrives(goal: Tensor, distance: Tensor) -> Tensor:
@@ -120,7 +123,7 @@ class PointerNetwork(nn.Module):
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
         action = limbs[state, limb, point, 2:]
         remaining = (action[:, :3] - goal[state, :3]).norm(dim=-1, keepdim=True)
-        distances = torch.cat([remaining, action[:, 4:]], dim=-1)
+        distances = torch.cat([remaining, limbs[state, limb, point, REACH]], dim=-1)
         arrives = self._arrives(goal[state], distances)
         seen = self.of_action(torch.cat([points[state, point], action, remaining, arrives], dim=-1))
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
