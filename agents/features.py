@@ -82,8 +82,8 @@ def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     Returns:
         `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6 + 2 DEPTH):
         whether the limb holds the point, whether it may move there, the base's displacement if it
-        does, whether a limb that holds could let go then, its reach and its ways. `goal` (k, 5): where the
-        goal lies, its distance, and the tolerance.
+        does, whether a limb that holds could let go then, its reach and its ways. `goal` (k, 5):
+        where the goal lies, its distance, and the tolerance.
     """
     base, rotation, legal = states.base, states.rotation, states.legal
     k, limbs = states.stance.shape
@@ -122,7 +122,8 @@ def reach_of_points(
 
     Returns:
         Shape (N, m, 2 DEPTH): the least distance of the base [m], at most `FAR`, and the logarithm
-        to the base 2 of one more than the number of sequences of stances that end in the goal region.
+        to the base 2 of one more than the number of sequences of stances that end in the goal
+        region.
     """
     if not isinstance(graph, PairGraph):
         away = np.minimum(np.linalg.norm(graph.grasp_map.positions - goal, axis=1), FAR)

@@ -22,14 +22,20 @@ from mlivr_gym.agents.features import DEPTH, GOAL, POINT, REACH, WAYS
 IMPOSSIBLE = -1e8
 """Score of actions that are not possible."""
 
-SHARPNESS = 0.005
-"""Width of the step from 0 to 1 at the goal tolerance in what tells that an action arrives [m]."""
+LENGTH = 3.0
+"""Unit of lengths inside the network [m], so that all that it adds up is of about the same size."""
 
-AHEAD = 0.8
-"""Distance of the second centre of the summary towards the goal [m]."""
+WAY = 8.0
+"""Unit of the ways inside the network."""
 
-SPREAD = 1.4
-"""Standard deviation of the weights of points about each centre of the summary [m]."""
+SHARPNESS = 0.005 / LENGTH
+"""Width of the step from 0 to 1 at the goal tolerance in what tells that an action arrives."""
+
+AHEAD = 0.8 / LENGTH
+"""Distance of the second centre of the summary towards the goal."""
+
+SPREAD = 1.4 / LENGTH
+"""Standard deviation of the weights of points about each centre of the summary."""
 
 
 def mlp(sizes: list[int]) -> nn.Sequential:
@@ -62,6 +68,25 @@ class PointerNetwork(nn.Module):
         assert isinstance(last, nn.Linear)
         nn.init.normal_(last.weight, std=0.01)
         nn.init.zeros_(last.bias)
+
+    @staticmethod
+    def scaled(observation: dict[str, Tensor]) -> dict[str, Tensor]:
+        """An observation in the units of the network."""
+        points, limbs, goal = (observation[name] for name in ("points", "limbs", "goal"))
+        return {
+            "points": torch.cat([points[..., :3] / LENGTH, points[..., 3:]], dim=-1),
+            "limbs": torch.cat(
+                [
+                    limbs[..., :2],
+                    limbs[..., 2:5] / LENGTH,
+                    limbs[..., 5:6],
+                    limbs[..., REACH] / LENGTH,
+                    limbs[..., WAYS] / WAY,
+                ],
+                dim=-1,
+            ),
+            "goal": goal / LENGTH,
+        }
 
     def codes(self, observation: dict[str, Tensor]) -> Tensor:
         """Codes of the points, nothing for those that may not be grasped, shape (k, m, summary)."""
@@ -110,6 +135,7 @@ class PointerNetwork(nn.Module):
 
     def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
         """Score of each action, shape (k, N m)."""
+        observation = self.scaled(observation)
         codes = self.codes(observation)
         return self._scores(observation, *self.summarise(observation, codes))
 
@@ -132,6 +158,7 @@ class PointerNetwork(nn.Module):
 
     def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
         """What the value is read from, shape (k, width)."""
+        observation = self.scaled(observation)
         return self._assessment(observation, *self.summarise(observation, self.codes(observation)))
 
     def _assessment(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
@@ -143,6 +170,7 @@ class PointerNetwork(nn.Module):
 
     def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
         """Scores and assessment."""
+        observation = self.scaled(observation)
         codes = self.codes(observation)
         summary, held = self.summarise(observation, codes)
         scores = self._scores(observation, summary, held)

@@ -27,6 +27,7 @@ from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import Execution, execute
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.stance_graph import StanceGraph
 
 CONTROLLERS = {"PD": Physics(feedforward=False), "PD and feedforward": Physics()}
 """The paper's controller, and the same with the torques of the dynamics fed forward."""
@@ -114,9 +115,8 @@ def tell(execution: Execution) -> str:
     return f"{failure.kind} in step {failure.step + 1}: {failure.message}"
 
 
-def random_plans(count: int) -> dict[str, Any]:
-    """Plans between random starts and goals, executed at 50 s a step with each controller."""
-    graph = stance_graph()
+def drawn_plans(graph: StanceGraph, count: int) -> list[Plan]:
+    """Plans between random starts and goals, base cost and step cost by turns."""
     planner, rng = Planner(graph), np.random.default_rng(SEED)
     plans: list[Plan] = []
     while len(plans) < count:
@@ -127,7 +127,13 @@ def random_plans(count: int) -> dict[str, Any]:
             print(f"no plan: {result.message}", flush=True)
         elif result.plan.steps:
             plans.append(result.plan)
-    data = {}
+    return plans
+
+
+def random_plans(count: int) -> dict[str, Any]:
+    """Random plans executed at 50 s a step with each controller."""
+    graph = stance_graph()
+    plans, data = drawn_plans(graph, count), {}
     for name, physics in CONTROLLERS.items():
         simulation = Simulation(graph.grasp_map, graph.robot, physics)
         rows = [figures(execute(graph, plan, simulation=simulation)) for plan in plans]

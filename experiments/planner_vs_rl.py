@@ -7,9 +7,10 @@
 
 `--policies` is the folder that `train_policies.py` filled. What is measured goes into
 `planner_vs_rl.json` piece by piece, and a piece that is there is not measured again; the report
-writes `planner_vs_rl.md` and `planner_vs_rl.png`, of which `readme.py` copies one table. Every
-figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. The walks of all
-methods on the first `--execute N` tasks of the same map are carried out in MuJoCo, and refined.
+writes `planner_vs_rl.md`, of which `readme.py` copies one table, and `planner_vs_rl.png` with an
+SVG beside it. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike.
+The walks of all methods on the first `--execute N` tasks of the same map are carried out in MuJoCo,
+and refined.
 """
 
 from __future__ import annotations

@@ -4,7 +4,8 @@
 
 Each experiment writes its figures as JSON and its page; this script tells all pages anew from the
 JSON, and copies what the README shows of them: Table I and its study, the promises against truth,
-what the simulation measured, the benchmark's targets, and the comparison of planners and policies.
+what the simulation measured, the paper's torques, the benchmark's targets, and the comparison of
+planners and policies.
 `make test` fails when a page says something else.
 """
 
@@ -17,6 +18,7 @@ from typing import Any
 
 import comparison_report
 import dynamic_simulation
+import paper_figures_report
 import planning_report
 import table1_statistics
 from table1 import study_markdown
@@ -157,6 +159,7 @@ def filled(text: str, results: Path) -> str:
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
         "dynamic_simulation": dynamics(data("dynamic_simulation")),
+        "paper_figures": paper_figures_report.readme_text(data("paper_figures")),
         "benchmark_planning": targets(planning_report.report(data("benchmark_planning"))),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
     }
@@ -173,6 +176,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "table1_statistics": table1_statistics.told,
     "truth": told,
     "dynamic_simulation": dynamic_simulation.markdown,
+    "paper_figures": paper_figures_report.markdown,
     "benchmark_planning": planning_report.report,
     "planner_vs_rl": comparison_report.full_report,
 }

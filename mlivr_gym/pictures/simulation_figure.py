@@ -7,9 +7,31 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.simulation.phase_torques import (
+    CAPTURE,
+    CAPTURE_TIME,
+    PARTS,
+    after_captures,
+    largest,
+    phase_torques,
+)
 from mlivr_gym.simulation.recording import Capture, Failure, Recording
+
+SHADES = {0: ("departure", "#c6d9ed"), 2: ("approach", "#f6dcba")}
+"""Name and background of the phases that are shaded, by index."""
+
+_MARKS = (("<", "#1f5fd0"), ("o", "#6a3d9a"), (">", "#e07b00"), ("D", "#c1121f"))
+PART_MARKS = dict(zip(PARTS, _MARKS, strict=True))
+"""Marker and colour of the peak in each part of a step."""
+
+SPIKE = 2.0
+"""What rises this many times above all else in the second after a capture is cut off."""
+
+DECADES = 2.7
+"""How far the axis of the torques reaches below their largest value, in powers of ten."""
 
 
 def simulation_figure(
@@ -19,7 +41,11 @@ def simulation_figure(
     path: str | Path,
     title: str,
 ) -> None:
-    """Draw a recording over time; departures and approaches are shaded, captures marked.
+    """Draw a recording over time.
+
+    Departures and approaches are shaded, captures dotted. The largest torque of each step has a
+    mark that tells its phase, on a logarithmic axis; a short spike at a capture is cut off and its
+    height written.
 
     Args:
         recording: Measurements.
@@ -31,55 +57,47 @@ def simulation_figure(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.0, 8.6), dpi=110)
+    figure = Figure(figsize=(11.0, 9.0), dpi=110)
     FigureCanvasAgg(figure)
     axes: list[Any] = figure.subplots(4, 1, sharex=True).tolist()
     times, limbs = recording.times, recording.joint_torques.shape[1]
-    axes[0].plot(times, recording.torque_rms, color="#c1121f", linewidth=1.4)
-    axes[0].set_ylabel("torque, RMS over\nall joints [N m]")
+    forces = np.linalg.norm(recording.grasp_forces, axis=2)
+    torques = np.abs(recording.joint_torques).max(axis=2)
+    errors = 1e3 * recording.base_errors
+    axes[0].plot(times, recording.torque_rms, color="0.15", linewidth=1.2)
     for limb in range(limbs):
         style = {"color": LIMB_COLOURS[limb], "linewidth": 1.2, "label": f"limb {limb}"}
-        axes[1].plot(times, np.abs(recording.joint_torques[:, limb]).max(axis=1), **style)
-        axes[2].plot(times, np.linalg.norm(recording.grasp_forces[:, limb], axis=1), **style)
-    axes[1].set_ylabel("largest joint\ntorque [N m]")
-    axes[2].set_ylabel("grasp force [N]")
-    axes[3].plot(times, 1e3 * recording.base_errors, color="0.25", linewidth=1.2)
-    axes[3].set_ylabel("base error [mm]")
-    axes[3].set_xlabel("time [s]")
-    for k, panel in enumerate(axes):
-        _mark_events(panel, recording, captures, failure, named=k == 0)
-        panel.set_ylim(bottom=0.0)
+        axes[1].plot(times, torques[:, limb], **style)
+        axes[2].plot(times, forces[:, limb], **style)
+    axes[3].plot(times, errors, color="0.25", linewidth=1.2)
+    named = (
+        "torque, RMS over all\njoints, log axis [N m]",
+        "largest joint\ntorque [N m]",
+        "grasp force [N]",
+    )
+    for panel, name in zip(axes, (*named, "base error [mm]"), strict=True):
+        panel.set_ylabel(name)
+        mark_phases(panel, recording, captures, failure)
         panel.margins(x=0.0)
         panel.grid(alpha=0.25)
-    axes[0].legend(loc="upper right", fontsize=8.5, ncols=2, frameon=False)
-    axes[1].legend(loc="upper right", fontsize=8.5, ncols=limbs, frameon=False)
-    figure.suptitle(title, x=0.02, y=0.985, ha="left", fontsize=13, parse_math=False)
-    if failure is not None:
-        figure.text(
-            0.02,
-            0.945,
-            f"failed at {failure.time:.2f} s: {failure.message}",
-            fontsize=9.5,
-            color="#a00000",
-            parse_math=False,
-        )
-    figure.subplots_adjust(left=0.09, right=0.985, bottom=0.06, top=0.925, hspace=0.12)
+    caught = after_captures(recording, captures)
+    for panel, values in zip(
+        axes[1:], (torques.max(axis=1), forces.max(axis=1), errors), strict=True
+    ):
+        cut_spikes(panel, times, values, caught, captures)
+    scale_torques(axes[0], float(recording.torque_rms.max()) or 1.0)
+    _mark_peaks(axes[0], recording, captures)
+    axes[3].set_xlabel("time [s]")
+    axes[1].legend(loc="best", fontsize=8.5, ncols=limbs, framealpha=0.85)
+    _head(figure, axes[0], title, failure)
     save_figure(figure, path)
 
 
-def _mark_events(
-    panel: Any,
-    recording: Recording,
-    captures: tuple[Capture, ...],
-    failure: Failure | None,
-    *,
-    named: bool,
+def mark_phases(
+    panel: Any, recording: Recording, captures: tuple[Capture, ...], failure: Failure | None = None
 ) -> None:
-    """Shade departures and approaches, and mark captures and the failure.
-
-    The legend names what is shaded if `named`.
-    """
-    for phase, colour, name in ((0, "#dfe9f3", "departure"), (2, "#f7e6d3", "approach")):
+    """Shade departures and approaches, and mark captures and the failure."""
+    for phase, (_, colour) in SHADES.items():
         panel.fill_between(
             recording.times,
             0.0,
@@ -89,9 +107,95 @@ def _mark_events(
             linewidth=0.0,
             zorder=0,
             transform=panel.get_xaxis_transform(),
-            label=name if named else None,
         )
     for capture in captures:
-        panel.axvline(capture.time, color="0.55", linewidth=0.7, linestyle=":")
+        panel.axvline(capture.time, color="0.35", linewidth=0.8, linestyle=":")
     if failure is not None:
         panel.axvline(failure.time, color="#d00000", linewidth=1.4)
+
+
+def scale_torques(panel: Any, most: float) -> None:
+    """Give a panel a logarithmic axis up to `most` [N m]: steps differ by powers of ten."""
+    panel.set_yscale("log")
+    panel.set_ylim(most * 10.0**-DECADES, 3.5 * most)
+    panel.yaxis.set_major_formatter("{x:g}")
+
+
+def cut_spikes(
+    panel: Any, times: Array, values: Array, caught: BoolArray, captures: tuple[Capture, ...]
+) -> None:
+    """Fit a panel to its values, but cut off what a capture makes for a moment and write it.
+
+    Args:
+        panel: Axes.
+        times: Shape (k,) [s].
+        values: The largest value drawn at each, shape (k,).
+        caught: Which of them lie just after a capture, shape (k,).
+        captures: When limbs grasped their points.
+    """
+    rest = float(values[~caught].max(initial=0.0))
+    if values.max() <= SPIKE * rest:
+        panel.set_ylim(0.0, 1.15 * float(values.max()) or 1.0)
+        return
+    top = 1.45 * rest
+    panel.set_ylim(0.0, top)
+    for capture in captures:
+        since = times - capture.time
+        spike = float(values[(since > -1e-9) & (since < CAPTURE_TIME)].max(initial=0.0))
+        if spike > top:
+            last = capture.time > 0.93 * times[-1]
+            panel.annotate(
+                f"\u2191 {spike:.3g}",
+                (capture.time, top),
+                (-4 if last else 4, -11),
+                textcoords="offset points",
+                ha="right" if last else "left",
+                fontsize=8.5,
+            )
+
+
+def _mark_peaks(panel: Any, recording: Recording, captures: tuple[Capture, ...]) -> None:
+    """Mark the largest torque in each part of each step; that of the step full, with its value."""
+    torques = phase_torques(recording, captures)
+    best = {step: largest(torques, step) for step in {entry.step for entry in torques}}
+    for entry in torques:
+        marker, colour = PART_MARKS[entry.part]
+        first = entry == best[entry.step]
+        panel.plot(
+            entry.time,
+            entry.peak,
+            marker=marker,
+            color=colour,
+            markersize=6.5 if first else 4.5,
+            markerfacecolor=colour if first else "white",
+            zorder=5,
+        )
+        if first:
+            place = {"textcoords": "offset points", "ha": "center", "fontsize": 8.5}
+            panel.annotate(f"{entry.peak:.2f}", (entry.time, entry.peak), (0, 7), **place)
+
+
+def _head(figure: Any, panel: Any, title: str, failure: Failure | None) -> None:
+    """Heading, the failure below it, and the legend of shades and marks above the first panel."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [
+        Patch(facecolor=colour, edgecolor="0.45", linewidth=0.6, label=name)
+        for name, colour in SHADES.values()
+    ]
+    for part, (marker, colour) in PART_MARKS.items():
+        label = f"peak in the second after {CAPTURE}" if part == CAPTURE else f"peak in {part}"
+        style: dict[str, Any] = {"marker": marker, "color": colour, "linestyle": "none"}
+        handles.append(
+            Line2D([], [], label=label, markerfacecolor="white", markersize=5.5, **style)
+        )
+    panel.legend(
+        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.01), ncols=3, fontsize=8.5,
+        frameon=False, title="filled: largest of the step", title_fontsize=8.5, alignment="right",
+    )  # fmt: skip
+    figure.suptitle(title, x=0.02, y=0.985, ha="left", fontsize=13, parse_math=False)
+    if failure is not None:
+        told = f"failed at {failure.time:.2f} s: {failure.message}"
+        figure.text(0.02, 0.905, told, fontsize=9.5, color="#a00000", parse_math=False)
+    figure.subplots_adjust(left=0.09, right=0.985, bottom=0.06, top=0.895, hspace=0.12)

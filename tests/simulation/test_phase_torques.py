@@ -1,0 +1,136 @@
+"""Torques phase by phase, and the figure that marks them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlivr_gym.pictures.simulation_figure import cut_spikes, simulation_figure
+from mlivr_gym.simulation.phase_torques import (
+    CAPTURE_TIME,
+    PARTS,
+    after_captures,
+    largest,
+    phase_torques,
+)
+from mlivr_gym.simulation.recording import Capture, Recording
+
+PERIOD = 0.1
+STEP = 50.0
+
+
+@pytest.fixture
+def walk():
+    """Two steps of 50 s and 2 s of rest, without torques, and their captures."""
+    times = np.arange(round((2 * STEP + 2.0) / PERIOD)) * PERIOD
+    step = np.minimum(times // STEP + 1e-9, 1).astype(np.int64)
+    within = times - STEP * step
+    phase = (within >= 10.0).astype(np.int64) + (within >= 40.0)
+    k = len(times)
+    zeros = {"base_errors": (k,), "base_angle_errors": (k,), "base_positions": (k, 3)}
+    zeros |= {"momenta": (k, 3), "angular_momenta": (k, 3), "contacts": (k,)}
+    zeros |= {"grasp_forces": (k, 2, 3), "grasp_torques": (k, 2, 3), "base_quaternions": (k, 4)}
+    zeros |= {"joint_positions": (k, 2, 6), "joint_torques": (k, 2, 6)}
+    arrays = {name: np.zeros(shape) for name, shape in zeros.items()}
+    recording = Recording(times=times, step=step, phase=phase, **arrays)
+    captures = tuple(Capture((n + 1) * STEP, n, n, "point", 0.0, 0.0) for n in range(2))
+    return recording, captures
+
+
+def with_torque(recording, *bursts):
+    """The same with all joints at one torque for one sample each: times [s] and torques [N m]."""
+    torques = recording.joint_torques.copy()
+    for time, torque in bursts:
+        torques[round(time / PERIOD)] = torque
+    return replace(recording, joint_torques=torques)
+
+
+@pytest.mark.parametrize(
+    ("time", "step", "part"),
+    [
+        (0.0, 0, "departure"),
+        (9.9, 0, "departure"),
+        (10.0, 0, "swing"),
+        (39.9, 0, "swing"),
+        (40.0, 0, "approach"),
+        (49.9, 0, "approach"),
+        (50.0, 0, "capture"),
+        (50.9, 0, "capture"),
+        (51.0, 1, "departure"),
+        (99.9, 1, "approach"),
+        (100.0, 1, "capture"),
+        (100.9, 1, "capture"),
+    ],
+)
+def test_a_torque_belongs_to_the_part_in_which_it_is(walk, time, step, part):
+    """Also to the step that ends, where the next has begun; all joints alike have that RMS."""
+    recording, captures = walk
+    found = phase_torques(with_torque(recording, (time, -3.0)), captures)
+    best = largest(found, step)
+    assert (best.step, best.part) == (step, part)
+    assert best.time == pytest.approx(time)
+    assert best.peak == pytest.approx(3.0)
+    assert [entry.part for entry in found] == [*PARTS, *PARTS]
+    assert sum(entry.peak > 0.0 for entry in found) == 1
+
+
+def test_the_mean_is_that_of_the_part(walk):
+    recording, captures = walk
+    torques = np.empty_like(recording.joint_torques)
+    torques[:] = 1.0 + recording.phase[:, None, None]
+    torques[after_captures(recording, captures)] = 7.0
+    found = phase_torques(replace(recording, joint_torques=torques), captures)
+    assert [entry.mean for entry in found] == pytest.approx(2 * [1.0, 2.0, 3.0, 7.0])
+
+
+def test_a_step_without_capture_has_no_such_part(walk):
+    recording, captures = walk
+    found = phase_torques(recording, captures[:1])
+    assert [entry.part for entry in found if entry.step == 1] == list(PARTS[:3])
+
+
+def test_the_time_after_a_capture_is_as_long_as_is_said(walk):
+    recording, captures = walk
+    assert after_captures(recording, captures).sum() == 2 * round(CAPTURE_TIME / PERIOD)
+
+
+class Panel:
+    """What of matplotlib's axes a cut needs."""
+
+    def __init__(self):
+        self.texts = []
+
+    def set_ylim(self, low, high):
+        self.limits = low, high
+
+    def annotate(self, text, *_, **__):
+        self.texts.append(text)
+
+
+def test_a_spike_at_a_capture_is_cut_and_told(walk):
+    recording, captures = walk
+    values = np.ones(len(recording.times))
+    values[round(50.0 / PERIOD)] = 40.0
+    panel = Panel()
+    cut_spikes(panel, recording.times, values, after_captures(recording, captures), captures)
+    assert panel.limits[1] < 2.0
+    assert panel.texts == ["\u2191 40"]
+
+
+def test_what_is_no_spike_is_shown_whole(walk):
+    """Neither a small one at a capture, nor a large one elsewhere."""
+    recording, captures = walk
+    values = np.ones(len(recording.times))
+    values[round(50.0 / PERIOD)] = 1.9
+    values[round(30.0 / PERIOD)] = 40.0
+    panel = Panel()
+    cut_spikes(panel, recording.times, values, after_captures(recording, captures), captures)
+    assert panel.limits[1] >= 40.0
+    assert panel.texts == []
+
+
+def test_the_figure_is_drawn(walk, tmp_path):
+    recording, captures = walk
+    recording = with_torque(recording, (20.0, 2.0), (75.0, 0.1), (100.0, 1.0))
+    simulation_figure(recording, captures, None, tmp_path / "walk.png", "a walk")
+    assert (tmp_path / "walk.png").stat().st_size > 10_000
