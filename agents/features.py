@@ -16,20 +16,24 @@ from mlivr_gym.envs.observations import Observation
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
-from mlivr_gym.stances.table_steps import legal_positions
-from mlivr_gym.transitions.state import State
+from mlivr_gym.stances.table_steps import Ahead, legal_positions, onward_of_actions
+from mlivr_gym.transitions.state import State, Successors
 
 Features = dict[str, NDArray[np.float32]]
 """Observations of the point-wise policy by name, as `point_features` returns them."""
 
-DEPTH = 5
+DEPTH = 4
 """Steps that the reach of a point looks ahead."""
 
-POINT, LIMB, GOAL = 8, 6 + 2 * DEPTH, 5
+POINT, LIMB, GOAL = 8, 8 + 4 * DEPTH, 5
 """Numbers that describe a point, a point as seen by one limb, and the goal."""
 
-REACH, WAYS = slice(6, 6 + DEPTH), slice(6 + DEPTH, LIMB)
+REACH, WAYS = slice(6, 6 + DEPTH), slice(6 + DEPTH, 6 + 2 * DEPTH)
 """Where the reach of a point and its ways stand among those of a point as seen by one limb."""
+
+ONWARD_REACH = slice(WAYS.stop, WAYS.stop + DEPTH + 1)
+ONWARD_WAYS = slice(ONWARD_REACH.stop, LIMB)
+"""Where those stand that an action has if a step that is possible after it comes next."""
 
 FAR = 10.0
 """Reach of points that no stance has [m]."""
@@ -63,6 +67,8 @@ class Situations(NamedTuple):
     """Base position after each possible action [m], shape (k, N, m, 3); else anything."""
     releasable_after: BoolArray
     """Whether a limb that holds could let go after each possible action, shape (k, N, m)."""
+    onward: Array
+    """Reach and ways through the steps possible after each, shape (k, N, m, 2 DEPTH + 2)."""
 
 
 class Aims(NamedTuple):
@@ -80,10 +86,11 @@ def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     """Features of k states with N limbs on m points, all in the robot's frame.
 
     Returns:
-        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6 + 2 DEPTH):
+        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 8 + 4 DEPTH):
         whether the limb holds the point, whether it may move there, the base's displacement if it
-        does, whether a limb that holds could let go then, its reach and its ways. `goal` (k, 5):
-        where the goal lies, its distance, and the tolerance.
+        does, whether a limb that holds could let go then, reach and ways of the point, and those
+        of the action through the steps possible after it; ways as the logarithm to the base 2 of
+        one more. `goal` (k, 5): where the goal lies, its distance, and the tolerance.
     """
     base, rotation, legal = states.base, states.rotation, states.legal
     k, limbs = states.stance.shape
@@ -97,7 +104,11 @@ def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     seen[..., 1] = legal
     state, limb, point = np.nonzero(legal)
     moved = states.after[state, limb, point] - base[state]
-    seen[..., 5], seen[..., 6:] = legal & states.releasable_after, aims.reach
+    seen[..., 5], seen[..., REACH] = legal & states.releasable_after, aims.reach[..., :DEPTH]
+    seen[..., WAYS] = np.log2(1.0 + aims.reach[..., DEPTH:])
+    onward = states.onward[state, limb, point]
+    seen[state, limb, point, ONWARD_REACH] = onward[:, : DEPTH + 1]
+    seen[state, limb, point, ONWARD_WAYS] = np.log2(1.0 + onward[:, DEPTH + 1 :])
     seen[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
     toward = np.einsum("ij,ijk->ik", aims.goal - base, rotation)
     distance = np.linalg.norm(toward, axis=1, keepdims=True)
@@ -121,9 +132,8 @@ def reach_of_points(
         held: Which stances can be held, shape (n,); by default those that the graph says.
 
     Returns:
-        Shape (N, m, 2 DEPTH): the least distance of the base [m], at most `FAR`, and the logarithm
-        to the base 2 of one more than the number of sequences of stances that end in the goal
-        region.
+        Shape (N, m, 2 DEPTH): the least distance of the base [m], at most `FAR`, and the number
+        of sequences of stances that end in the goal region.
     """
     if not isinstance(graph, PairGraph):
         away = np.minimum(np.linalg.norm(graph.grasp_map.positions - goal, axis=1), FAR)
@@ -147,7 +157,7 @@ def reach_of_points(
             first = graph.row_start[limb, known]
             out[limb, known, depth] = np.minimum.reduceat(distance[limb], first)
             ways[limb, known, depth] = np.add.reduceat(count[limb], first)
-    return np.concatenate([out, np.log2(1.0 + ways)], axis=2)
+    return np.concatenate([out, ways], axis=2)
 
 
 def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Features:
@@ -158,21 +168,58 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     base, rotation = np.empty((k, 3)), np.empty((k, 3, 3))
     legal, after = np.zeros((k, limbs, m), dtype=np.bool_), np.zeros((k, limbs, m, 3))
     releasable_after = np.ones((k, limbs, m), dtype=np.bool_)
+    reach = reach_of_points(graph, env.goal, env.goal_tolerance)
+    onward = np.zeros((k, limbs, m, 2 * DEPTH + 2))
     for row, state in enumerate(states):
         steps, posture = env.moves.successors(state), graph.posture_of(state)
         base[row], rotation[row] = posture.base_position[0], posture.base_rotation[0]
         legal[row, steps.limb, steps.point] = True
         after[row, steps.limb, steps.point] = steps.base_in_world
         releasable_after[row, steps.limb, steps.point] = env.moves.releasable_after(state, steps)
+        onward[row, steps.limb, steps.point] = onward_of(env, state, steps, reach)
     free = np.ones(m, dtype=np.bool_)
     free[list(graph.occupied)] = False
     stance = np.array([state.stance for state in states])
-    reach = reach_of_points(graph, env.goal, env.goal_tolerance)[None]
     return point_features(
         Points(graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability),
-        Situations(base, rotation, stance, legal, after, releasable_after),
-        Aims(np.tile(env.goal, (k, 1)), env.goal_tolerance, reach),
+        Situations(base, rotation, stance, legal, after, releasable_after, onward),
+        Aims(np.tile(env.goal, (k, 1)), env.goal_tolerance, reach[None]),
     )
+
+
+def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> Array:
+    """Reach and ways of each step through the steps that are possible after it.
+
+    With more than two limbs, where to work out all steps of a state takes long, the step counts as
+    its point does: whatever comes after it is taken for possible.
+
+    Args:
+        env: The environment.
+        state: The state.
+        steps: The k steps that leave it.
+        reach: What `reach_of_points` returns, shape (N, m, 2 DEPTH).
+
+    Returns:
+        Shape (k, 2 DEPTH + 2): the least distance of the base to the goal after 1 to DEPTH + 1 more
+        steps [m], and the number of sequences that end in the goal region.
+    """
+    out = np.zeros((len(steps.limb), 2 * DEPTH + 2))
+    out[:, : DEPTH + 1] = FAR
+    if env.graph.limbs > 2:
+        away = np.linalg.norm(steps.base_in_world - env.goal, axis=1)
+        out[:, : DEPTH + 1] = np.minimum(away, FAR)[:, None]
+        return out
+    for k in range(len(out)):
+        after = env.moves.successors(steps.after(state, k))
+        if not len(after.limb):
+            continue
+        away = np.linalg.norm(after.base_in_world - env.goal, axis=1)
+        beyond = reach[after.limb, after.point]
+        out[k, 0] = min(away.min(), FAR)
+        out[k, 1 : DEPTH + 1] = beyond[:, :DEPTH].min(axis=0)
+        out[k, DEPTH + 1] = np.count_nonzero(away <= env.goal_tolerance)
+        out[k, DEPTH + 2 :] = beyond[:, DEPTH:].sum(axis=0)
+    return out
 
 
 class TableFeatures:
@@ -209,8 +256,12 @@ class TableFeatures:
         legal, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
         releasable_after = np.zeros((k, 2, m), dtype=np.int8)
         legal_positions(stances, masks, tables, legal, after, releasable_after)
-        free = np.ones(m, dtype=np.bool_) if free is None else free
-        legal &= free[..., None, :]
+        free = np.broadcast_to(np.True_ if free is None else free, (k, m))
+        legal &= free[:, None]
+        onward = np.zeros((k, 2, m, 2 * DEPTH + 2))
+        onward[..., : DEPTH + 1] = FAR
+        ahead = Ahead(goals, self.tolerance, np.ascontiguousarray(free), reach)
+        onward_of_actions(stances, masks, tables, ahead, onward)
         states = Situations(
             tables.base_in_world[stances],
             self.rotation[stances],
@@ -218,6 +269,7 @@ class TableFeatures:
             legal.view(np.bool_),
             after,
             releasable_after.view(np.bool_),
+            onward,
         )
         return point_features(
             Points(self.grasp_map.positions, self.grasp_map.normals, free, self.risk),

@@ -17,7 +17,15 @@ from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
-from mlivr_gym.agents.features import DEPTH, GOAL, POINT, REACH, WAYS
+from mlivr_gym.agents.features import (
+    DEPTH,
+    GOAL,
+    ONWARD_REACH,
+    ONWARD_WAYS,
+    POINT,
+    REACH,
+    WAYS,
+)
 
 IMPOSSIBLE = -1e8
 """Score of actions that are not possible."""
@@ -60,7 +68,7 @@ class PointerNetwork(nn.Module):
         self.latent_dim_vf = width
         self.encode = mlp([POINT + 1 + GOAL + 1 + 2 * DEPTH, summary, summary])
         self.of_limb = nn.Linear(GOAL + 2 * (POINT + 3 * DEPTH) + 4 * summary, width)
-        self.of_action = nn.Linear(POINT + 6 + 3 * DEPTH, width)
+        self.of_action = nn.Linear(POINT + 9 + 3 * DEPTH, width)
         self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
         self.assess = mlp([4 * summary + GOAL + POINT + 3 * DEPTH, width, width])
         # Untrained, the scores are all but equal: a new policy explores evenly.
@@ -82,6 +90,8 @@ class PointerNetwork(nn.Module):
                     limbs[..., 5:6],
                     limbs[..., REACH] / LENGTH,
                     limbs[..., WAYS] / WAY,
+                    limbs[..., ONWARD_REACH] / LENGTH,
+                    limbs[..., ONWARD_WAYS] / WAY,
                 ],
                 dim=-1,
             ),
@@ -122,10 +132,8 @@ class PointerNetwork(nn.Module):
             parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
         limbs = observation["limbs"]
         held = torch.einsum("knm,kmf->knf", limbs[..., 0], points)
-        onward = torch.einsum("knm,knmd->knd", limbs[..., 0], limbs[..., REACH.start :])
-        arrives = self._arrives(
-            goal[:, None].expand(-1, held.shape[1], -1), onward[..., : REACH.stop - REACH.start]
-        )
+        onward = torch.einsum("knm,knmd->knd", limbs[..., 0], limbs[..., REACH.start : WAYS.stop])
+        arrives = self._arrives(goal[:, None].expand(-1, held.shape[1], -1), onward[..., :DEPTH])
         return torch.cat(parts, dim=-1), torch.cat([held, onward, arrives], dim=-1)
 
     @staticmethod
@@ -147,11 +155,14 @@ class PointerNetwork(nn.Module):
         whole = torch.cat([goal, summary], dim=-1)[:, None].expand(-1, count, -1)
         context = self.of_limb(torch.cat([held, others, whole], dim=-1))
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
-        action = limbs[state, limb, point, 2:]
+        of_action = limbs[state, limb, point]
+        action, onward = of_action[:, 2:6], of_action[:, ONWARD_REACH.start : ONWARD_WAYS.stop]
         remaining = (action[:, :3] - goal[state, :3]).norm(dim=-1, keepdim=True)
-        distances = torch.cat([remaining, limbs[state, limb, point, REACH]], dim=-1)
+        distances = torch.cat([remaining, of_action[:, ONWARD_REACH]], dim=-1)
         arrives = self._arrives(goal[state], distances)
-        seen = self.of_action(torch.cat([points[state, point], action, remaining, arrives], dim=-1))
+        seen = self.of_action(
+            torch.cat([points[state, point], action, onward, remaining, arrives], dim=-1)
+        )
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
         scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
         return scores.flatten(1)
