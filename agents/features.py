@@ -28,11 +28,11 @@ DEPTH = 4
 POINT, LIMB, GOAL = 8, 8 + 4 * DEPTH, 5
 """Numbers that describe a point, a point as seen by one limb, and the goal."""
 
-REACH, WAYS = slice(6, 6 + DEPTH), slice(6 + DEPTH, 6 + 2 * DEPTH)
-"""Where the reach of a point and its ways stand among those of a point as seen by one limb."""
+REACH, ARRIVALS = slice(6, 6 + DEPTH), slice(6 + DEPTH, 6 + 2 * DEPTH)
+"""Where the reach of a point and its arrivals stand among those of a point as seen by one limb."""
 
-ONWARD_REACH = slice(WAYS.stop, WAYS.stop + DEPTH + 1)
-ONWARD_WAYS = slice(ONWARD_REACH.stop, LIMB)
+ONWARD_REACH = slice(ARRIVALS.stop, ARRIVALS.stop + DEPTH + 1)
+ONWARD_ARRIVALS = slice(ONWARD_REACH.stop, LIMB)
 """Where those stand that an action has if a step that is possible after it comes next."""
 
 FAR = 10.0
@@ -68,7 +68,7 @@ class Situations(NamedTuple):
     releasable_after: BoolArray
     """Whether a limb that holds could let go after each possible action, shape (k, N, m)."""
     onward: Array
-    """Reach and ways through the steps possible after each, shape (k, N, m, 2 DEPTH + 2)."""
+    """Reach and arrivals through the steps possible after each, shape (k, N, m, 2 DEPTH + 2)."""
 
 
 class Aims(NamedTuple):
@@ -88,9 +88,9 @@ def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     Returns:
         `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 8 + 4 DEPTH):
         whether the limb holds the point, whether it may move there, the base's displacement if it
-        does, whether a limb that holds could let go then, reach and ways of the point, and those
-        of the action through the steps possible after it; ways as the logarithm to the base 2 of
-        one more. `goal` (k, 5): where the goal lies, its distance, and the tolerance.
+        does, whether a limb that holds could let go then, reach and arrivals of the point, and
+        those of the action through the steps possible after it; arrivals as the logarithm to the
+        base 2 of one more. `goal` (k, 5): where the goal lies, its distance, and the tolerance.
     """
     base, rotation, legal = states.base, states.rotation, states.legal
     k, limbs = states.stance.shape
@@ -105,10 +105,10 @@ def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     state, limb, point = np.nonzero(legal)
     moved = states.after[state, limb, point] - base[state]
     seen[..., 5], seen[..., REACH] = legal & states.releasable_after, aims.reach[..., :DEPTH]
-    seen[..., WAYS] = np.log2(1.0 + aims.reach[..., DEPTH:])
+    seen[..., ARRIVALS] = np.log2(1.0 + aims.reach[..., DEPTH:])
     onward = states.onward[state, limb, point]
     seen[state, limb, point, ONWARD_REACH] = onward[:, : DEPTH + 1]
-    seen[state, limb, point, ONWARD_WAYS] = np.log2(1.0 + onward[:, DEPTH + 1 :])
+    seen[state, limb, point, ONWARD_ARRIVALS] = np.log2(1.0 + onward[:, DEPTH + 1 :])
     seen[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
     toward = np.einsum("ij,ijk->ik", aims.goal - base, rotation)
     distance = np.linalg.norm(toward, axis=1, keepdims=True)
@@ -119,11 +119,11 @@ def point_features(points: Points, states: Situations, aims: Aims) -> Features:
 def reach_of_points(
     graph: StanceGraph, goal: Array, tolerance: float, held: BoolArray | None = None
 ) -> Array:
-    """How near to the goal the steps after a grasp can lead, and in how many ways they arrive.
+    """How near to the goal the steps after a grasp can lead, and in how many sequences they arrive.
 
     It is told for 1 to `DEPTH` steps, over all stances that can be held, whether steps lead there
     or not, the limbs moving in turns. For more than two limbs the stances are not known
-    beforehand: the distance is then that of the point itself, and the ways are none.
+    beforehand: the distance is then that of the point itself, and the arrivals are none.
 
     Args:
         graph: The stance graph.
@@ -145,19 +145,19 @@ def reach_of_points(
     distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), FAR)
     lost = ~held[graph.rows]
     out, count = np.full((2, len(graph.grasp_map), DEPTH), FAR), (distance <= tolerance) * 1.0
-    ways = np.zeros(out.shape)
+    arrivals = np.zeros(out.shape)
     for depth in range(DEPTH):
         for limb in range(2):
             if depth:
                 other = graph.points[graph.rows[limb], 1 - limb]
                 distance[limb] = out[1 - limb, other, depth - 1]
-                count[limb] = ways[1 - limb, other, depth - 1]
+                count[limb] = arrivals[1 - limb, other, depth - 1]
             distance[limb, lost[limb]], count[limb, lost[limb]] = FAR, 0.0
             known = np.flatnonzero(graph.degree[limb])
             first = graph.row_start[limb, known]
             out[limb, known, depth] = np.minimum.reduceat(distance[limb], first)
-            ways[limb, known, depth] = np.add.reduceat(count[limb], first)
-    return np.concatenate([out, ways], axis=2)
+            arrivals[limb, known, depth] = np.add.reduceat(count[limb], first)
+    return np.concatenate([out, arrivals], axis=2)
 
 
 def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Features:
@@ -188,7 +188,7 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
 
 
 def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> Array:
-    """Reach and ways of each step through the steps that are possible after it.
+    """Reach and arrivals of each step through the steps that are possible after it.
 
     With more than two limbs, where to work out all steps of a state takes long, the step counts as
     its point does: whatever comes after it is taken for possible.
@@ -214,11 +214,11 @@ def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> A
         if not len(after.limb):
             continue
         away = np.linalg.norm(after.base_in_world - env.goal, axis=1)
-        beyond = reach[after.limb, after.point]
+        following = reach[after.limb, after.point]
         out[k, 0] = min(away.min(), FAR)
-        out[k, 1 : DEPTH + 1] = beyond[:, :DEPTH].min(axis=0)
+        out[k, 1 : DEPTH + 1] = following[:, :DEPTH].min(axis=0)
         out[k, DEPTH + 1] = np.count_nonzero(away <= env.goal_tolerance)
-        out[k, DEPTH + 2 :] = beyond[:, DEPTH:].sum(axis=0)
+        out[k, DEPTH + 2 :] = following[:, DEPTH:].sum(axis=0)
     return out
 
 

@@ -18,13 +18,13 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
 from mlivr_gym.agents.features import (
+    ARRIVALS,
     DEPTH,
     GOAL,
+    ONWARD_ARRIVALS,
     ONWARD_REACH,
-    ONWARD_WAYS,
     POINT,
     REACH,
-    WAYS,
 )
 
 IMPOSSIBLE = -1e8
@@ -33,8 +33,8 @@ IMPOSSIBLE = -1e8
 LENGTH = 3.0
 """Unit of lengths inside the network [m], so that all that it adds up is of about the same size."""
 
-WAY = 8.0
-"""Unit of the ways inside the network."""
+ARRIVAL = 8.0
+"""Unit of the arrivals inside the network."""
 
 SHARPNESS = 0.005 / LENGTH
 """Width of the step from 0 to 1 at the goal tolerance in what tells that an action arrives."""
@@ -89,9 +89,9 @@ class PointerNetwork(nn.Module):
                     limbs[..., 2:5] / LENGTH,
                     limbs[..., 5:6],
                     limbs[..., REACH] / LENGTH,
-                    limbs[..., WAYS] / WAY,
+                    limbs[..., ARRIVALS] / ARRIVAL,
                     limbs[..., ONWARD_REACH] / LENGTH,
-                    limbs[..., ONWARD_WAYS] / WAY,
+                    limbs[..., ONWARD_ARRIVALS] / ARRIVAL,
                 ],
                 dim=-1,
             ),
@@ -105,9 +105,9 @@ class PointerNetwork(nn.Module):
         to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
         expanded = goal[:, None].expand(-1, points.shape[1], -1)
         limbs = observation["limbs"]
-        reach, ways = limbs[..., REACH].amin(dim=1), limbs[..., WAYS].amax(dim=1)
+        reach, arrivals = limbs[..., REACH].amin(dim=1), limbs[..., ARRIVALS].amax(dim=1)
         code: Tensor = torch.relu(
-            self.encode(torch.cat([points, held, expanded, to_goal, reach, ways], dim=-1))
+            self.encode(torch.cat([points, held, expanded, to_goal, reach, arrivals], dim=-1))
         )
         return code * points[..., 6:7]
 
@@ -119,7 +119,7 @@ class PointerNetwork(nn.Module):
 
         Returns:
             The summary, shape (k, 4 summary), and for each limb the features of the point it holds,
-            its reach, its ways and whether the reach arrives, shape (k, N, 8 + 3 DEPTH).
+            its reach, its arrivals and whether the reach arrives, shape (k, N, 8 + 3 DEPTH).
         """
         points, goal = observation["points"], observation["goal"]
         ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))
@@ -132,7 +132,9 @@ class PointerNetwork(nn.Module):
             parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
         limbs = observation["limbs"]
         held = torch.einsum("knm,kmf->knf", limbs[..., 0], points)
-        onward = torch.einsum("knm,knmd->knd", limbs[..., 0], limbs[..., REACH.start : WAYS.stop])
+        onward = torch.einsum(
+            "knm,knmd->knd", limbs[..., 0], limbs[..., REACH.start : ARRIVALS.stop]
+        )
         arrives = self._arrives(goal[:, None].expand(-1, held.shape[1], -1), onward[..., :DEPTH])
         return torch.cat(parts, dim=-1), torch.cat([held, onward, arrives], dim=-1)
 
@@ -156,7 +158,7 @@ class PointerNetwork(nn.Module):
         context = self.of_limb(torch.cat([held, others, whole], dim=-1))
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
         of_action = limbs[state, limb, point]
-        action, onward = of_action[:, 2:6], of_action[:, ONWARD_REACH.start : ONWARD_WAYS.stop]
+        action, onward = of_action[:, 2:6], of_action[:, ONWARD_REACH.start : ONWARD_ARRIVALS.stop]
         remaining = (action[:, :3] - goal[state, :3]).norm(dim=-1, keepdim=True)
         distances = torch.cat([remaining, of_action[:, ONWARD_REACH]], dim=-1)
         arrives = self._arrives(goal[state], distances)

@@ -73,13 +73,13 @@ def outcome(task: int, walk: Walk) -> dict[str, Any]:
     if plan is None:
         return {"carried_out": False, "refined_m": None, "translation_m": None}
     return {
-        "carried_out": _carried_out(env, plan),
+        "carried_out": _executed(env, plan),
         "refined_m": refined(env.graph, plan).base_translation,
         "translation_m": plan.base_translation,
     }
 
 
-def _carried_out(env: MlivrEnv, plan: Plan) -> bool:
+def _executed(env: MlivrEnv, plan: Plan) -> bool:
     """Whether MuJoCo carries a plan out."""
     try:
         return execute(env.graph, plan).failure is None

@@ -112,7 +112,7 @@ class Ahead(NamedTuple):
     free: NDArray[np.bool_]
     """Which points may be grasped, shape (k, m)."""
     of_points: Array
-    """Reach and ways once a limb has taken hold of a point, shape (k, 2, m, 2 d)."""
+    """Reach and arrivals once a limb has taken hold of a point, shape (k, 2, m, 2 d)."""
 
 
 @entry
@@ -125,10 +125,10 @@ def onward_of_actions(
         stances: Stance indices, shape (k,).
         masks: Branches each limb may be on, shape (k, 2).
         tables: `StepTables`.
-        ahead: Goals, and the reach and the ways of points.
+        ahead: Goals, and the reach and the arrivals of points.
         out: Shape (k, 2, m, 2 d + 2), whose first d + 1 hold the reach where there is none;
             for actions allowed the least reach over the steps after them is written there, that of
-            the step itself first, and then the sums of their ways.
+            the step itself first, and then the sums of their arrivals.
     """
     depth = ahead.of_points.shape[3] // 2
     for k in range(len(stances)):

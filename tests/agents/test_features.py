@@ -9,8 +9,8 @@ from gymnasium.utils.env_checker import check_env
 
 from mlivr_gym.agents.features import (
     DEPTH,
+    ONWARD_ARRIVALS,
     ONWARD_REACH,
-    ONWARD_WAYS,
     PointObservation,
     TableFeatures,
     env_features,
@@ -85,7 +85,7 @@ def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
                 stances = held & np.isin(graph.points[:, kept], graph.points[stances, kept])
 
 
-def test_ways_are_the_sequences_of_stances_that_end_in_the_goal_region(env):
+def test_arrivals_are_the_sequences_of_stances_that_end_in_the_goal_region(env):
     """Counted one by one, the limbs moving in turns."""
     graph, tolerance = env.graph, 0.5
     goal = graph.base_in_world[40]
@@ -94,16 +94,16 @@ def test_ways_are_the_sequences_of_stances_that_end_in_the_goal_region(env):
     near = np.linalg.norm(graph.base_in_world[held] - goal, axis=1) <= tolerance
     arrives = dict(zip(stances, near.tolist(), strict=True))
 
-    def ways(limb, point, steps):
+    def arrivals(limb, point, steps):
         after = [pair for pair in stances if pair[limb] == point]
         if steps == 1:
             return sum(arrives[pair] for pair in after)
-        return sum(ways(1 - limb, pair[1 - limb], steps - 1) for pair in after)
+        return sum(arrivals(1 - limb, pair[1 - limb], steps - 1) for pair in after)
 
     found = reach_of_points(graph, goal, tolerance)[..., DEPTH:]
     for limb in range(2):
         for point in range(0, len(graph.grasp_map), 7):
-            assert [ways(limb, point, n) for n in (1, 2, 3)] == found[limb, point, :3].tolist()
+            assert [arrivals(limb, point, n) for n in (1, 2, 3)] == found[limb, point, :3].tolist()
     assert near.any()
     assert found[..., 3].max() > found[..., 2].max() > 3
 
@@ -117,14 +117,16 @@ def test_an_action_tells_how_near_a_possible_step_after_it_leads(env):
     for k, (limb, point) in enumerate(zip(steps.limb, steps.point, strict=True)):
         after = graph.successors(steps.after(env.state, k))
         away = np.linalg.norm(after.base_in_world - env.goal, axis=1)
-        onward, ways = seen[limb, point, ONWARD_REACH], seen[limb, point, ONWARD_WAYS]
+        onward, arrivals = seen[limb, point, ONWARD_REACH], seen[limb, point, ONWARD_ARRIVALS]
         assert onward[0] == pytest.approx(away.min(), rel=1e-6)
-        assert 2.0 ** ways[0] - 1.0 == pytest.approx((away <= env.goal_tolerance).sum(), abs=1e-4)
+        assert 2.0 ** arrivals[0] - 1.0 == pytest.approx(
+            (away <= env.goal_tolerance).sum(), abs=1e-4
+        )
         for d in range(DEPTH):
             following = [reach[i, p, d] for i, p in zip(after.limb, after.point, strict=True)]
             counts = [reach[i, p, DEPTH + d] for i, p in zip(after.limb, after.point, strict=True)]
             assert onward[d + 1] == pytest.approx(min(following), rel=1e-6)
-            assert ways[d + 1] == pytest.approx(np.log2(1.0 + sum(counts)), rel=1e-5, abs=1e-6)
+            assert arrivals[d + 1] == pytest.approx(np.log2(1.0 + sum(counts)), rel=1e-5, abs=1e-6)
         some += 1
     assert some > 10
 
