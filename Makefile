@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint types unit slow mutants results compare clean
+.PHONY: demo test lint types unit slow coverage mutants results compare clean
 
 demo: $(VENV)/.core
 	$(BIN)/mlivr-gym table1 --out results
@@ -27,6 +27,10 @@ unit: $(VENV)/.dev
 # The tests that `make test` leaves out because each takes minutes.
 slow: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto -m slow
+
+# Lines that no test runs, kernels apart: at least 93 % are run.
+coverage: $(VENV)/.dev
+	$(BIN)/pytest --numprocesses auto --dist loadfile --cov --cov-fail-under 93
 
 # Do the tests notice faults? 150 of them, an hour at most; what has run is kept, so that it goes on.
 mutants: $(VENV)/.dev

@@ -16,17 +16,24 @@ from mlivr_gym.envs.observations import Observation
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
-from mlivr_gym.stances.table_steps import legal_positions
-from mlivr_gym.transitions.state import State
+from mlivr_gym.stances.table_steps import Ahead, legal_positions, onward_of_actions
+from mlivr_gym.transitions.state import State, Successors
 
 Features = dict[str, NDArray[np.float32]]
 """Observations of the point-wise policy by name, as `point_features` returns them."""
 
-DEPTH = 3
+DEPTH = 4
 """Steps that the reach of a point looks ahead."""
 
-POINT, LIMB, GOAL = 8, 6 + DEPTH, 5
+POINT, LIMB, GOAL = 8, 8 + 4 * DEPTH, 5
 """Numbers that describe a point, a point as seen by one limb, and the goal."""
+
+REACH, ARRIVALS = slice(6, 6 + DEPTH), slice(6 + DEPTH, 6 + 2 * DEPTH)
+"""Where the reach of a point and its arrivals stand among those of a point as seen by one limb."""
+
+ONWARD_REACH = slice(ARRIVALS.stop, ARRIVALS.stop + DEPTH + 1)
+ONWARD_ARRIVALS = slice(ONWARD_REACH.stop, LIMB)
+"""Where those stand that an action has if a step that is possible after it comes next."""
 
 FAR = 10.0
 """Reach of points that no stance has [m]."""
@@ -60,6 +67,8 @@ class Situations(NamedTuple):
     """Base position after each possible action [m], shape (k, N, m, 3); else anything."""
     releasable_after: BoolArray
     """Whether a limb that holds could let go after each possible action, shape (k, N, m)."""
+    onward: Array
+    """Reach and arrivals through the steps possible after each, shape (k, N, m, 2 DEPTH + 2)."""
 
 
 class Aims(NamedTuple):
@@ -70,17 +79,18 @@ class Aims(NamedTuple):
     tolerance: float
     """Radius of the goal region [m]."""
     reach: Array
-    """What `reach_of_points` returns [m], shape (k, N, m, DEPTH), or (1, N, m, DEPTH) for all."""
+    """What `reach_of_points` returns, shape (k, N, m, 2 DEPTH), or (1, N, m, 2 DEPTH) for all."""
 
 
 def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     """Features of k states with N limbs on m points, all in the robot's frame.
 
     Returns:
-        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 6 + DEPTH):
+        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 8 + 4 DEPTH):
         whether the limb holds the point, whether it may move there, the base's displacement if it
-        does, whether a limb that holds could let go then, and the reach. `goal` (k, 5): where the
-        goal lies, its distance, and the tolerance.
+        does, whether a limb that holds could let go then, reach and arrivals of the point, and
+        those of the action through the steps possible after it; arrivals as the logarithm to the
+        base 2 of one more. `goal` (k, 5): where the goal lies, its distance, and the tolerance.
     """
     base, rotation, legal = states.base, states.rotation, states.legal
     k, limbs = states.stance.shape
@@ -94,7 +104,11 @@ def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     seen[..., 1] = legal
     state, limb, point = np.nonzero(legal)
     moved = states.after[state, limb, point] - base[state]
-    seen[..., 5], seen[..., 6:] = legal & states.releasable_after, aims.reach
+    seen[..., 5], seen[..., REACH] = legal & states.releasable_after, aims.reach[..., :DEPTH]
+    seen[..., ARRIVALS] = np.log2(1.0 + aims.reach[..., DEPTH:])
+    onward = states.onward[state, limb, point]
+    seen[state, limb, point, ONWARD_REACH] = onward[:, : DEPTH + 1]
+    seen[state, limb, point, ONWARD_ARRIVALS] = np.log2(1.0 + onward[:, DEPTH + 1 :])
     seen[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
     toward = np.einsum("ij,ijk->ik", aims.goal - base, rotation)
     distance = np.linalg.norm(toward, axis=1, keepdims=True)
@@ -102,40 +116,48 @@ def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     return {"points": looks, "limbs": seen, "goal": ahead.astype(np.float32)}
 
 
-def reach_of_points(graph: StanceGraph, goal: Array, held: BoolArray | None = None) -> Array:
-    """Least distance to the goal that the base can have within the steps after a grasp [m].
+def reach_of_points(
+    graph: StanceGraph, goal: Array, tolerance: float, held: BoolArray | None = None
+) -> Array:
+    """How near to the goal the steps after a grasp can lead, and in how many sequences they arrive.
 
     It is told for 1 to `DEPTH` steps, over all stances that can be held, whether steps lead there
-    or not, the limbs moving in turns; at most `FAR`. For more than two limbs the stances are not
-    known beforehand; it is then the distance of the point itself.
+    or not, the limbs moving in turns. For more than two limbs the stances are not known
+    beforehand: the distance is then that of the point itself, and the arrivals are none.
 
     Args:
         graph: The stance graph.
         goal: Goal position [m], shape (3,).
+        tolerance: Radius of the goal region [m].
         held: Which stances can be held, shape (n,); by default those that the graph says.
 
     Returns:
-        Shape (N, m, DEPTH).
+        Shape (N, m, 2 DEPTH): the least distance of the base [m], at most `FAR`, and the number
+        of sequences of stances that end in the goal region.
     """
     if not isinstance(graph, PairGraph):
         away = np.minimum(np.linalg.norm(graph.grasp_map.positions - goal, axis=1), FAR)
-        return np.broadcast_to(away[None, :, None], (graph.limbs, len(away), DEPTH)).copy()
+        none = np.zeros((graph.limbs, len(away), 2 * DEPTH))
+        none[..., :DEPTH] = away[None, :, None]
+        return none
     held = (graph.mask != 0).all(axis=1) if held is None else held
     away = graph.steps.row_base - goal
     distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), FAR)
     lost = ~held[graph.rows]
-    out = np.full((2, len(graph.grasp_map), DEPTH), FAR)
+    out, count = np.full((2, len(graph.grasp_map), DEPTH), FAR), (distance <= tolerance) * 1.0
+    arrivals = np.zeros(out.shape)
     for depth in range(DEPTH):
         for limb in range(2):
             if depth:
                 other = graph.points[graph.rows[limb], 1 - limb]
                 distance[limb] = out[1 - limb, other, depth - 1]
-            distance[limb, lost[limb]] = FAR
+                count[limb] = arrivals[1 - limb, other, depth - 1]
+            distance[limb, lost[limb]], count[limb, lost[limb]] = FAR, 0.0
             known = np.flatnonzero(graph.degree[limb])
-            out[limb, known, depth] = np.minimum.reduceat(
-                distance[limb], graph.row_start[limb, known]
-            )
-    return out
+            first = graph.row_start[limb, known]
+            out[limb, known, depth] = np.minimum.reduceat(distance[limb], first)
+            arrivals[limb, known, depth] = np.add.reduceat(count[limb], first)
+    return np.concatenate([out, arrivals], axis=2)
 
 
 def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Features:
@@ -146,21 +168,58 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     base, rotation = np.empty((k, 3)), np.empty((k, 3, 3))
     legal, after = np.zeros((k, limbs, m), dtype=np.bool_), np.zeros((k, limbs, m, 3))
     releasable_after = np.ones((k, limbs, m), dtype=np.bool_)
+    reach = reach_of_points(graph, env.goal, env.goal_tolerance)
+    onward = np.zeros((k, limbs, m, 2 * DEPTH + 2))
     for row, state in enumerate(states):
         steps, posture = env.moves.successors(state), graph.posture_of(state)
         base[row], rotation[row] = posture.base_position[0], posture.base_rotation[0]
         legal[row, steps.limb, steps.point] = True
         after[row, steps.limb, steps.point] = steps.base_in_world
         releasable_after[row, steps.limb, steps.point] = env.moves.releasable_after(state, steps)
+        onward[row, steps.limb, steps.point] = onward_of(env, state, steps, reach)
     free = np.ones(m, dtype=np.bool_)
     free[list(graph.occupied)] = False
     stance = np.array([state.stance for state in states])
-    reach = reach_of_points(graph, env.goal)[None]
     return point_features(
         Points(graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability),
-        Situations(base, rotation, stance, legal, after, releasable_after),
-        Aims(np.tile(env.goal, (k, 1)), env.goal_tolerance, reach),
+        Situations(base, rotation, stance, legal, after, releasable_after, onward),
+        Aims(np.tile(env.goal, (k, 1)), env.goal_tolerance, reach[None]),
     )
+
+
+def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> Array:
+    """Reach and arrivals of each step through the steps that are possible after it.
+
+    With more than two limbs, where to work out all steps of a state takes long, the step counts as
+    its point does: whatever comes after it is taken for possible.
+
+    Args:
+        env: The environment.
+        state: The state.
+        steps: The k steps that leave it.
+        reach: What `reach_of_points` returns, shape (N, m, 2 DEPTH).
+
+    Returns:
+        Shape (k, 2 DEPTH + 2): the least distance of the base to the goal after 1 to DEPTH + 1 more
+        steps [m], and the number of sequences that end in the goal region.
+    """
+    out = np.zeros((len(steps.limb), 2 * DEPTH + 2))
+    out[:, : DEPTH + 1] = FAR
+    if env.graph.limbs > 2:
+        away = np.linalg.norm(steps.base_in_world - env.goal, axis=1)
+        out[:, : DEPTH + 1] = np.minimum(away, FAR)[:, None]
+        return out
+    for k in range(len(out)):
+        after = env.moves.successors(steps.after(state, k))
+        if not len(after.limb):
+            continue
+        away = np.linalg.norm(after.base_in_world - env.goal, axis=1)
+        following = reach[after.limb, after.point]
+        out[k, 0] = min(away.min(), FAR)
+        out[k, 1 : DEPTH + 1] = following[:, :DEPTH].min(axis=0)
+        out[k, DEPTH + 1] = np.count_nonzero(away <= env.goal_tolerance)
+        out[k, DEPTH + 2 :] = following[:, DEPTH:].sum(axis=0)
+    return out
 
 
 class TableFeatures:
@@ -190,15 +249,19 @@ class TableFeatures:
             stances: Stance indices, shape (k,).
             masks: Branches each limb may be on, shape (k, 2).
             goals: Goal positions [m], shape (k, 3).
-            reach: What `reach_of_points` returns for each state [m], shape (k, 2, m, DEPTH).
+            reach: What `reach_of_points` returns for each state, shape (k, 2, m, 2 DEPTH).
             free: Which points may be grasped, shape (m,) or (k, m); by default all.
         """
         k, m = len(stances), len(self.grasp_map)
         legal, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
         releasable_after = np.zeros((k, 2, m), dtype=np.int8)
         legal_positions(stances, masks, tables, legal, after, releasable_after)
-        free = np.ones(m, dtype=np.bool_) if free is None else free
-        legal &= free[..., None, :]
+        free = np.broadcast_to(np.True_ if free is None else free, (k, m))
+        legal &= free[:, None]
+        onward = np.zeros((k, 2, m, 2 * DEPTH + 2))
+        onward[..., : DEPTH + 1] = FAR
+        ahead = Ahead(goals, self.tolerance, np.ascontiguousarray(free), reach)
+        onward_of_actions(stances, masks, tables, ahead, onward)
         states = Situations(
             tables.base_in_world[stances],
             self.rotation[stances],
@@ -206,6 +269,7 @@ class TableFeatures:
             legal.view(np.bool_),
             after,
             releasable_after.view(np.bool_),
+            onward,
         )
         return point_features(
             Points(self.grasp_map.positions, self.grasp_map.normals, free, self.risk),

@@ -181,7 +181,8 @@ class Imitation:
         which, stances = self._starts(values)
         layout = _Layout(free, goals, values, sum(map(len, self._reach)))
         held = (tables.masks != 0).all(axis=1)
-        reach = [reach_of_points(self.moves.graph, goal, held) for goal in goals]
+        graph, tolerance = self.moves.graph, env.goal_tolerance
+        reach = [reach_of_points(graph, goal, tolerance, held) for goal in goals]
         self._reach.append(np.array(reach, dtype=np.float32))
         streams = self.rng.integers(2**63, size=len(stances)).astype(np.uint64)
         walks = _Walks(stances, tables.masks[stances].astype(np.int64), which, streams)

@@ -17,19 +17,33 @@ from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
-from mlivr_gym.agents.features import DEPTH, GOAL, POINT
+from mlivr_gym.agents.features import (
+    ARRIVALS,
+    DEPTH,
+    GOAL,
+    ONWARD_ARRIVALS,
+    ONWARD_REACH,
+    POINT,
+    REACH,
+)
 
 IMPOSSIBLE = -1e8
 """Score of actions that are not possible."""
 
-SHARPNESS = 0.005
-"""Width of the step from 0 to 1 at the goal tolerance in what tells that an action arrives [m]."""
+LENGTH = 3.0
+"""Unit of lengths inside the network [m], so that all that it adds up is of about the same size."""
 
-AHEAD = 0.8
-"""Distance of the second centre of the summary towards the goal [m]."""
+ARRIVAL = 8.0
+"""Unit of the arrivals inside the network."""
 
-SPREAD = 1.4
-"""Standard deviation of the weights of points about each centre of the summary [m]."""
+SHARPNESS = 0.005 / LENGTH
+"""Width of the step from 0 to 1 at the goal tolerance in what tells that an action arrives."""
+
+AHEAD = 0.8 / LENGTH
+"""Distance of the second centre of the summary towards the goal."""
+
+SPREAD = 1.4 / LENGTH
+"""Standard deviation of the weights of points about each centre of the summary."""
 
 
 def mlp(sizes: list[int]) -> nn.Sequential:
@@ -52,16 +66,37 @@ class PointerNetwork(nn.Module):
         """
         super().__init__()
         self.latent_dim_vf = width
-        self.encode = mlp([POINT + 1 + GOAL + 1 + DEPTH, summary, summary])
-        self.of_limb = nn.Linear(GOAL + 2 * (POINT + 2 * DEPTH) + 4 * summary, width)
-        self.of_action = nn.Linear(POINT + 6 + 2 * DEPTH, width)
+        self.encode = mlp([POINT + 1 + GOAL + 1 + 2 * DEPTH, summary, summary])
+        self.of_limb = nn.Linear(GOAL + 2 * (POINT + 3 * DEPTH) + 4 * summary, width)
+        self.of_action = nn.Linear(POINT + 9 + 3 * DEPTH, width)
         self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
-        self.assess = mlp([4 * summary + GOAL + POINT + 2 * DEPTH, width, width])
+        self.assess = mlp([4 * summary + GOAL + POINT + 3 * DEPTH, width, width])
         # Untrained, the scores are all but equal: a new policy explores evenly.
         last = self.score[-1]
         assert isinstance(last, nn.Linear)
         nn.init.normal_(last.weight, std=0.01)
         nn.init.zeros_(last.bias)
+
+    @staticmethod
+    def scaled(observation: dict[str, Tensor]) -> dict[str, Tensor]:
+        """An observation in the units of the network."""
+        points, limbs, goal = (observation[name] for name in ("points", "limbs", "goal"))
+        return {
+            "points": torch.cat([points[..., :3] / LENGTH, points[..., 3:]], dim=-1),
+            "limbs": torch.cat(
+                [
+                    limbs[..., :2],
+                    limbs[..., 2:5] / LENGTH,
+                    limbs[..., 5:6],
+                    limbs[..., REACH] / LENGTH,
+                    limbs[..., ARRIVALS] / ARRIVAL,
+                    limbs[..., ONWARD_REACH] / LENGTH,
+                    limbs[..., ONWARD_ARRIVALS] / ARRIVAL,
+                ],
+                dim=-1,
+            ),
+            "goal": goal / LENGTH,
+        }
 
     def codes(self, observation: dict[str, Tensor]) -> Tensor:
         """Codes of the points, nothing for those that may not be grasped, shape (k, m, summary)."""
@@ -69,9 +104,10 @@ class PointerNetwork(nn.Module):
         held = observation["limbs"][..., 0].sum(dim=1)[..., None]
         to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
         expanded = goal[:, None].expand(-1, points.shape[1], -1)
-        reach = observation["limbs"][..., 6:].amin(dim=1)
+        limbs = observation["limbs"]
+        reach, arrivals = limbs[..., REACH].amin(dim=1), limbs[..., ARRIVALS].amax(dim=1)
         code: Tensor = torch.relu(
-            self.encode(torch.cat([points, held, expanded, to_goal, reach], dim=-1))
+            self.encode(torch.cat([points, held, expanded, to_goal, reach, arrivals], dim=-1))
         )
         return code * points[..., 6:7]
 
@@ -83,7 +119,7 @@ class PointerNetwork(nn.Module):
 
         Returns:
             The summary, shape (k, 4 summary), and for each limb the features of the point it holds,
-            its reach and whether that arrives, shape (k, N, 8 + 2 DEPTH).
+            its reach, its arrivals and whether the reach arrives, shape (k, N, 8 + 3 DEPTH).
         """
         points, goal = observation["points"], observation["goal"]
         ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))
@@ -96,9 +132,11 @@ class PointerNetwork(nn.Module):
             parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
         limbs = observation["limbs"]
         held = torch.einsum("knm,kmf->knf", limbs[..., 0], points)
-        reach = torch.einsum("knm,kmdn->knd", limbs[..., 0], limbs[..., 6:].permute(0, 2, 3, 1))
-        arrives = self._arrives(goal[:, None].expand(-1, held.shape[1], -1), reach)
-        return torch.cat(parts, dim=-1), torch.cat([held, reach, arrives], dim=-1)
+        onward = torch.einsum(
+            "knm,knmd->knd", limbs[..., 0], limbs[..., REACH.start : ARRIVALS.stop]
+        )
+        arrives = self._arrives(goal[:, None].expand(-1, held.shape[1], -1), onward[..., :DEPTH])
+        return torch.cat(parts, dim=-1), torch.cat([held, onward, arrives], dim=-1)
 
     @staticmethod
     def _arrives(goal: Tensor, distance: Tensor) -> Tensor:
@@ -107,6 +145,7 @@ class PointerNetwork(nn.Module):
 
     def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
         """Score of each action, shape (k, N m)."""
+        observation = self.scaled(observation)
         codes = self.codes(observation)
         return self._scores(observation, *self.summarise(observation, codes))
 
@@ -118,17 +157,21 @@ class PointerNetwork(nn.Module):
         whole = torch.cat([goal, summary], dim=-1)[:, None].expand(-1, count, -1)
         context = self.of_limb(torch.cat([held, others, whole], dim=-1))
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
-        action = limbs[state, limb, point, 2:]
+        of_action = limbs[state, limb, point]
+        action, onward = of_action[:, 2:6], of_action[:, ONWARD_REACH.start : ONWARD_ARRIVALS.stop]
         remaining = (action[:, :3] - goal[state, :3]).norm(dim=-1, keepdim=True)
-        distances = torch.cat([remaining, action[:, 4:]], dim=-1)
+        distances = torch.cat([remaining, of_action[:, ONWARD_REACH]], dim=-1)
         arrives = self._arrives(goal[state], distances)
-        seen = self.of_action(torch.cat([points[state, point], action, remaining, arrives], dim=-1))
+        seen = self.of_action(
+            torch.cat([points[state, point], action, onward, remaining, arrives], dim=-1)
+        )
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
         scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
         return scores.flatten(1)
 
     def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
         """What the value is read from, shape (k, width)."""
+        observation = self.scaled(observation)
         return self._assessment(observation, *self.summarise(observation, self.codes(observation)))
 
     def _assessment(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
@@ -140,6 +183,7 @@ class PointerNetwork(nn.Module):
 
     def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
         """Scores and assessment."""
+        observation = self.scaled(observation)
         codes = self.codes(observation)
         summary, held = self.summarise(observation, codes)
         scores = self._scores(observation, summary, held)

@@ -49,7 +49,7 @@ class TableVecEnv(VecEnv):
         self._info: dict[str, Any] = {}
         self._return = np.zeros(num_envs)
         self._goals = np.full((num_envs, 3), np.nan)
-        self._reach = np.zeros((num_envs, 2, len(env.graph.grasp_map), DEPTH))
+        self._reach = np.zeros((num_envs, 2, len(env.graph.grasp_map), 2 * DEPTH))
         space = env.observation_space if self.plain else point_space(env)
         super().__init__(num_envs, space, env.action_space)
 
@@ -63,7 +63,7 @@ class TableVecEnv(VecEnv):
         graph = copies.env.graph
         for k in np.flatnonzero((self._goals != copies.goals).any(axis=1)):
             self._reach[k], self._goals[k] = (
-                reach_of_points(graph, copies.goals[k]),
+                reach_of_points(graph, copies.goals[k], copies.env.goal_tolerance),
                 copies.goals[k],
             )
         return {

@@ -2,8 +2,9 @@
 
     python experiments/blocked.py [--out results]
 
-writes `blocked.png`: a stance that meets the thresholds, but not without touching the cabin, and a
-step between two free stances on which the robot would touch something, at the worst place.
+writes `blocked.png`, and an SVG beside it: a stance that meets the thresholds, but not without
+touching the cabin, and a step between two free stances on which the robot would touch something, at
+the worst place; below each a close-up of the worst contact.
 """
 
 from __future__ import annotations
@@ -16,13 +17,11 @@ from blocked_steps import grasps_at, held_along
 
 from mlivr_gym import Settings, State, jem_map, stance_graph
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.collisions.contacts import Configuration, Contact, contacts
+from mlivr_gym.collisions.contacts import Configuration, contacts
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
 from mlivr_gym.kinematics.poses import pose, quaternion
-from mlivr_gym.pictures.blocked_figure import blocked_figure
+from mlivr_gym.pictures.blocked_figure import Panel, blocked_figure
 from mlivr_gym.stances.pair_graph import PairGraph
-
-Panel = tuple[str, list[Configuration], list[Contact]]
 
 
 def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
@@ -32,13 +31,14 @@ def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
         stance = free.points[s]
         if checked.find(stance.tolist()) >= 0 or checked.solver.point_cause[stance].any():
             continue
-        if not checked.postures(stance).cause[0]:
+        if not checked.postures(stance[None]).cause[0]:
             continue
         here = free.configuration(State(tuple(stance.tolist()), tuple(free.mask[s].tolist())))
         grasps = grasps_at(free, enumerate(stance))
         found = contacts(free.robot, free.grasp_map.boxes, here, checked.settings.clearance, grasps)
-        if found and (best is None or len(found) < len(best[2])):
-            best = f"Stance {' '.join(free.ids(stance))}: its best posture", [here], found
+        if found and (best is None or len(found) < len(best.contacts)):
+            held = ", ".join(f"limb {i} holds {_place(free, p)}" for i, p in enumerate(stance))
+            best = Panel(f"A stance that is no node:\n{held}", here, found)
     if best is None:
         raise SystemExit("no stance is blocked")
     return best
@@ -55,7 +55,7 @@ def blocked_step(checked: PairGraph, free: PairGraph) -> Panel:
             entries = checked.edge_masks(held, s, row)
             for s1 in row[(possible > 0) & (entries == 0) & (checked.mask[row] > 0).all(axis=1)]:
                 panel = _along(checked, held, s, int(s1))
-                if panel is not None and panel[2][0].distance < 0.0:
+                if panel is not None and panel.contacts[0].distance < 0.0:
                     return panel
     raise SystemExit("no step is blocked")
 
@@ -90,12 +90,17 @@ def _along(graph: PairGraph, held: int, s0: int, s1: int) -> Panel | None:
     worst = min(range(len(along)), key=lambda n: found[n][0].distance if found[n] else np.inf)
     if not found[worst]:
         return None
-    names = [graph.grasp_map.ids[graph.points[s, mover]] for s in (s0, s1)]
+    ends = [_place(graph, int(graph.points[s, mover])) for s in (s0, s1)]
     title = (
-        f"Step of limb {mover} from {names[0]} to {names[1]}, "
-        f"limb {held} holds {graph.grasp_map.ids[point]}"
+        f"A step that is no edge: limb {mover}, folded, from {ends[0]}\n"
+        f"to {ends[1]}, while limb {held} holds {_place(graph, point)}"
     )
-    return title, [*along[::6], along[worst]], found[worst]
+    return Panel(title, along[worst], found[worst])
+
+
+def _place(graph: PairGraph, point: int) -> str:
+    """A point in words, its face first."""
+    return f"{graph.grasp_map.faces[point]} point {graph.grasp_map.ids[point]}"
 
 
 def main() -> None:
@@ -113,10 +118,17 @@ def main() -> None:
     assert isinstance(free, PairGraph)
     panels = [blocked_stance(checked, free), blocked_step(checked, free)]
     args.out.mkdir(parents=True, exist_ok=True)
-    blocked_figure(free.grasp_map, free.robot, panels, (), args.out / "blocked.png")
-    for title, _, found in panels:
-        print(title)
-        for contact in found:
+    blocked_figure(
+        free.grasp_map,
+        free.robot,
+        panels,
+        (),
+        args.out / "blocked.png",
+        clearance=checked.settings.clearance,
+    )
+    for panel in panels:
+        print(panel.title.replace("\n", " "))
+        for contact in panel.contacts:
             print(f"  {contact.first} and {contact.second}: {1000.0 * contact.distance:.1f} mm")
 
 

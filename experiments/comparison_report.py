@@ -15,6 +15,9 @@ from mlivr_gym.pictures.figures import save_figure
 NOTHING = "\N{EN DASH}"
 """What a cell without a figure shows."""
 
+NOT_MEASURED, NEVER_REACHED = "not measured", "goal never reached"
+"""What stands in the plot where there is no figure."""
+
 SPLITS = {
     "same": "same map",
     "half": "half the points",
@@ -30,6 +33,7 @@ NAMES = {
     "greedy": "greedy best-first",
     "local": "local choice (Bretl, Uno)",
     "no-manipulability": "A* without manipulability (Takada)",
+    "no-manipulability-reached": "the same, thresholds not asked for",
     "mcts": "Monte Carlo tree search (Xu)",
     "two-level": "two levels (Rodriguez)",
     "random": "random possible steps",
@@ -76,6 +80,7 @@ class Runs:
             "first_decision",
             "decision",
             "carried_out",
+            "refined",
         )
         self.values = {name: np.full(shape, np.nan) for name in names}
         for row, seed in enumerate(self.seeds):
@@ -123,6 +128,16 @@ def relative(runs: Runs, name: str, best: Runs | None, unit: str) -> str:
     return f"{np.nanmean(runs.successful(name)):.2f} {unit}"
 
 
+def shortened(runs: Runs, best: Runs | None) -> str:
+    """Base translation with poses refined on the same footholds, over the least unrefined one."""
+    if best is None or not np.isfinite(runs.values["refined"]).any():
+        return NOTHING
+    row = {key: k for k, key in enumerate(best.keys)}
+    least = np.array([best.successful("base_translation")[0, row[key]] for key in runs.keys])
+    share = runs.successful("refined") / least
+    return interval(np.nanmean(share[:, np.isfinite(share).any(axis=0)], axis=0), 3)
+
+
 def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]:
     """Method and cells of each row of one family, the cells in the order of `HEAD`."""
     runs = {name: Runs(found) for name, found in data[family].items()}
@@ -151,6 +166,7 @@ def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]
             spread,
             relative(one, "steps", steps, "steps"),
             relative(one, "base_translation", base, "m"),
+            shortened(one, base),
             f"{1e3 * np.nanmedian(one.values['first_decision']):.3g}",
             f"{1e3 * np.nanmedian(one.values['decision']):.3g}",
             f"{100 * tried.mean():.0f} % of {len(tried)}" if len(tried) else "not executed",
@@ -161,8 +177,8 @@ def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]
 
 HEAD = (
     "| method | success | by seed | steps over optimal | base translation over optimal "
-    "| first action [ms] | action [ms] | carried out |\n"
-    "|---|---|---|---|---|---|---|---|\n"
+    "| refined | first action [ms] | action [ms] | carried out |\n"
+    "|---|---|---|---|---|---|---|---|---|\n"
 )
 
 
@@ -174,11 +190,13 @@ def full_report(data: dict[str, Any]) -> str:
         "Made by `experiments/planner_vs_rl.py`. Means with 95 % bootstrap intervals over tasks; "
         "for learned policies the mean over training seeds. Ratios are over the episodes that "
         "reach their goal; optimal is the exact table for the steps, or A* where there is none, "
-        "and A* for the translation. *First action*: from the reset to the first action, world "
-        "included; *action*: the policy alone; medians. On the dense map methods use what others "
-        "have found out of its steps before; a fair first action is that with no step known. A "
-        "policy stops an episode that asks for a step that is "
-        "not possible; all stop after 60 steps.",
+        "and A* for the translation. *Refined*: the translation over the same optimum once the "
+        "base poses on the walk's footholds are optimised; *carried out*: the share of walks "
+        "that MuJoCo carries out at 50 s a step; both for the first tasks alone. *First action*: "
+        "from the reset to the first action, world included; *action*: the policy alone; "
+        "medians. On the dense map methods use what others have found out of its steps before; a "
+        "fair first action is that with no step known. A policy stops an episode that asks for a "
+        "step that is not possible; all stop after 60 steps.",
         "",
     ]
     lines += ["## What was aimed at", "", aims_table(data)]
@@ -260,20 +278,25 @@ def readme_table(data: dict[str, Any]) -> str:
             else:
                 cells.append(NOTHING)
         same = found.get("same", {}).get(name)
-        cells += [same[3].split(" [")[0], same[5]] if same else [NOTHING, NOTHING]
+        cells += [same[3].split(" [")[0], same[6]] if same else [NOTHING, NOTHING]
         lines.append(f"| {NAMES[name]} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n\n" + aims_table(data)
 
 
 def draw(data: dict[str, Any], path: Path) -> None:
-    """Success and steps over optimal of each method in each split."""
+    """Success and steps over optimal of each method in each split, every mean with its figure.
+
+    The axis of the steps is logarithmic and holds all of them.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     splits = [s for s in SPLITS if s in data]
     names = [
         n for n in NAMES if any(n in data[s] for s in splits) and n not in ("dijkstra", "table")
     ]
-    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
+    figure = Figure(figsize=(12.0, 1.6 + 0.7 * len(names)), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
     axes = figure.subplots(1, 2, sharey=True)
     height = 0.8 / len(splits)
     for k, split in enumerate(splits):
@@ -282,33 +305,71 @@ def draw(data: dict[str, Any], path: Path) -> None:
             None,
         )
         for place, name in enumerate(names):
-            if name not in data[split]:
-                continue
-            one = Runs(data[split][name])
             y = place + (k - 0.5 * (len(splits) - 1)) * height
-            label = SPLITS[split] if place == 0 else None
-            rate = 100.0 * np.nanmean(one.values["success"], axis=0)
-            _bar(axes[0], y, rate, height, f"C{k}", label)
-            if best is not None:
-                share = ratio(one, "steps", best)
-                if len(share):
-                    _bar(axes[1], y, share, height, f"C{k}", None)
+            one = Runs(data[split][name]) if name in data[split] else None
+            success = None if one is None else 100.0 * np.nanmean(one.values["success"], axis=0)
+            share = None if one is None or best is None else ratio(one, "steps", best)
+            _mean(axes[0], y, success, f"C{k}", " %")
+            _mean(axes[1], y, share, f"C{k}", "")
     axes[0].set_yticks(range(len(names)), [NAMES[n] for n in names])
     axes[0].invert_yaxis()
-    axes[0].set_xlabel("success [%]")
-    axes[1].set_xlabel("steps over optimal, where the goal is reached")
-    axes[1].set_xlim(0.9, 2.2)
-    axes[1].axvline(1.0, color="0.5", linewidth=0.8)
-    figure.legend(loc="outside upper center", ncols=len(splits), fontsize=9)
+    axes[0].set_xlabel("success [%], mean and 95 % interval")
+    axes[0].set_xlim(-4.0, 122.0)
+    axes[0].set_xticks(range(0, 101, 20))
+    axes[1].set_xlabel("steps over optimal where the goal is reached, logarithmic")
+    _ratio_axis(axes[1])
+    for axis in axes:
+        axis.set_axisbelow(True)
+        axis.grid(axis="x", color="0.9")
+        axis.spines[["top", "right"]].set_visible(False)
+        for between in range(1, len(names)):
+            axis.axhline(between - 0.5, color="0.85", linewidth=0.6)
+    handles = [
+        axes[0].plot([], [], "o", color=f"C{k}", label=SPLITS[split])[0]
+        for k, split in enumerate(splits)
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(splits), fontsize=9)
     save_figure(figure, path)
 
 
-def _bar(axis: Any, y: float, values: Array, height: float, colour: str, label: str | None) -> None:
-    """A horizontal bar of the mean with its 95 % bootstrap interval."""
+def _ratio_axis(axis: Any) -> None:
+    """Make an axis of ratios to the optimum logarithmic, with room for what stands beside it."""
+    axis.set_xscale("log")
+    high = max(1.2, axis.get_xlim()[1])
+    axis.set_xlim(0.95, 1.35 * high)
+    ticks = [tick for tick in (1, 1.2, 1.5, 2, 3, 5, 10, 20, 50) if tick <= 1.35 * high]
+    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.minorticks_off()
+    axis.axvline(1.0, color="0.5", linewidth=0.8)
+
+
+def _mean(axis: Any, y: float, values: Array | None, colour: str, unit: str) -> None:
+    """A dot at a mean with its 95 % bootstrap interval and its figure, or why there is none."""
+    if values is None or not len(values):
+        told = NOT_MEASURED if values is None else NEVER_REACHED
+        axis.annotate(
+            told,
+            (0.02, y),
+            xycoords=axis.get_yaxis_transform(),
+            fontsize=6.5,
+            style="italic",
+            va="center",
+            color="0.45",
+        )
+        return
     low, high = bootstrap(values)
     mean = float(values.mean())
-    error = [[max(mean - low, 0.0)], [max(high - mean, 0.0)]]
-    axis.barh(y, mean, height, color=colour, label=label, xerr=error, error_kw={"linewidth": 0.7})
+    axis.plot([low, high], [y, y], color=colour, linewidth=1.2)
+    axis.plot([mean], [y], "o", color=colour, markersize=4.5)
+    axis.annotate(
+        f"{mean:.0f}{unit}" if unit else f"{mean:.2f}",
+        (max(mean, high), y),
+        (5, 0),
+        textcoords="offset points",
+        fontsize=6.5,
+        va="center",
+        color="0.25",
+    )
 
 
 def write_report(data: dict[str, Any], out: Path) -> None:

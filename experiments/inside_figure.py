@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
+from mlivr_gym.pictures.figures import write_figure
 
 OUT = Path(__file__).parent.parent / "docs" / "inside.png"
 
@@ -31,10 +32,12 @@ RECORDS = ("points", "HeldStance -> Posture", "BasePath", "Release", "Step, Moti
 
 def main() -> None:
     """Draw it."""
-    figure, axes = plt.subplots(figsize=(14.0, 3.4), dpi=110)
+    figure = Figure(figsize=(13.6, 2.8), dpi=110)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.005, 0.01, 0.99, 0.98))
     for k, ((name, said, place), record) in enumerate(zip(STAGES, RECORDS, strict=True)):
         axes.add_patch(
-            plt.Rectangle((2.6 * k, 0.0), 2.2, 1.5, facecolor="#e8f0f8", edgecolor="#1f77b4")
+            Rectangle((2.6 * k, 0.0), 2.2, 1.5, facecolor="#e8f0f8", edgecolor="#1f77b4")
         )
         axes.text(2.6 * k + 1.1, 1.22, name, ha="center", fontsize=12, weight="bold")
         axes.text(2.6 * k + 1.1, 0.72, said, ha="center", va="center", fontsize=7.5)
@@ -44,7 +47,7 @@ def main() -> None:
             axes.annotate(
                 "", (2.6 * k, 0.75), (2.6 * k - 0.4, 0.75), arrowprops={"arrowstyle": "-|>"}
             )
-    axes.add_patch(plt.Rectangle((7.8, 1.95), 7.4, 0.75, facecolor="#fff3e0", edgecolor="#ff7f0e"))
+    axes.add_patch(Rectangle((7.8, 1.95), 7.4, 0.75, facecolor="#fff3e0", edgecolor="#ff7f0e"))
     axes.text(
         11.5, 2.32,
         "collisions/sweep.py: is a whole motion clear?  intervals, shapes in their middle,\n"
@@ -57,7 +60,7 @@ def main() -> None:
     axes.set_xlim(-1.0, 15.4)
     axes.set_ylim(-0.5, 2.9)
     axes.axis("off")
-    figure.savefig(OUT, bbox_inches="tight")
+    write_figure(figure, OUT)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
     python experiments/interrupted_walk.py [--out results]
 
 The robot plans, takes two steps, finds a box in its way, plans again from where it stands; takes
-two more, finds the points ahead occupied, and plans again. Writes `interrupted_walk.png`: the walk
-made, and what was planned before each interruption.
+two more, finds the points ahead occupied, and plans again. Writes `interrupted_walk.png`, and an
+SVG beside it: the walk made, and what each plan had in mind when it was given up.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 
 from mlivr_gym import Box, jem_map, stance_graph
 from mlivr_gym.paper import default_setup
-from mlivr_gym.pictures.walk_figure import walk_figure
-from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.pictures.walk_figure import Leg, walk_figure
+from mlivr_gym.planners import Planner
 
 
 def main() -> None:
@@ -34,12 +34,11 @@ def main() -> None:
     stance, goal = tuple(setup["start"]), tuple(setup["goal"])
     how: dict[str, Any] = {"cost": "weighted", "regrasp_price": 0.05}
     planner.prepare(goal, **how)
-    plans: list[Plan] = []
-    walked, interruptions = [graph.posture(graph.indices(stance)).base_position[0]], 0
+    legs: list[Leg] = []
+    interruptions = 0
     while True:
         began = time.perf_counter()
         plan = planner.plan(stance, goal, **how).unwrap()
-        plans.append(plan)
         print(
             f"{1e3 * (time.perf_counter() - began):7.1f} ms: {len(plan.steps)} steps, "
             f"{plan.base_translation:.2f} m to go"
@@ -47,13 +46,14 @@ def main() -> None:
         take = 2 if interruptions < 2 else len(plan.steps)
         for limb, point in plan.actions[:take]:
             stance = tuple(point if i == limb else held for i, held in enumerate(stance))
-            walked.append(graph.posture(graph.indices(stance)).base_position[0])
             print(f"    limb {limb} takes {point}")
-        if np.linalg.norm(walked[-1] - goal) <= plan.query.goal_tolerance:
+        legs.append(Leg(plan, take))
+        here = plan.motion.base_positions[take]
+        if np.linalg.norm(here - goal) <= plan.query.goal_tolerance:
             break
         interruptions += 1
         if interruptions == 1:
-            middle = 0.5 * (walked[-1] + np.array(goal))
+            middle = 0.5 * (here + np.array(goal))
             half = np.array([0.15, 0.5, 0.4])
             box = Box.between("cargo", "obstacle", middle - half, middle + half)
             graph.add_obstacles([box])
@@ -62,17 +62,10 @@ def main() -> None:
             ahead = [point for held in plan.stances[3:] for point in held if point not in stance]
             graph.occupy(sorted(set(ahead))[:4])
             print(f"  points {', '.join(sorted(set(ahead))[:4])} are occupied")
-    print(f"arrived after {len(walked) - 1} steps and {interruptions} interruptions")
+    steps = sum(leg.taken for leg in legs)
+    print(f"arrived after {steps} steps and {interruptions} interruptions")
     args.out.mkdir(parents=True, exist_ok=True)
-    walk_figure(
-        graph.grasp_map,
-        np.array(walked),
-        [plan.motion.base_positions for plan in plans],
-        args.out / "interrupted_walk.png",
-        goal=goal,
-        obstacles=graph.obstacles,
-        occupied=graph.ids(sorted(graph.occupied)),
-    )
+    walk_figure(graph.grasp_map, legs, args.out / "interrupted_walk.png")
 
 
 if __name__ == "__main__":

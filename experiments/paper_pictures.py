@@ -113,7 +113,8 @@ def _step_torques(panel: Any, done: Measured, begin: float) -> None:
         for capture in done.captures
     )
     mark_phases(panel, recording, captures)
-    panel.plot(recording.times, recording.torque_rms, color="0.15", linewidth=1.1)
+    # So many samples are an image in the SVG.
+    panel.plot(recording.times, recording.torque_rms, color="0.15", linewidth=1.1, rasterized=True)
     torques = phase_torques(recording, captures)
     best = largest(torques, torques[0].step)
     for entry in torques:

@@ -7,9 +7,10 @@
 
 `--policies` is the folder that `train_policies.py` filled. What is measured goes into
 `planner_vs_rl.json` piece by piece, and a piece that is there is not measured again; the report
-writes `planner_vs_rl.md` and `planner_vs_rl.png`, of which `readme.py` copies one table. Every
-figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike. The first `--execute
-N` walks of some methods on the same map are executed in MuJoCo.
+writes `planner_vs_rl.md`, of which `readme.py` copies one table, and `planner_vs_rl.png` with an
+SVG beside it. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike.
+The walks of all methods on the first `--execute N` tasks of the same map are carried out in MuJoCo,
+and refined.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from typing import Any
 import numpy as np
 import torch
 from comparison_report import write_report
+from comparison_walks import Walks, walked
 from tqdm import tqdm
 from train_policies import GRASP_FAILURE
 
@@ -41,13 +43,9 @@ from mlivr_gym.agents.learned import beam_policy, load_policy
 from mlivr_gym.agents.policies import foreign_plan_policy
 from mlivr_gym.agents.test_set import World, freeze_test_set, load_test_set
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.walks import plan_of
-from mlivr_gym.simulation.execution import execute
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.transitions.state import State
 
 SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
 """Tasks in each split."""
@@ -55,10 +53,10 @@ SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
 SEED = 20261121
 
 FAMILIES = ("splits", "executed", "cold", "unreliable", "mlivr4")
-"""The splits; walks executed; first action on a map never seen; and two harder families."""
+"""The splits; walks carried out; first action on a map never seen; and two harder families."""
 
-EXECUTED = ("table", "astar-steps", "astar-base", "local", "dagger-pointer", "dagger-pointer-beam")
-"""Methods whose walks are executed: a step takes seconds to simulate."""
+UNASKED = "no-manipulability-reached"
+"""A* in a world that asks for no thresholds: whether it reaches the goal at all."""
 
 FOUR_LIMBS = 10
 """Episodes with four limbs, collisions not checked: each step takes 0.01 to 0.2 s with them."""
@@ -80,6 +78,7 @@ def planners() -> dict[str, Make]:
         "mcts": lambda env: baseline_policy("mcts"),
         "two-level": lambda env: baseline_policy("two_level"),
         "no-manipulability": without_manipulability,
+        UNASKED: lambda env: planner_policy("steps"),
         "random": lambda env: RandomPolicy(0),
     }
 
@@ -126,7 +125,6 @@ def record(result: Evaluation, ids: Sequence[int]) -> dict[str, Any]:
         for name in ("base_translation", "first_decision", "decision")
     }
     data |= {name: getattr(result, name).tolist() for name in ("success", "steps", "failed_grasps")}
-    data["carried_out"] = [None if np.isnan(value) else bool(value) for value in result.executed]
     return data | {"tasks": list(ids)}
 
 
@@ -157,6 +155,7 @@ def split_world(world: World, at: int, args: argparse.Namespace, results: Result
     """All methods on one world of the test set."""
     dense = world.split == "dense"
     env = MlivrEnv(map=world.map(), precompute=not dense)
+    lax = MlivrEnv(map=world.map(), manipulability=False)
     makes: dict[str, dict[int, Make]] = {name: {0: make} for name, make in planners().items()}
     makes |= learned(Path(args.policies))
     layouts = dict.fromkeys(task.occupied for task in world.tasks)
@@ -175,15 +174,20 @@ def split_world(world: World, at: int, args: argparse.Namespace, results: Result
                 bar = tqdm(
                     total=len(tasks), desc=f"{world.split} {at} {name} {seed}", mininterval=5.0
                 )
+                walks, asked = Walks(bar.update), lax if name == UNASKED else env
                 result = evaluate(
-                    env,
-                    make(env),
+                    asked,
+                    make(asked),
                     tasks,
                     max_steps=MOST_STEPS,
-                    progress=counted(bar),
+                    progress=walks.count,
+                    execute=walks.keep,
                 )
                 bar.close()
-                results.keep(world.split, name, seed, at, record(result, group))
+                found = record(result, group)
+                if world.split == "same" and name != UNASKED:
+                    found["walks"] = walks.of(result)
+                results.keep(world.split, name, seed, at, found)
         env.graph.vacate()
 
 
@@ -194,50 +198,23 @@ def meant_for(name: str, split: str) -> bool:
     if split == "dense":
         # Without every step checked beforehand; the last two take half an hour each: every step
         # they look at must be checked first.
-        return name not in ("table", "dijkstra", "mcts", "no-manipulability") and not name.endswith(
-            "mlp"
-        )
+        slow = ("table", "dijkstra", "mcts", "no-manipulability", UNASKED)
+        return name not in slow and not name.endswith("mlp")
     return split != "half" or not name.endswith("mlp")  # made for one number of points
 
 
 def executed(args: argparse.Namespace, results: Results) -> None:
-    """Execute the first walks on the same map in MuJoCo; keep it with what was measured of them."""
-    world = next(w for w in load_test_set() if w.split == "same")
-    env = MlivrEnv(map=world.map(), precompute=True)
-    makes = planners() | {
-        name: seeds[min(seeds)] for name, seeds in learned(Path(args.policies)).items()
-    }
-    for name in EXECUTED:
-        if (
-            name not in results.data.get("same", {})
-            or name not in makes
-            or (args.only and name not in args.only)
-        ):
-            continue
-        measured = min(results.data["same"][name].items())[1]["0/0"]
-        tried = measured["carried_out"]
-        for k, task in enumerate(
-            tqdm(world.tasks[: args.execute], desc=f"executed {name}", mininterval=5.0)
-        ):
-            if tried[k] is None:
-                tried[k] = record(
-                    evaluate(
-                        env, makes[name](env), [task], max_steps=MOST_STEPS, execute=execute_walk
-                    ),
-                    [k],
-                )["carried_out"][0]
-                results.write()
-
-
-def execute_walk(env: MlivrEnv, states: tuple[State, ...]) -> bool | None:
-    """Whether the execution of a walk in MuJoCo succeeds; None if it has no step."""
-    if len(states) < 2:
-        return None
-    plan = plan_of(env.graph, states, env.goal, env.goal_tolerance, "walk")
-    try:
-        return plan is not None and execute(env.graph, plan).failure is None
-    except PlanError:  # it cannot be followed inside the joint limits
-        return False
+    """Carry out and refine all walks on the first tasks of the same map."""
+    same = results.data.get("same", {})
+    rows = [
+        part
+        for seeds in same.values()
+        for parts in seeds.values()
+        for part in parts.values()
+        if "walks" in part
+    ]
+    walked(rows, args.execute, results.data.setdefault("walks", {}))
+    results.write()
 
 
 def forget(graph: PairGraph, pristine: tuple[np.ndarray, ...]) -> None:
@@ -344,7 +321,7 @@ def main() -> None:
         "--splits", nargs="+", default=tuple(SIZES), choices=tuple(SIZES), help="only these splits"
     )
     parser.add_argument(
-        "--execute", type=int, default=20, help="walks executed in MuJoCo (default: %(default)s)"
+        "--execute", type=int, default=50, help="tasks carried out (default: %(default)s)"
     )
     parser.add_argument(
         "--freeze", action="store_true", help="draw the test set anew and do nothing else"

@@ -16,6 +16,7 @@ from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import counter
 from mlivr_gym.errors import NoPlanError
+from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.pictures.plan_figure import plan_figure
 from mlivr_gym.planners import Planner, PlanningResult
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -34,7 +35,9 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         "Start and goal have defaults.",
     )
     parser.add_argument("--out", metavar="FILE", help="write the plan as JSON")
-    parser.add_argument("--picture", metavar="FILE", help="draw the plan as PNG")
+    parser.add_argument(
+        "--picture", metavar="FILE", help="draw the plan as PNG, and as SVG beside it"
+    )
     parser.add_argument(
         "--refined",
         action="store_true",
@@ -45,7 +48,8 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 def run(args: argparse.Namespace) -> int:
     """Plan, describe the plan, and write what is asked for."""
-    claim(args.out, args.picture)
+    pictures = figure_files(args.picture) if args.picture is not None else ()
+    claim(args.out, *pictures)
     graph = chosen_graph(args)
     result = find_plan(graph, args)
     plan = result.unwrap()
@@ -56,10 +60,10 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         plan.save(args.out)
         print(f"plan: {args.out}")
-    if args.picture:
+    if pictures:
         title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
         plan_figure(graph.grasp_map, plan, args.picture, result.tree, title)
-        print(f"picture: {args.picture}")
+        print(f"picture: {pictures[0]}, {pictures[1]}")
     return SUCCESS
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +25,11 @@ from mlivr_gym.cli.outputs import claim
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import write_whole
-from mlivr_gym.pictures.figures import configuration_figure, save_image
+from mlivr_gym.pictures.captions import strip_height, with_caption
+from mlivr_gym.pictures.configuration_figure import configuration_figure
+from mlivr_gym.pictures.figures import save_image
 from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.boxes import Box
@@ -42,7 +46,7 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Picture of the MuJoCo scene with the robot in a stance. Of a plan, "
         "one picture of its start and its goal side by side, "
-        "or of the stance chosen with --stance.",
+        "or of the stance chosen with --stance, with its base path, its goal and its footholds.",
     )
     parser.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
     parser.add_argument(
@@ -71,19 +75,20 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     claim(args.out, args.mjcf)
     obstacles: Sequence[Box]
+    route = None
     if args.plan:
         grasp_map = chosen_map(args)
         plan = Plan.load(args.plan, grasp_map)
         robot, obstacles = plan.world.robot, plan.world.obstacles
-        drawn = _of_plan(plan, args.stance)
+        drawn, route = _of_plan(plan, args.stance), Route.of(grasp_map, plan)
     else:
         graph = chosen_graph(args)
         grasp_map, robot, obstacles = graph.grasp_map, graph.robot, graph.obstacles
         args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
         start = chosen_task(graph, args)[0] if args.start is None else args.start
-        drawn = [graph.configuration(graph.state(start))]
+        drawn = [Shot(graph.configuration(graph.state(start)))]
     scene = _exported(grasp_map, robot, obstacles) if args.mjcf else None
-    draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles)
+    draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles, route)
     if scene is not None:
         write_whole(args.mjcf, scene)
         print(f"scene: {args.mjcf}")
@@ -105,43 +110,76 @@ def _check(args: argparse.Namespace) -> None:
         )
 
 
-def _of_plan(plan: Plan, stance: int | None) -> list[Configuration]:
-    """Configurations of a plan at its start and its goal, or at the stance that is chosen."""
+def _of_plan(plan: Plan, stance: int | None) -> list[Shot]:
+    """A plan at its start and its goal, or at the stance that is chosen."""
     last = len(plan.stances) - 1
     if stance is not None and not 0 <= stance <= last:
         raise SettingError(
             f"--stance is {stance}; this plan has stances 0 (start) to {last} (goal)"
         )
-    return [plan.configuration(k) for k in ((0, last) if stance is None else (stance,))]
+    return shots_of(plan, (0, last) if stance is None else (stance,))
+
+
+class Shot(NamedTuple):
+    """One robot in one picture."""
+
+    configuration: Configuration
+    """Where it is."""
+    ghosts: Sequence[Configuration] = ()
+    """Where translucent copies of it stand."""
+    caption: str = ""
+    """What stands below, if the picture is large enough."""
+
+
+def shots_of(plan: Plan, stances: Sequence[int]) -> list[Shot]:
+    """A plan at some of its stances, with those that follow as ghosts."""
+    last, shots = len(plan.stances) - 1, []
+    for k in stances:
+        name = {0: ": the start", last: ": the goal"}.get(k, "")
+        later = f"; pale: stances {k + 1} to {last}" if k < last else ""
+        ghosts = [plan.configuration(after) for after in range(k + 1, last + 1)]
+        shots.append(Shot(plan.configuration(k), ghosts, f"stance {k} of {last}{name}{later}"))
+    return shots
 
 
 def draw(
     grasp_map: GraspMap,
     robot: RobotSpec,
-    pictures: Mapping[Path, list[Configuration]],
+    pictures: Mapping[Path, Sequence[Shot]],
     size: tuple[int, int],
     obstacles: Sequence[Box] = (),
+    route: Route | None = None,
 ) -> None:
-    """Render configurations with MuJoCo, those of one picture side by side.
+    """Render robots with MuJoCo, those of one picture side by side.
 
     Where there is no GL library they are drawn with matplotlib.
 
     Args:
         grasp_map: The map.
         robot: The robot.
-        pictures: Configurations of each picture, by the PNG file to write.
-        size: Width and height of one configuration [px].
+        pictures: What each picture shows, by the PNG file to write.
+        size: Width and height of one robot's picture [px].
         obstacles: Boxes besides the map's.
+        route: What is shown of a plan; with it, captions.
     """
+    width, height = size
+    strip = strip_height(height) if route is not None else 0
     try:
-        renderer = SceneRenderer(grasp_map, robot, *size, obstacles)
+        renderer = SceneRenderer(grasp_map, robot, width, height - strip, obstacles)
     except RenderError as error:
         print(f"no GL, drawing with matplotlib instead: {error}", flush=True)
-        for path, configurations in pictures.items():
-            configuration_figure(grasp_map, robot, configurations, path, path.stem)
+        for path, shots in pictures.items():
+            shown = [shot.configuration for shot in shots]
+            configuration_figure(grasp_map, robot, shown, path, path.stem, route)
     else:
-        for path, configurations in pictures.items():
-            save_image(np.hstack([renderer.render(*shown) for shown in configurations]), path)
+        for path, shots in pictures.items():
+            side_by_side = []
+            for shot in shots:
+                picture = renderer.render(*shot.configuration, route=route, ghosts=shot.ghosts)
+                if route is not None:
+                    picture = with_caption(picture, shot.caption, height)
+                side_by_side.append(picture)
+            save_image(np.hstack(side_by_side), path)
         renderer.close()
     for path in pictures:
         print(f"picture: {path}", flush=True)

@@ -39,7 +39,14 @@ from mlivr_gym.stances.pair_graph import PairGraph
 if TYPE_CHECKING:
     from mlivr_gym.simulation.execution import Execution
 
-FILES = ("plan.json", "trajectory.csv", "simulation.npz", "simulation.json", "simulation.png")
+FILES = (
+    "plan.json",
+    "trajectory.csv",
+    "simulation.npz",
+    "simulation.json",
+    "simulation.png",
+    "simulation.svg",
+)
 """What the command writes, besides the film."""
 
 MOST_FRAMES = 5000
@@ -224,7 +231,10 @@ def _save(execution: Execution, out: Path) -> None:
     plan = execution.plan
     title = f"{plan.world.robot.name}, {len(plan.steps)} steps of {execution.durations.total:g} s"
     simulation_figure(execution.recording, execution.captures, execution.failure, plot, title)
-    print(f"measurements: {archive.with_suffix('.json')}, {archive}; plot: {plot}")
+    print(
+        f"measurements: {archive.with_suffix('.json')}, {archive}; "
+        f"plot: {plot}, {plot.with_suffix('.svg')}"
+    )
 
 
 def _film(
@@ -239,6 +249,7 @@ def _film(
             plan.world.robot,
             execution.recording,
             path,
+            plan=plan,
             size=tuple(args.size),
             frames=args.frames,
             obstacles=plan.world.obstacles,

@@ -15,7 +15,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import claim, make_folder
-from mlivr_gym.cli.render import draw
+from mlivr_gym.cli.render import draw, shots_of
 from mlivr_gym.files import write_whole
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.paper import (
@@ -29,6 +29,7 @@ from mlivr_gym.paper import (
     relations,
 )
 from mlivr_gym.pictures.plan_figure import plan_figure
+from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
@@ -42,7 +43,12 @@ MODE_PICTURES = {"steps": "", "collisions": "_collisions"}
 FILES = (
     "table1.json",
     "table1.md",
-    *(f"case{case}{end}.png" for case in CASES for end in MODE_PICTURES.values()),
+    *(
+        f"case{case}{end}{kind}"
+        for case in CASES
+        for end in MODE_PICTURES.values()
+        for kind in (".png", ".svg")
+    ),
     "scene_start.png",
     "scene_goal.png",
 )
@@ -74,8 +80,10 @@ def run(args: argparse.Namespace) -> int:
     plans, data = run_cases(out, lambda line: print(line, flush=True))
     plan = plans[3]
     ends = {"start": 0, "goal": len(plan.stances) - 1}
-    pictures = {out / f"scene_{name}.png": [plan.configuration(k)] for name, k in ends.items()}
-    draw(jem_map(), plan.world.robot, pictures, (1600, 800))
+    pictures = {out / f"scene_{name}.png": shots_of(plan, [k]) for name, k in ends.items()}
+    grasp_map = jem_map()
+    route = Route.of(grasp_map, plan)
+    draw(grasp_map, plan.world.robot, pictures, (1600, 800), plan.world.obstacles, route)
     failed = impossible(data)
     for name in failed:
         print(f"relation does not hold: {name}")

@@ -2,147 +2,307 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.contacts import Configuration, Contact, capsule_ends
-from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.pictures.figures import FACES, box_corners, write_figure
+from mlivr_gym.collisions.contacts import Configuration, Contact
+from mlivr_gym.pictures.contact_words import Places, in_words, nearest_places, sentence
+from mlivr_gym.pictures.figures import box_corners, box_faces, write_figure
+from mlivr_gym.pictures.robot_shapes import (
+    GHOST_PALENESS,
+    JOINT_COLOUR,
+    TOUCHING_COLOUR,
+    Part,
+    capsule_faces,
+    draw_robot,
+    outline,
+    pale,
+    robot_parts,
+)
 from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
 
-HALF_SIDE = 1.1
+HALF_SIDE = 0.9
 """Half the side of the cube that a panel shows [m]."""
 
-LARGEST_OFFSET = 1.3
-"""Boxes all of whose corners lie within this of the centre, in each coordinate, are drawn [m]."""
+HALF_CLOSE_UP = 0.16
+"""Half the height of a close-up [m]."""
 
 MOST_CONTACTS = 4
 """Most contacts that are named in a panel."""
+
+MARK_COLOUR = "#c2255c"
+"""Colour of the mark at a contact."""
+
+BOX_COLOURS = {"track": "#8f959c", "handrail": "#1a59bf", "stanchion": "#5c636a"}
+"""Colours of boxes; others are light grey."""
+
+
+class Panel(NamedTuple):
+    """One configuration that touches something."""
+
+    title: str
+    """Heading."""
+    configuration: Configuration
+    """Where the robot is."""
+    contacts: Sequence[Contact]
+    """What it touches there, the worst first."""
 
 
 def blocked_figure(
     grasp_map: GraspMap,
     robot: RobotSpec,
-    panels: list[tuple[str, list[Configuration], list[Contact]]],
+    panels: Sequence[Panel],
     obstacles: Sequence[Box],
     path: str | Path,
+    *,
+    clearance: float,
 ) -> None:
-    """What configurations touch: the robot's capsules, and in red what touches and is touched.
+    """What configurations touch: the robot as a solid, and below a close-up of the worst contact.
 
     Args:
         grasp_map: The map.
         robot: The robot.
-        panels: For each picture its heading, configurations along a motion (the last one is drawn
-            in full, the others thin), and what the last one touches.
+        panels: What is drawn, from left to right.
         obstacles: Boxes besides the map's.
-        path: PNG file to write.
+        path: PNG file to write, and an SVG beside it.
+        clearance: Least distance that shapes must keep [m].
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4 * len(panels), 6.8), dpi=110)
+    figure = Figure(figsize=(6.6 * len(panels), 10.2), dpi=110)
     FigureCanvasAgg(figure)
-    shapes = LimbShapes(robot)
-    boxes = list({box.id: box for box in (*grasp_map.boxes, *obstacles)}.values())
-    for k, (title, configurations, touching) in enumerate(panels):
-        axes: Any = figure.add_subplot(
-            1, len(panels), k + 1, projection="3d", computed_zorder=False
+    boxes = {scene_name(BOX, box.id): box for box in (*grasp_map.boxes, *obstacles)}
+    for k, panel in enumerate(panels):
+        parts = {part.name: part for part in robot_parts(robot, panel.configuration)}
+        first = panel.contacts[0]
+        places = nearest_places(parts[first.first], (parts | boxes)[first.second])
+        place, width = (k + 0.02) / len(panels), 0.96 / len(panels)
+        axes: Any = figure.add_axes(
+            (place, 0.36, width, 0.55), projection="3d", computed_zorder=False
         )
-        names = {name for contact in touching for name in (contact.first, contact.second)}
-        for configuration in configurations[:-1]:
-            _draw_thin(axes, robot, shapes, configuration)
-        _draw_full(axes, robot, shapes, configurations[-1], names)
-        centre = configurations[-1][0]
-        _draw_boxes(axes, boxes, centre, names)
-        _label(axes, title, centre, touching)
-    figure.subplots_adjust(left=0.03, right=0.97, bottom=0.12, top=0.92, wspace=0.02)
+        _overview(axes, panel, parts, boxes, places)
+        lines = _lines(panel.contacts, parts, boxes)
+        figure.text(place + 0.01, 0.975, panel.title, fontsize=10.5, va="top", linespacing=1.4)
+        figure.text(place + 0.01, 0.925, lines, fontsize=9, color=MARK_COLOUR, va="top")
+        flat = figure.add_axes((place + 0.03, 0.045, width - 0.06, 0.29))
+        _close_up(flat, parts, boxes, first, places, clearance)
+    _add_legend(figure, robot)
     write_figure(figure, path)
 
 
-def _draw_thin(
-    axes: Any, robot: RobotSpec, shapes: LimbShapes, configuration: Configuration
-) -> None:
-    """Draw the capsules' axes of a configuration."""
-    for i, limb in enumerate(capsule_ends(robot, shapes, configuration)):
-        for ends in limb:
-            axes.plot(
-                *ends.T,
-                color=LIMB_COLOURS[i],
-                solid_capstyle="round",
-                linewidth=1.0,
-                alpha=0.35,
-                zorder=4,
-            )
+def _add_legend(figure: Any, robot: RobotSpec) -> None:
+    """Say which limb has which colour, and what is orange."""
+    from matplotlib.patches import Patch
+
+    names = {f"limb {i}": LIMB_COLOURS[i] for i in range(robot.limbs)}
+    names |= {"shapes that touch": TOUCHING_COLOUR, "joints, not checked": JOINT_COLOUR}
+    figure.legend(
+        handles=[Patch(color=colour, label=name) for name, colour in names.items()],
+        loc="lower center",
+        ncols=len(names),
+        fontsize=9,
+        frameon=False,
+    )
 
 
-def _draw_full(
+def _lines(contacts: Sequence[Contact], parts: Mapping[str, Part], boxes: Mapping[str, Box]) -> str:
+    """The contacts in words."""
+    shapes: dict[str, Part | Box] = {**parts, **boxes}
+    worst = {c.first: c for c in reversed(contacts)}  # of each shape of the robot
+    told = [c for c in contacts if worst[c.first] is c][:MOST_CONTACTS]
+    lines = [sentence(c, nearest_places(parts[c.first], shapes[c.second]).gap, boxes) for c in told]
+    if len(contacts) > len(told):
+        count = len(contacts) - len(told)
+        lines.append(f"and {count} more {'contact' if count == 1 else 'contacts'}")
+    return "\n".join(lines)
+
+
+def _overview(
     axes: Any,
-    robot: RobotSpec,
-    shapes: LimbShapes,
-    configuration: Configuration,
-    touching: set[str],
+    panel: Panel,
+    parts: Mapping[str, Part],
+    boxes: Mapping[str, Box],
+    places: Places,
 ) -> None:
-    """Draw body and capsules of a configuration, those whose names are given in red."""
-    for i, limb in enumerate(capsule_ends(robot, shapes, configuration)):
-        for c, name in enumerate(shapes.names):
-            hit = f"limb{i}/{name}/{shapes.names[:c].count(name)}" in touching
-            axes.plot(
-                *limb[c].T,
-                color="#d00000" if hit else LIMB_COLOURS[i],
-                solid_capstyle="round",
-                linewidth=150.0 * shapes.radii[c],
-                alpha=0.9,
-                zorder=6 if hit else 5,
-            )
-    axes.scatter(*configuration[0], s=260, marker="s", color="0.25", depthshade=False, zorder=5)
+    """Draw the robot, what stands round it, and a ring about the worst contact."""
+    from mpl_toolkits.mplot3d import proj3d
+
+    centre = panel.configuration[0]
+    touching = {name for contact in panel.contacts for name in (contact.first, contact.second)}
+    _draw_boxes(axes, boxes, centre, touching)
+    draw_robot(axes, list(parts.values()), touching)
+    for name, a, b in zip("xyz", centre - HALF_SIDE, centre + HALF_SIDE, strict=True):
+        getattr(axes, f"set_{name}lim")(a, b)
+        getattr(axes, f"set_{name}label")(f"{name} [m]")
+    axes.set_box_aspect((1, 1, 1), zoom=1.05)
+    axes.tick_params(labelsize=7)
+    # From the side away from what is touched, so that it stands behind the robot.
+    away = -places.normal
+    axes.view_init(
+        elev=-14 if away[2] < -0.7 else 16,
+        azim=-66 if away[1] <= 0.3 else 66,
+    )
+    x, y, _ = proj3d.proj_transform(*places.first, axes.get_proj())
+    axes.annotate(
+        _gap(places),
+        (x, y),
+        xytext=(60, 46),
+        fontsize=10,
+        color=MARK_COLOUR,
+        textcoords="offset points",
+        arrowprops={"arrowstyle": "-|>", "color": MARK_COLOUR, "linewidth": 1.6},
+        zorder=9,
+    )
+    axes.scatter(
+        *places.first,
+        s=420,
+        facecolor="none",
+        edgecolor=MARK_COLOUR,
+        linewidth=2.0,
+        depthshade=False,
+        zorder=8,
+    )
 
 
-def _draw_boxes(axes: Any, boxes: Sequence[Box], centre: Array, touching: set[str]) -> None:
-    """Draw the boxes round a centre, those whose names are given in red."""
+def _draw_boxes(
+    axes: Any, boxes: Mapping[str, Box], centre: Array, touching: Collection[str]
+) -> None:
+    """Draw the boxes round a centre, those whose names are given in orange."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    for box in boxes:
-        hit = scene_name(BOX, box.id) in touching
-        corners = box_corners(box)
-        inside = bool((np.abs(corners - centre) < LARGEST_OFFSET).all())
-        if not hit and (box.kind not in ("track", "handrail", "obstacle") or not inside):
+    for name, box in boxes.items():
+        hit, small = name in touching, box.kind in (*BOX_COLOURS, "obstacle")
+        low, high = box.bounds
+        inside = bool(((low < centre + HALF_SIDE) & (high > centre - HALF_SIDE)).all())
+        if not (hit or (small and inside)) or (hit and box.kind == "panel"):
             continue
-        corners = np.clip(corners, centre - HALF_SIDE, centre + HALF_SIDE)
-        faces = [[corners[v] for v in face] for face in FACES]
-        colour = "#d00000" if hit else "#1a59bf" if box.kind == "handrail" else "0.55"
+        faces = np.clip(box_faces(box), centre - HALF_SIDE, centre + HALF_SIDE)
+        colour = TOUCHING_COLOUR if hit else BOX_COLOURS.get(box.kind, "#b0b5ba")
         axes.add_collection3d(
             Poly3DCollection(
-                faces, facecolor=colour, edgecolor=colour, linewidths=0.6, alpha=0.12, zorder=3
+                faces,
+                facecolor=colour,
+                edgecolor=colour,
+                linewidths=0.6,
+                alpha=0.25 if hit and not small else 0.7,
+                zorder=3 if hit else 2,
             )
         )
 
 
-def _label(axes: Any, title: str, centre: Array, touching: list[Contact]) -> None:
-    """Set limits, labels and view of a panel, and name the contacts."""
-    for name, a, b in zip("xyz", centre - HALF_SIDE, centre + HALF_SIDE, strict=True):
-        getattr(axes, f"set_{name}lim")(a, b)
-        getattr(axes, f"set_{name}label")(f"{name} [m]")
-    axes.set_box_aspect((1, 1, 1), zoom=1.12)
-    axes.tick_params(labelsize=7)
-    axes.view_init(elev=14, azim=-66)
-    axes.set_title(title, fontsize=11, loc="left")
-    lines = [
-        f"{c.first} to {c.second}: {1000.0 * c.distance:.0f} mm" for c in touching[:MOST_CONTACTS]
+def _close_up(
+    axes: Any,
+    parts: Mapping[str, Part],
+    boxes: Mapping[str, Box],
+    contact: Contact,
+    places: Places,
+    clearance: float,
+) -> None:
+    """Draw a contact in true scale, seen along a line that keeps its gap in the picture."""
+    across = _view(parts[contact.first], places.normal)
+    middle = 0.5 * (places.first + places.second)
+    shapes: dict[str, Part | Box] = {**parts, **boxes}
+    toward = np.cross(across[0], across[1])
+    inside = [
+        name
+        for name, shape in shapes.items()
+        if _reaches_in(shape, middle, toward)
+        and (isinstance(shape, Part) or shape.kind in BOX_COLOURS or name == contact.second)
     ]
-    if len(touching) > MOST_CONTACTS:
-        lines.append(f"and {len(touching) - MOST_CONTACTS} more pairs")
-    axes.text2D(
-        0.0,
-        0.985,
-        "\n".join(lines),
-        transform=axes.transAxes,
-        fontsize=8.5,
-        color="#a00000",
-        va="top",
+    for name in sorted(inside, key=lambda n: float(_middle(shapes[n]) @ toward)):
+        shape, hit = shapes[name], name in (contact.first, contact.second)
+        if isinstance(shape, Part):
+            faces = capsule_faces(shape.axes[0], shape.radius, 96) if shape.radius else shape.faces
+            colour = TOUCHING_COLOUR if hit else pale(shape.colour, 0.5 * GHOST_PALENESS)
+        else:
+            faces, colour = box_faces(shape), "#b0b5ba" if hit else "#e3e5e8"
+        axes.fill(
+            *(outline(faces, across) - middle @ across.T).T,
+            facecolor=colour,
+            edgecolor="0.25" if hit else "0.6",
+            linewidth=1.4 if hit else 0.6,
+            alpha=0.85 if hit else 0.6,
+            zorder=4 if hit else 2,
+        )
+    capsule = parts[contact.first]
+    if capsule.radius > 0.0:
+        wide = capsule_faces(capsule.axes[0], capsule.radius + clearance, 96)
+        axes.fill(
+            *(outline(wide, across) - middle @ across.T).T,
+            fill=False,
+            edgecolor=MARK_COLOUR,
+            linestyle="--",
+            linewidth=1.2,
+            zorder=5,
+        )
+    _mark(axes, places, across, middle)
+    first, second = in_words(contact.first, boxes), in_words(contact.second, boxes)
+    axes.set_title(
+        f"close-up: {first} and {second}; dashed: the clearance of {1e3 * clearance:.0f} mm",
+        fontsize=9.5,
+        loc="left",
+        color="0.25",
     )
+    axes.set_aspect("equal")
+    axes.set_ylim(-HALF_CLOSE_UP, HALF_CLOSE_UP)
+    axes.set_xlim(-1.9 * HALF_CLOSE_UP, 1.9 * HALF_CLOSE_UP)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    start, height = -1.8 * HALF_CLOSE_UP, -0.9 * HALF_CLOSE_UP
+    axes.plot([start, start + 0.1], [height, height], color="black", linewidth=3, zorder=7)
+    axes.text(start, height + 0.008, "100 mm", fontsize=8.5, zorder=7)
+
+
+def _mark(axes: Any, places: Places, across: Array, middle: Array) -> None:
+    """Mark the two nearest places, and write the gap beside them."""
+    ends = (np.stack([places.first, places.second]) - middle) @ across.T
+    axes.plot(*ends.T, color=MARK_COLOUR, linewidth=2.0, marker="o", markersize=4, zorder=8)
+    axes.annotate(
+        _gap(places),
+        ends.mean(axis=0),
+        xytext=(56, 40),
+        textcoords="offset points",
+        fontsize=10,
+        color=MARK_COLOUR,
+        bbox={"boxstyle": "round", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+        arrowprops={"arrowstyle": "-", "color": MARK_COLOUR},
+        zorder=9,
+    )
+
+
+def _gap(places: Places) -> str:
+    """How near the shapes come, in words."""
+    gap = 1e3 * places.gap
+    return f"{gap:.0f} mm apart" if gap > 0.0 else f"{-gap:.0f} mm deep"
+
+
+def _view(part: Part, normal: Array) -> Array:
+    """The picture's axes in the world, shape (2, 3): the gap and the capsule's axis lie in it."""
+    start, end = part.axes[0]
+    depth = np.cross(end - start, normal)
+    if np.linalg.norm(depth) < 1e-6:
+        depth = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    depth /= np.linalg.norm(depth)
+    up = np.array([0.0, 0.0, 1.0]) - depth[2] * depth
+    if np.linalg.norm(up) < 0.2:
+        up = np.array([0.0, 1.0, 0.0]) - depth[1] * depth
+    up /= np.linalg.norm(up)
+    return np.stack([np.cross(up, depth), up])
+
+
+def _middle(shape: Part | Box) -> Array:
+    return shape.faces.mean(axis=(0, 1)) if isinstance(shape, Part) else np.array(shape.centre)
+
+
+def _reaches_in(shape: Part | Box, middle: Array, toward: Array) -> bool:
+    """Whether some of a shape lies within a close-up's depth of its middle."""
+    corners = shape.faces.reshape(-1, 3) if isinstance(shape, Part) else box_corners(shape)
+    depth = (corners - middle) @ toward
+    return bool(depth.min() < HALF_CLOSE_UP and depth.max() > -HALF_CLOSE_UP)

@@ -1,4 +1,4 @@
-"""Figures drawn with matplotlib: what they share, and stick figures of configurations."""
+"""Figures drawn with matplotlib: what they share."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.files import write_whole
-from mlivr_gym.kinematics.families import forward_kinematics
-from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -23,6 +21,15 @@ FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (
 
 BASE_COLOUR, GOAL_COLOUR = "#2b8a3e", "#ffb703"
 """Colours of base paths, green as in the paper, and of goals."""
+
+MOST_VERTICES, RASTER_DPI = 2000, 90
+"""Paths with more vertices are an image in an SVG, of this many dots per inch.
+
+They would fill the file: lines are thinned out when they are drawn, the edges of areas are not.
+"""
+
+SALT = "mlivr-gym"
+"""What the names of parts in an SVG are made from, besides the parts."""
 
 FACE_TINTS = {"deck": "#8a6d3b", "overhead": "#5a7d9a", "forward": "#7a7a7a", "aft": "#a3a3a3"}
 """Colours of points by the face they lie on; other faces are grey."""
@@ -66,18 +73,27 @@ def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
     return figure, axes
 
 
-def draw_base_path(axes: Any, base: Array, goal: Sequence[float], label: str) -> None:
-    """Draw a base path thick, and its goal as a star.
+def draw_base_path(axes: Any, line: Array, stances: Array, label: str) -> None:
+    """Draw a base path thick, the bases of its stances as squares.
 
     Args:
         axes: Axes of `map_axes`.
-        base: Base positions, shape (k, 3) [m].
-        goal: Goal position [m].
+        line: Base positions along it, shape (k, 3) [m].
+        stances: Base positions of its stances, shape (s, 3) [m].
         label: What the legend calls the path.
     """
-    axes.plot(
-        *base.T, color=BASE_COLOUR, linewidth=3.0, marker="s", markersize=5, zorder=5, label=label
-    )
+    axes.plot(*line.T, color=BASE_COLOUR, linewidth=3.0, zorder=5, label=label)
+    axes.scatter(*stances.T, color=BASE_COLOUR, marker="s", s=30, depthshade=False, zorder=5)
+
+
+def draw_goal(axes: Any, goal: Sequence[float], tolerance: float) -> None:
+    """Draw a goal as a star, and the ball in which the base is to end.
+
+    Args:
+        axes: Axes of `map_axes`.
+        goal: Goal position [m].
+        tolerance: Radius of the ball [m].
+    """
     axes.scatter(
         *np.array(goal),
         s=150,
@@ -88,6 +104,10 @@ def draw_base_path(axes: Any, base: Array, goal: Sequence[float], label: str) ->
         zorder=7,
         label="goal",
     )
+    turn, rise = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 17), np.linspace(0.0, np.pi, 9))
+    ball = np.stack([np.cos(turn) * np.sin(rise), np.sin(turn) * np.sin(rise), np.cos(rise)])
+    ball = np.array(goal)[:, None, None] + tolerance * ball
+    axes.plot_wireframe(*ball, color=GOAL_COLOUR, linewidth=0.4, alpha=0.7, zorder=4)
 
 
 def add_heading(figure: Any, title: str, remark: str | None = None) -> None:
@@ -115,21 +135,57 @@ def box_corners(box: Box) -> Array:
     return corners
 
 
-def save_figure(figure: Any, path: str | Path) -> None:
-    """Write a figure as PNG, whole or not at all."""
+def box_faces(box: Box) -> Array:
+    """Corners of the six faces of a box, shape (6, 4, 3) [m]."""
+    corners = box_corners(box)
+    return np.array([corners[list(face)] for face in FACES])
+
+
+def figure_files(path: str | Path) -> tuple[Path, Path]:
+    """The PNG file of a figure and the SVG file beside it; `path` names either."""
+    given = Path(path)
+    png, svg = (given.parent / f"{given.stem}{ending}" for ending in (".png", ".svg"))
+    return (png, given) if given.suffix.lower() == ".svg" else (given, svg)
+
+
+def save_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
+    """Write a figure as PNG and as SVG; see `write_figure`."""
     for axes in figure.axes:
         if axes.name == "3d":
             # The clip box of 3-D axes is a square in their middle, narrower than the module.
             for artist in axes.get_children():
                 artist.set_clip_on(False)
-    write_figure(figure, path)
+    write_figure(figure, path, vector=vector)
 
 
-def write_figure(figure: Any, path: str | Path) -> None:
-    """Write a figure as it is as PNG, whole or not at all."""
+def write_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
+    """Write a figure as it is as PNG and as SVG, each whole or not at all.
+
+    The same figure gives the same bytes: nothing in the files is drawn by chance or dated.
+
+    Args:
+        figure: The figure.
+        path: File to write; `figure_files` says which the two are.
+        vector: Write the SVG too.
+
+    Raises:
+        FileError: If a file cannot be written.
+    """
+    from matplotlib import rc_context
+
+    png, svg = figure_files(path)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
-    write_whole(path, buffer.getvalue())
+    write_whole(png, buffer.getvalue())
+    if vector:
+        buffer = io.BytesIO()
+        for axes in figure.axes:
+            for paths in axes.collections:
+                if sum(len(path.vertices) for path in paths.get_paths()) > MOST_VERTICES:
+                    paths.set_rasterized(True)
+        with rc_context({"svg.hashsalt": SALT}):
+            figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=RASTER_DPI)
+        write_whole(svg, buffer.getvalue())
 
 
 def save_image(image: NDArray[np.uint8], path: str | Path) -> None:
@@ -139,44 +195,3 @@ def save_image(image: NDArray[np.uint8], path: str | Path) -> None:
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, format="png")
     write_whole(path, buffer.getvalue())
-
-
-def configuration_figure(
-    grasp_map: GraspMap,
-    robot: RobotSpec,
-    configurations: list[tuple[Array, Array, Array]],
-    path: str | Path,
-    title: str,
-) -> None:
-    """Stick figures of configurations on the map, for machines without GL.
-
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        configurations: Base position [m], base quaternion w, x, y, z, and joint angles, shape
-            (N, 6) [rad], of each.
-        path: PNG file to write.
-        title: Heading.
-    """
-    from scipy.spatial.transform import Rotation
-
-    figure, axes = map_axes(grasp_map)
-    for position, quaternion, joints in configurations:
-        base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-        axes.scatter(*position, s=120, marker="s", color="0.2", depthshade=False, zorder=6)
-        for i, q in enumerate(joints):
-            mount = base @ robot.mount_rotations[i]
-            origin = position + base @ robot.mount_positions[i]
-            frames = forward_kinematics(q, robot.limb.lengths)
-            flange = frames[6, :3, 3] + robot.tool_length * frames[6, :3, 2]
-            chain = np.vstack([frames[:, :3, 3], flange]) @ mount.T + origin
-            axes.plot(
-                *np.vstack([position, chain]).T,
-                color=LIMB_COLOURS[i],
-                linewidth=3,
-                marker="o",
-                markersize=3,
-                zorder=5,
-            )
-    add_heading(figure, title)
-    save_figure(figure, path)

@@ -10,9 +10,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.collisions.contacts import Configuration, capsule_ends
+from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import RenderError
 from mlivr_gym.files import write_whole
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.regrasp import PHASES
+from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.captions import strip_height, with_caption
 from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.world.boxes import Box
@@ -21,6 +28,9 @@ from mlivr_gym.world.grasp_map import GraspMap
 COLOURS = 128
 """Colours of a GIF's palette; more make the file larger and the picture hardly better."""
 
+AZIMUTH, ELEVATION = 84.0, -8.0
+"""Direction in which the camera looks [deg]."""
+
 
 def film(
     grasp_map: GraspMap,
@@ -28,6 +38,7 @@ def film(
     recording: Recording,
     path: str | Path,
     *,
+    plan: Plan | None = None,
     size: tuple[int, int] = (640, 320),
     frames: int = 100,
     rate: float = 10.0,
@@ -36,11 +47,15 @@ def film(
 ) -> None:
     """Render a recording from the side, the camera beside the robot, without the forward wall.
 
+    The camera is as near as it can be while the robot stays inside every picture. Of the plan it
+    shows base path, goal and footholds, and below each picture time, step and phase.
+
     Args:
         grasp_map: The map.
         robot: The robot.
         recording: What the robot did.
         path: File to write; `.gif`, or `.mp4` with the package `imageio[ffmpeg]`.
+        plan: The plan that was carried out; without one, none of it is shown.
         size: Width and height [px].
         frames: Number of pictures, at equal times.
         rate: Pictures a second.
@@ -52,24 +67,65 @@ def film(
         FileError: If the file cannot be written.
     """
     kind = check_kind(path)
-    renderer = SceneRenderer(grasp_map, robot, *size, obstacles)
+    width, height = size
+    picture_height = height - (strip_height(height) if plan is not None else 0)
+    renderer = SceneRenderer(grasp_map, robot, width, picture_height, obstacles)
     chosen = np.unique(np.linspace(0, len(recording.times) - 1, frames).round().astype(int))
+    shown = [_configuration(recording, k) for k in chosen]
+    cameras = film_cameras(robot, shown, width / picture_height)
+    route = Route.of(grasp_map, plan) if plan is not None else None
     pictures = []
-    for done, k in enumerate(chosen, 1):
-        picture = renderer.render(
-            recording.base_positions[k],
-            recording.base_quaternions[k],
-            recording.joint_positions[k],
-            lookat=np.array([recording.base_positions[k, 0], 0.0, -0.1]),
-            distance=3.3,
-            azimuth=84.0,
-            elevation=-8.0,
-        )
+    for done, (k, configuration, camera) in enumerate(zip(chosen, shown, cameras, strict=True), 1):
+        picture = renderer.render(*configuration, camera=camera, route=route)
+        if plan is not None:
+            picture = with_caption(picture, caption(recording, int(k), plan), height)
         pictures.append(picture)
         if progress is not None:
             progress(done)
     renderer.close()
     write_whole(path, _gif(pictures, rate) if kind == ".gif" else _mp4(pictures, rate))
+
+
+def film_cameras(
+    robot: RobotSpec, configurations: Sequence[Configuration], aspect: float
+) -> list[Camera]:
+    """A camera for each picture, which goes along with the base and keeps its distance.
+
+    Args:
+        robot: The robot.
+        configurations: Where it is in each picture.
+        aspect: Width of a picture over its height.
+    """
+    shapes = LimbShapes(robot)
+    around = max(float(shapes.radii.max()), np.sqrt(0.75) * robot.body_size)
+    cameras = []
+    for configuration in configurations:
+        base = configuration[0]
+        ends = capsule_ends(robot, shapes, configuration).reshape(-1, 3)
+        camera = Camera((float(base[0]), 0.0, 0.0), azimuth=AZIMUTH, elevation=ELEVATION)
+        cameras.append(camera.seeing(np.vstack([base, ends]), around, aspect))
+    farthest = max(camera.distance for camera in cameras)
+    return [camera._replace(distance=farthest) for camera in cameras]
+
+
+def caption(recording: Recording, k: int, plan: Plan) -> str:
+    """Time, step and phase of a sample of a recording, and where the limb goes."""
+    time, end = recording.times[k], recording.times[-1]
+    number = min(int(recording.step[k]), len(plan.steps) - 1)
+    step, phase = plan.steps[number], PHASES[int(recording.phase[k])]
+    return (
+        f"{time:.0f} s of {end:.0f} s, step {number + 1} of {len(plan.steps)}: {phase}, "
+        f"limb {step.limb} from {step.from_point} to {step.to_point}"
+    )
+
+
+def _configuration(recording: Recording, k: int) -> Configuration:
+    """Where the robot is in a sample of a recording."""
+    return (
+        recording.base_positions[k],
+        recording.base_quaternions[k],
+        recording.joint_positions[k],
+    )
 
 
 def check_kind(path: str | Path) -> str:

@@ -10,19 +10,29 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import (
-    BASE_COLOUR,
-    GOAL_COLOUR,
     add_heading,
     add_legend,
     draw_base_path,
+    draw_goal,
     map_axes,
     save_figure,
-    tints,
 )
+from mlivr_gym.pictures.flat_views import (
+    FROM_ABOVE,
+    FROM_THE_SIDE,
+    View,
+    draw_flat_ghost,
+    draw_flat_goal,
+    draw_flat_path,
+    flat_view,
+    number,
+)
+from mlivr_gym.pictures.plan_paths import base_line
+from mlivr_gym.pictures.robot_shapes import draw_ghost, robot_parts
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.world.grasp_map import GraspMap
 
-MOST_EXPLORED = 4000
+MOST_EXPLORED = 3000
 """Explored base paths drawn at most; of more, an even selection is drawn."""
 
 
@@ -32,12 +42,12 @@ def plan_figure(
     """Picture of a plan: in space, from above and from the side, its stances numbered.
 
     Explored base paths are thin, the chosen one thick and green, footholds in the limb's colour,
-    the goal region a ball.
+    the goal region a ball; the robot stands pale at its first stance, a middle one and the last.
 
     Args:
         grasp_map: The map.
         plan: The plan.
-        path: PNG file to write.
+        path: PNG file to write, and an SVG beside it.
         tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
         title: Heading.
     """
@@ -48,13 +58,14 @@ def plan_figure(
     drawn = explored[:: max(1, -(-len(explored) // MOST_EXPLORED))]
     _draw_explored(axes, drawn)
     _draw_footholds(axes, grasp_map, plan)
-    draw_base_path(axes, plan.motion.base_positions, plan.query.goal, "base path")
-    _draw_goal_region(axes, plan)
-    _number(axes, plan.motion.base_positions)
-    for place, depth, name in ((0.05, 2, "from above"), (0.54, 1, "from the side")):
-        flat = figure.add_axes((place, 0.06, 0.42, 0.22))
-        _draw_flat(flat, grasp_map, plan, depth)
-        flat.set_title(name, fontsize=9.5, loc="left", color="0.25")
+    for k in ghost_stances(plan):
+        draw_ghost(axes, robot_parts(plan.world.robot, plan.configuration(k)))
+    draw_base_path(axes, base_line(plan), plan.motion.base_positions, "base path")
+    draw_goal(axes, plan.query.goal, plan.query.goal_tolerance)
+    number(axes, plan.motion.base_positions)
+    for place, view in ((0.05, FROM_ABOVE), (0.54, FROM_THE_SIDE)):
+        flat = flat_view(figure, (place, 0.06, 0.42, 0.22), grasp_map, view)
+        _draw_flat(flat, view, grasp_map, plan)
     count = f" ({len(drawn)} of {len(explored)} drawn)" if len(drawn) < len(explored) else ""
     add_heading(
         figure,
@@ -67,43 +78,23 @@ def plan_figure(
     save_figure(figure, path)
 
 
-def _draw_goal_region(axes: Any, plan: Plan) -> None:
-    """Draw the ball in which the base is to end."""
-    turn, rise = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 17), np.linspace(0.0, np.pi, 9))
-    ball = np.stack([np.cos(turn) * np.sin(rise), np.sin(turn) * np.sin(rise), np.cos(rise)])
-    ball = np.array(plan.query.goal)[:, None, None] + plan.query.goal_tolerance * ball
-    axes.plot_wireframe(*ball, color=GOAL_COLOUR, linewidth=0.4, alpha=0.7, zorder=4)
-
-
-def _number(axes: Any, places: Array) -> None:
-    """Write the numbers of stances at base positions, shape (k, 2 or 3) [m]."""
-    for k, place in enumerate(places):
-        shift = np.zeros(len(place))
-        shift[-1] = 0.07
-        axes.text(*(place + shift), str(k), fontsize=8, ha="center", zorder=8)
-
-
-def _draw_flat(axes: Any, grasp_map: GraspMap, plan: Plan, depth: int) -> None:
-    """Draw the plan seen along axis `depth` of the module, equal scale."""
-    across = (0, 3 - depth)
-    axes.scatter(*grasp_map.positions[:, across].T, s=3, color=tints(grasp_map), zorder=1)
-    base = plan.motion.base_positions[:, across]
+def _draw_flat(axes: Any, view: View, grasp_map: GraspMap, plan: Plan) -> None:
+    """Draw the plan in a flat view."""
+    base = plan.motion.base_positions
+    for k in ghost_stances(plan):
+        draw_flat_ghost(axes, view, robot_parts(plan.world.robot, plan.configuration(k)))
     for limb, held in enumerate(_held(grasp_map, plan)):
         colour = LIMB_COLOURS[limb]
-        for a, b in zip(base, held[:, across], strict=True):
-            axes.plot(*np.array([a, b]).T, color=colour, linewidth=0.7, alpha=0.6, zorder=2)
-        axes.scatter(*held[:, across].T, s=26, color=colour, edgecolor="white", zorder=4)
-    axes.plot(*base.T, color=BASE_COLOUR, linewidth=2.0, marker="s", markersize=4, zorder=3)
-    ball = np.array(plan.query.goal)[list(across)]
-    turn = np.linspace(0.0, 2.0 * np.pi, 61)
-    ring = ball[:, None] + plan.query.goal_tolerance * np.array([np.cos(turn), np.sin(turn)])
-    axes.plot(*ring, color=GOAL_COLOUR, linewidth=1.0, zorder=2)
-    _number(axes, base)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x [m]", fontsize=8)
-    axes.set_ylabel("xyz"[across[1]] + " [m]", fontsize=8)
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
+        for ends in np.stack([base, held], axis=1):
+            axes.plot(*ends[:, view].T, color=colour, linewidth=0.7, alpha=0.6, zorder=2)
+        axes.scatter(*held[:, view].T, s=26, color=colour, edgecolor="white", zorder=4)
+    draw_flat_path(axes, view, base_line(plan), base)
+    draw_flat_goal(axes, view, plan.query.goal, plan.query.goal_tolerance)
+
+
+def ghost_stances(plan: Plan) -> list[int]:
+    """Stances in which the robot itself is drawn: the first, a middle one and the last."""
+    return sorted({0, len(plan.stances) // 2, len(plan.stances) - 1})
 
 
 def _held(grasp_map: GraspMap, plan: Plan) -> list[Array]:

@@ -17,10 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SceneError
+from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.captions import with_labels
+from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
+
+GHOST_OPACITY = 0.22
+"""Opacity of a ghost."""
+
+MARGIN = 0.3
+"""Room round a map in a picture of the whole of it [m]."""
 
 
 class SceneRenderer:
@@ -56,7 +66,7 @@ class SceneRenderer:
             raise _no_gl(error) from None
         self.grasp_map, self.obstacles = grasp_map, tuple(obstacles)
         self.model = compiled(scene_spec(grasp_map, robot, obstacles))
-        self.data = mujoco.MjData(self.model)
+        self.data, self._size = mujoco.MjData(self.model), (width, height)
         try:
             self._renderer: Any = mujoco.Renderer(self.model, height, width)
             # Registered after the GL loader's exit hook, hence run before it.
@@ -71,10 +81,9 @@ class SceneRenderer:
         joints: Array,
         *,
         hide: tuple[str, ...] = ("forward",),
-        lookat: Array | None = None,
-        distance: float = 5.8,
-        azimuth: float = 82.0,
-        elevation: float = -5.0,
+        camera: Camera | None = None,
+        route: Route | None = None,
+        ghosts: Sequence[Configuration] = (),
     ) -> NDArray[np.uint8]:
         """Picture of one configuration, shape (height, width, 3).
 
@@ -83,10 +92,9 @@ class SceneRenderer:
             quaternion: Base orientation w, x, y, z.
             joints: Joint angles [rad], shape (N, 6).
             hide: Cabin faces that are not drawn.
-            lookat: Point in the middle of the picture [m]; by default the middle of the map.
-            distance: Distance of the camera [m].
-            azimuth: Camera azimuth [deg].
-            elevation: Camera elevation [deg].
+            camera: From where it is seen; by default so that the whole map is.
+            route: What is shown of a plan.
+            ghosts: Configurations in which a translucent copy of the robot stands.
         """
         import mujoco
 
@@ -99,15 +107,43 @@ class SceneRenderer:
         for face in hide:
             options.geomgroup[FACE_GROUPS[face]] = 0
             options.sitegroup[FACE_GROUPS[face]] = 0
-        camera = mujoco.MjvCamera()
-        points = self.grasp_map.positions
-        camera.lookat[:] = (
-            0.5 * (points.min(axis=0) + points.max(axis=0)) if lookat is None else lookat
-        )
-        camera.distance, camera.azimuth, camera.elevation = distance, azimuth, elevation
-        self._renderer.update_scene(self.data, camera, options)
+        seen_from = camera or self.overview()
+        eye = mujoco.MjvCamera()
+        eye.lookat[:], eye.distance = seen_from.lookat, seen_from.distance
+        eye.azimuth, eye.elevation = seen_from.azimuth, seen_from.elevation
+        self._renderer.update_scene(self.data, eye, options)
+        for ghost in ghosts:
+            self._add_ghost(ghost, options)
+        if route is not None:
+            route.add_to(self._renderer.scene)
         image: NDArray[np.uint8] = self._renderer.render().copy()
-        return image
+        if route is None:
+            return image
+        labels = route.labels()
+        places = np.array([place for place, _, _ in labels]).reshape(-1, 3)
+        pixels = seen_from.pixels(places, image.shape[1], image.shape[0])
+        return with_labels(image, pixels, [(text, colour) for _, text, colour in labels])
+
+    def overview(self) -> Camera:
+        """The camera that sees the whole map."""
+        points = self.grasp_map.positions
+        x, y, z = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
+        width, height = self._size
+        return Camera((x, y, z)).seeing(points, MARGIN, width / height)
+
+    def _add_ghost(self, configuration: Configuration, options: Any) -> None:
+        """Add a translucent copy of the robot to what is drawn next."""
+        import mujoco
+
+        from mlivr_gym.simulation.scene import set_configuration
+
+        data, scene = mujoco.MjData(self.model), self._renderer.scene
+        set_configuration(self.model, data, *configuration)
+        first, robot = scene.ngeom, mujoco.mjtCatBit.mjCAT_DYNAMIC
+        mujoco.mjv_addGeoms(self.model, data, options, mujoco.MjvPerturb(), robot, scene)
+        for geom in scene.geoms[first : scene.ngeom]:
+            geom.rgba[3] *= GHOST_OPACITY
+            geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # which casts no shadow
 
     def close(self) -> None:
         """Release the GL context."""

@@ -98,16 +98,10 @@ def mark_phases(
 ) -> None:
     """Shade departures and approaches, and mark captures and the failure."""
     for phase, (_, colour) in SHADES.items():
-        panel.fill_between(
-            recording.times,
-            0.0,
-            1.0,
-            where=recording.phase == phase,
-            color=colour,
-            linewidth=0.0,
-            zorder=0,
-            transform=panel.get_xaxis_transform(),
-        )
+        shaded = np.concatenate([[False], recording.phase == phase, [False]])
+        first, after = np.flatnonzero(np.diff(shaded.astype(np.int8))).reshape(-1, 2).T
+        for begin, end in zip(recording.times[first], recording.times[after - 1], strict=True):
+            panel.axvspan(begin, end, color=colour, linewidth=0.0, zorder=0)
     for capture in captures:
         panel.axvline(capture.time, color="0.35", linewidth=0.8, linestyle=":")
     if failure is not None:

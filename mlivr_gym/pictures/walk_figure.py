@@ -4,86 +4,194 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import (
-    FACES,
     add_heading,
     add_legend,
     box_corners,
+    box_faces,
     draw_base_path,
+    draw_goal,
     map_axes,
     save_figure,
 )
-from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.pictures.flat_views import (
+    FROM_ABOVE,
+    FROM_THE_SIDE,
+    TOWARD_THE_EYE,
+    View,
+    draw_flat_goal,
+    draw_flat_path,
+    flat_view,
+    number,
+)
+from mlivr_gym.pictures.plan_paths import base_paths
+from mlivr_gym.pictures.robot_shapes import outline
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
+PLAN_COLOURS = ("#9c36b5", "#e8590c", "#0b7285", "#862e9c", "#5c940d")
+"""Colours of what was planned and not walked, plan by plan; none is that of a base path."""
 
-def walk_figure(
-    grasp_map: GraspMap,
-    walked: Array,
-    planned: list[Array],
-    path: str | Path,
-    *,
-    goal: Sequence[float],
-    obstacles: Sequence[Box],
-    occupied: Sequence[str],
-) -> None:
-    """Picture of a walk among obstacles: base path walked thick, what had been planned dashed.
+OCCUPIED_COLOUR, BOX_COLOUR = "#d00000", "#a5785a"
+"""Colours of occupied points and of obstacles."""
+
+
+class Leg(NamedTuple):
+    """A plan, and how much of it was walked before it was given up."""
+
+    plan: Plan
+    """The plan."""
+    taken: int
+    """Number of its steps that were walked."""
+
+    @property
+    def walked(self) -> Array:
+        """Base positions along the steps walked, shape (k, 3) [m]."""
+        start = self.plan.motion.base_positions[:1]
+        return np.concatenate([start, *base_paths(self.plan)[: self.taken]])
+
+    @property
+    def given_up(self) -> Array:
+        """Base positions along the other steps, shape (k, 3) [m]."""
+        here = self.plan.motion.base_positions[self.taken : self.taken + 1]
+        return np.concatenate([here, *base_paths(self.plan)[self.taken :]])
+
+
+class Walk(NamedTuple):
+    """A walk as it is drawn."""
+
+    line: Array
+    """Base positions along it, shape (k, 3) [m]."""
+    stances: Array
+    """Base positions of its stances, shape (s, 3) [m]."""
+    breaks: Array
+    """Base positions where a plan was given up, shape (b, 3) [m]."""
+
+    @classmethod
+    def of(cls, legs: Sequence[Leg]) -> Walk:
+        """The walk that the legs make one after the other."""
+        bases = [leg.plan.motion.base_positions[: leg.taken + 1] for leg in legs]
+        return cls(
+            np.concatenate([leg.walked for leg in legs]),
+            np.concatenate([bases[0][:1], *(base[1:] for base in bases)]),
+            np.array([base[-1] for base in bases[:-1]]).reshape(-1, 3),
+        )
+
+    @property
+    def length(self) -> float:
+        """Sum of the displacements between its stances [m]."""
+        return float(np.linalg.norm(np.diff(self.stances, axis=0), axis=1).sum())
+
+
+def walk_figure(grasp_map: GraspMap, legs: Sequence[Leg], path: str | Path) -> None:
+    """Picture of a walk among obstacles, in space and from three sides.
+
+    The path walked is thick and green; what a plan had in mind when it was given up is dashed, each
+    plan in a colour of its own. Goal, obstacles and occupied points are those of the last plan.
 
     Args:
         grasp_map: The map.
-        walked: Base positions, shape (k, 3) [m].
-        planned: Base positions of each plan that was made, shape (k, 3) [m].
-        path: PNG file to write.
-        goal: Goal position [m].
-        obstacles: Boxes besides the map's.
-        occupied: Ids of points that were not to be grasped.
+        legs: The plans, and how much of each was walked.
+        path: PNG file to write, and an SVG beside it.
     """
+    walk, last = Walk.of(legs), legs[-1].plan
     figure, axes = map_axes(grasp_map)
-    for box in obstacles:
+    figure.set_size_inches(12.8, 9.6)
+    axes.set_position((-0.06, 0.22, 1.08, 0.82))
+    for box in last.world.obstacles:
         _draw_obstacle(axes, box)
-    if occupied:
-        axes.scatter(
-            *grasp_map.positions[[grasp_map.index(point) for point in occupied]].T,
-            s=50,
-            marker="x",
-            color="#d00000",
-            depthshade=False,
-            zorder=6,
-            label="points occupied",
-        )
-    for k, base in enumerate(planned):
-        axes.plot(
-            *base.T,
-            linestyle="--",
-            linewidth=1.4,
-            color=LIMB_COLOURS[k + 2],
-            zorder=4,
-            label=f"plan {k + 1}",
-        )
-    draw_base_path(axes, walked, goal, "base path walked")
-    length = float(np.linalg.norm(np.diff(walked, axis=0), axis=1).sum())
-    add_heading(
-        figure,
-        "A walk interrupted twice",
-        f"{len(walked) - 1} steps, base translation {length:.2f} m, {len(planned)} plans",
-    )
+    taken = grasp_map.positions[[grasp_map.index(point) for point in last.world.occupied]]
+    style = {"color": OCCUPIED_COLOUR, "marker": "x", "zorder": 6}
+    axes.scatter(*taken.T, s=50, depthshade=False, label="points occupied", **style)
+    for k, leg in enumerate(legs[:-1]):
+        axes.plot(*leg.given_up.T, label=f"plan {k + 1}, given up", zorder=4, **_dashed(k))
+    draw_base_path(axes, walk.line, walk.stances, "base path walked")
+    axes.scatter(*walk.breaks.T, depthshade=False, label="plan given up here", **_BREAK)
+    draw_goal(axes, last.query.goal, last.query.goal_tolerance)
+    number(axes, walk.stances)
+    for place, view in ((0.05, FROM_ABOVE), (0.54, FROM_THE_SIDE)):
+        flat = flat_view(figure, (place, 0.06, 0.42, 0.22), grasp_map, view)
+        _draw_flat(flat, view, walk, legs)
+        flat.scatter(*taken[:, view].T, s=26, **style)
+    times = {1: "", 2: " interrupted once", 3: " interrupted twice"}
+    many = f" interrupted {len(legs) - 1} times"
+    add_heading(figure, f"A walk{times.get(len(legs), many)}", _remark(walk, last))
     add_legend(figure)
     save_figure(figure, path)
+
+
+_BREAK = {"s": 130, "marker": "o", "facecolor": "none", "edgecolor": "black", "zorder": 7}
+
+
+def _dashed(k: int) -> dict[str, Any]:
+    """How what is left of plan k is drawn."""
+    return {
+        "color": PLAN_COLOURS[k % len(PLAN_COLOURS)],
+        "linestyle": ("--", "-.", ":")[k % 3],
+        "linewidth": 1.8,
+    }
+
+
+def _remark(walk: Walk, plan: Plan) -> str:
+    """What the walk came to, and how near its base came to the obstacles."""
+    steps = f"{len(walk.stances) - 1} steps, base translation {walk.length:.2f} m"
+    if not plan.world.obstacles:
+        return steps
+    apart = min(least_distance(walk.line, box) for box in plan.world.obstacles)
+    return f"{steps}; the middle of the base passes the box at {apart:.2f} m"
+
+
+def least_distance(line: Array, box: Box) -> float:
+    """Distance of a polyline, shape (k, 3), from a box, 0 where it runs into it [m]."""
+    seen = np.abs((_dense(line) - np.array(box.centre)) @ np.array(box.rotation))
+    outside: Array = np.maximum(seen - np.array(box.half), 0.0)
+    return float(np.linalg.norm(outside, axis=1).min())
+
+
+def _dense(line: Array) -> Array:
+    """Places close together on a polyline, shape (k, 3) [m]."""
+    share = np.linspace(0.0, 1.0, 101)[:, None, None]
+    places: Array = ((1.0 - share) * line[:-1] + share * line[1:]).reshape(-1, 3)
+    return places
+
+
+def _draw_flat(axes: Any, view: View, walk: Walk, legs: Sequence[Leg]) -> None:
+    """Draw the walk in a flat view; of boxes and path, what is nearer to the eye lies on top."""
+    goal = legs[-1].plan.query
+    for k, leg in enumerate(legs[:-1]):
+        axes.plot(*leg.given_up[:, view].T, zorder=2, **_dashed(k))
+    draw_flat_path(axes, view, walk.line, walk.stances)
+    axes.scatter(*walk.breaks[:, view].T, **_BREAK)
+    draw_flat_goal(axes, view, goal.goal, goal.goal_tolerance)
+    for box in legs[-1].plan.world.obstacles:
+        edge = outline(box_faces(box), np.eye(3)[list(view)])
+        over = 3.5 if hides(box, walk.line, view) else 1.5
+        axes.fill(*edge.T, facecolor=BOX_COLOUR, edgecolor=BOX_COLOUR, alpha=0.55, zorder=over)
+
+
+def hides(box: Box, line: Array, view: View) -> bool:
+    """Whether a polyline, shape (k, 3), runs behind a box in a view, most of what crosses it."""
+    places, (low, high) = _dense(line), box.bounds
+    axes, toward = list(view), np.array(TOWARD_THE_EYE[view])
+    across = ((places > low) & (places < high))[:, axes].all(axis=1)
+    depth = (places[across] - np.array(box.centre)) @ toward
+    return bool(len(depth)) and float(np.median(depth)) < 0.0
 
 
 def _draw_obstacle(axes: Any, box: Box) -> None:
     """Draw a box with its name."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    corners = box_corners(box)
-    faces = [[corners[v] for v in face] for face in FACES]
     axes.add_collection3d(
-        Poly3DCollection(faces, facecolor="#d95926", edgecolor="#d95926", alpha=0.3, zorder=3)
+        Poly3DCollection(
+            box_faces(box), facecolor=BOX_COLOUR, edgecolor=BOX_COLOUR, alpha=0.35, zorder=3
+        )
     )
-    axes.text(*corners.max(axis=0), box.id, fontsize=9, color="#a03000", zorder=8, parse_math=False)
+    top = box_corners(box).max(axis=0)
+    axes.text(*top, box.id, fontsize=9, color=BOX_COLOUR, zorder=8, parse_math=False)

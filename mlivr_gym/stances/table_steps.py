@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.compiled.kernels import entry
+from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
@@ -100,6 +100,77 @@ def legal_positions(
                         releasable_after[k, moving, point] = 1
                     for axis in range(3):
                         position[k, moving, point, axis] = tables.base_in_world[s2, axis]
+
+
+class Ahead(NamedTuple):
+    """What k states look out for beyond the steps of the tables."""
+
+    goals: Array
+    """Goal positions [m], shape (k, 3)."""
+    tolerance: float
+    """Radius of the goal regions [m]."""
+    free: NDArray[np.bool_]
+    """Which points may be grasped, shape (k, m)."""
+    of_points: Array
+    """Reach and arrivals once a limb has taken hold of a point, shape (k, 2, m, 2 d)."""
+
+
+@entry
+def onward_of_actions(
+    stances: IntArray, masks: IntArray, tables: Any, ahead: Ahead, out: Array
+) -> None:
+    """How near to the goal each action can lead, if a step that is possible after it comes next.
+
+    Args:
+        stances: Stance indices, shape (k,).
+        masks: Branches each limb may be on, shape (k, 2).
+        tables: `StepTables`.
+        ahead: Goals, and the reach and the arrivals of points.
+        out: Shape (k, 2, m, 2 d + 2), whose first d + 1 hold the reach where there is none;
+            for actions allowed the least reach over the steps after them is written there, that of
+            the step itself first, and then the sums of their arrivals.
+    """
+    depth = ahead.of_points.shape[3] // 2
+    for k in range(len(stances)):
+        s = stances[k]
+        for moving in range(2):
+            if not can_release(masks[k, moving], tables.releasable[s, moving]):
+                continue
+            of_held = masks[k, 1 - moving]
+            for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
+                kept = kept_on_edge(of_held, tables.kept[e])
+                if kept:
+                    s2 = tables.after[e]
+                    grasped = tables.releasable[s2, moving]
+                    after = (grasped, kept) if moving == 0 else (kept, grasped)
+                    point = tables.points[s2, moving]
+                    _look_onward(k, (s2, after), tables, ahead, out[k, moving, point], depth)
+
+
+@kernel
+def _look_onward(
+    k: int, state: tuple[int, tuple[int, int]], tables: Any, ahead: Ahead, out: Array, depth: int
+) -> None:
+    """What `onward_of_actions` tells of the state after one action; `out` has shape (2 d + 2,)."""
+    s, masks = state
+    for moving in range(2):
+        if not can_release(masks[moving], tables.releasable[s, moving]):
+            continue
+        for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
+            s2 = tables.after[e]
+            point = tables.points[s2, moving]
+            if not ahead.free[k, point] or not kept_on_edge(masks[1 - moving], tables.kept[e]):
+                continue
+            squared = 0.0
+            for axis in range(3):
+                squared += (tables.base_in_world[s2, axis] - ahead.goals[k, axis]) ** 2
+            away = np.sqrt(squared)
+            out[0] = min(out[0], away)
+            if away <= ahead.tolerance:
+                out[depth + 1] += 1.0
+            for d in range(depth):
+                out[d + 1] = min(out[d + 1], ahead.of_points[k, moving, point, d])
+                out[depth + 2 + d] += ahead.of_points[k, moving, point, depth + d]
 
 
 @entry

@@ -9,6 +9,8 @@ from gymnasium.utils.env_checker import check_env
 
 from mlivr_gym.agents.features import (
     DEPTH,
+    ONWARD_ARRIVALS,
+    ONWARD_REACH,
     PointObservation,
     TableFeatures,
     env_features,
@@ -61,7 +63,7 @@ def test_features_from_tables_are_those_of_the_environment(env):
             s,
             np.array([env.state.masks]),
             env.goal[None],
-            reach_of_points(env.graph, env.goal)[None],
+            reach_of_points(env.graph, env.goal, env.goal_tolerance)[None],
         )
         for name, rows in env_features(env).items():
             np.testing.assert_array_equal(batch[name], rows)
@@ -70,7 +72,7 @@ def test_features_from_tables_are_those_of_the_environment(env):
 def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
     """After one step any stance with the point, then any that keeps the point of the other limb."""
     graph, goal = env.graph, np.array([1.5, 0.0, 0.0])
-    reach, held = reach_of_points(graph, goal), (graph.mask > 0).all(axis=1)
+    reach, held = reach_of_points(graph, goal, 0.2), (graph.mask > 0).all(axis=1)
     distance = np.linalg.norm(graph.base_in_world - goal, axis=1)
     for limb in range(2):
         for point in range(0, len(graph.grasp_map), 3):
@@ -81,6 +83,61 @@ def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
                 )
                 kept = 1 - kept
                 stances = held & np.isin(graph.points[:, kept], graph.points[stances, kept])
+
+
+def test_arrivals_are_the_sequences_of_stances_that_end_in_the_goal_region(env):
+    """Counted one by one, the limbs moving in turns."""
+    graph, tolerance = env.graph, 0.5
+    goal = graph.base_in_world[40]
+    held = (graph.mask > 0).all(axis=1)
+    stances = [tuple(pair) for pair in graph.points[held].tolist()]
+    near = np.linalg.norm(graph.base_in_world[held] - goal, axis=1) <= tolerance
+    arrives = dict(zip(stances, near.tolist(), strict=True))
+
+    def arrivals(limb, point, steps):
+        after = [pair for pair in stances if pair[limb] == point]
+        if steps == 1:
+            return sum(arrives[pair] for pair in after)
+        return sum(arrivals(1 - limb, pair[1 - limb], steps - 1) for pair in after)
+
+    found = reach_of_points(graph, goal, tolerance)[..., DEPTH:]
+    for limb in range(2):
+        for point in range(0, len(graph.grasp_map), 7):
+            assert [arrivals(limb, point, n) for n in (1, 2, 3)] == found[limb, point, :3].tolist()
+    assert near.any()
+    assert found[..., 3].max() > found[..., 2].max() > 3
+
+
+def test_an_action_tells_how_near_a_possible_step_after_it_leads(env):
+    """From the environment, step by step: where the base is after two, and what follows them."""
+    env.reset(seed=3)
+    seen, graph = env_features(env)["limbs"][0], env.graph
+    reach = reach_of_points(graph, env.goal, env.goal_tolerance)
+    steps, some = env.successors(), 0
+    for k, (limb, point) in enumerate(zip(steps.limb, steps.point, strict=True)):
+        after = graph.successors(steps.after(env.state, k))
+        away = np.linalg.norm(after.base_in_world - env.goal, axis=1)
+        onward, arrivals = seen[limb, point, ONWARD_REACH], seen[limb, point, ONWARD_ARRIVALS]
+        assert onward[0] == pytest.approx(away.min(), rel=1e-6)
+        assert 2.0 ** arrivals[0] - 1.0 == pytest.approx(
+            (away <= env.goal_tolerance).sum(), abs=1e-4
+        )
+        for d in range(DEPTH):
+            following = [reach[i, p, d] for i, p in zip(after.limb, after.point, strict=True)]
+            counts = [reach[i, p, DEPTH + d] for i, p in zip(after.limb, after.point, strict=True)]
+            assert onward[d + 1] == pytest.approx(min(following), rel=1e-6)
+            assert arrivals[d + 1] == pytest.approx(np.log2(1.0 + sum(counts)), rel=1e-5, abs=1e-6)
+        some += 1
+    assert some > 10
+
+
+def test_with_more_limbs_an_action_tells_where_the_base_is_after_it(jem):
+    world = MlivrEnv(map=jem, robot="mlivr3", collisions=False)
+    world.reset(seed=0)
+    seen, steps = env_features(world)["limbs"][0], world.successors()
+    away = np.linalg.norm(steps.base_in_world - world.goal, axis=1)
+    onward = seen[steps.limb, steps.point, ONWARD_REACH]
+    np.testing.assert_allclose(onward, np.tile(away[:, None], DEPTH + 1), rtol=1e-5)
 
 
 def test_features_tell_points_that_are_taken_and_their_risk(small_map):

@@ -148,6 +148,8 @@ def whole(path, content):
     """Whether a file that a command wrote is complete."""
     if content.startswith(b"{"):
         return bool(json.loads(content))
+    if content.startswith(b"<?xml"):
+        return content.endswith(b"</svg>\n")
     return content.startswith((b"\x89PNG", b"<mujoco")) or path.endswith(".csv")
 
 

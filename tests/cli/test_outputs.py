@@ -61,6 +61,19 @@ def test_plan_that_cannot_write_its_picture_does_not_write_the_plan(run, tmp_pat
     assert not files(tmp_path)
 
 
+def test_both_files_of_a_picture_are_claimed(run, tmp_path):
+    """The SVG beside the PNG is told before it is replaced, and may not be the plan's file."""
+    old, picture = tmp_path / "plan.svg", tmp_path / "plan.png"
+    old.touch()
+    code, out, _ = run("plan", "--picture", str(picture), "--limit", "1")
+    assert code == 3
+    assert out.startswith(f"will be replaced: {old}\n")
+    assert files(tmp_path) == {"plan.svg"}
+    code, _, err = run("plan", "--out", str(old), "--picture", str(picture))
+    assert code == 2
+    assert "would be written twice" in err
+
+
 def test_a_simulation_that_is_refused_leaves_nothing(run, tmp_path, plan_file, monkeypatch):
     def fail(*_):
         raise PlanError("a step cannot be followed")

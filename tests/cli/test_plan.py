@@ -42,6 +42,9 @@ def test_plan_writes_plan_and_picture(run, tmp_path, jem):
     assert loaded.stances[0] == ("D2a:4", "D2b:4")
     assert len(loaded.steps) == 4
     assert picture.read_bytes().startswith(b"\x89PNG")
+    assert f"picture: {picture}, {tmp_path / 'plan.svg'}" in out
+    assert (tmp_path / "plan.svg").read_text().startswith("<?xml")
+    assert {path.name for path in tmp_path.iterdir()} == {"plan.json", "plan.png", "plan.svg"}
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,7 @@ def test_render_says_once_that_there_is_no_gl(run, tmp_path, monkeypatch):
         "no GL, drawing with matplotlib instead: MuJoCo has no GL library here"
     ]
     assert out.read_bytes().startswith(b"\x89PNG")
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]
 
 
 def test_render_writes_the_file_that_is_named_and_no_other(run, tmp_path, plan_file):

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from mlivr_gym.cli.simulate import FILES
 from mlivr_gym.errors import RenderError
 from mlivr_gym.pictures.film import film
 from mlivr_gym.planners import Planner
@@ -42,6 +43,9 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
     assert summary["success"]
     assert summary["captures"][0]["distance"] < 0.01
     assert (tmp_path / "walk" / "simulation.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "walk" / "simulation.svg").read_text().startswith("<?xml")
+    assert f"plot: {tmp_path / 'walk' / 'simulation.png'}, " in out
+    assert {path.name for path in (tmp_path / "walk").iterdir()} <= {*FILES, "walk.gif"}
     assert (tmp_path / "walk" / "trajectory.csv").read_text().startswith("time_s,step,phase")
     gif = tmp_path / "walk" / "walk.gif"
     assert gif.exists() == ("no film" not in out)

@@ -29,7 +29,12 @@ def test_all_cases_have_plans_in_all_modes_and_what_cannot_but_hold_holds(made):
         "table1.json",
         "scene_start.png",
         "scene_goal.png",
-        *(f"case{k}{kind}.png" for k in (1, 2, 3, 4) for kind in ("", "_collisions")),
+        *(
+            f"case{k}{kind}{ending}"
+            for k in (1, 2, 3, 4)
+            for kind in ("", "_collisions")
+            for ending in (".png", ".svg")
+        ),
     }
     assert [sorted(rows) for rows in data["measured"].values()] == [["1", "2", "3", "4"]] * 3
     for mode in ("steps", "collisions"):

@@ -126,12 +126,17 @@ def both_hold(graph, rng):
 
 def apart_answer(graph, branches, path, points, offset=(0.0, 0.0, 0.0)):
     """What the check says; mount and grip of the second limb shifted in the body frame."""
+    room = both_holding(graph, branches, path, points, offset)
+    return answer(room, CLEARANCE, robot=with_shifted_mount(1, offset))
+
+
+def both_holding(graph, branches, path, points, offset=(0.0, 0.0, 0.0)):
+    """The motion in which both limbs hold."""
     flanges = graph.solver.grasps["flange"][points]
     grips, tools = flanges["position"].copy(), flanges["rotation"]
     grips[1] += path["first"]["rotation"] @ offset
     limbs = [holding(i, branches[i], grips[i], tools[i]) for i in range(2)]
-    room = motion(path, (0.0, 1.0), *limbs, ("meeting",))
-    return answer(room, CLEARANCE, robot=with_shifted_mount(1, offset))
+    return motion(path, (0.0, 1.0), *limbs, ("meeting",))
 
 
 def test_two_limbs_that_hold_keep_the_clearance_and_no_more(small_checked_graph):
@@ -144,3 +149,19 @@ def test_two_limbs_that_hold_keep_the_clearance_and_no_more(small_checked_graph)
         for gap in (NEAR, FAR):
             offset = shift_to(first, second, direction, gap)
             assert (apart_answer(graph, branches, path, points, offset) == CLEAR) == (gap == FAR)
+
+
+def test_both_limbs_are_followed_to_the_end_of_a_motion_that_is_clear(small_checked_graph):
+    """Where they are at its end bounds how far they turn on its last interval."""
+    rng, seen = np.random.default_rng(5), 0
+    while seen < 4:
+        joints, branches, path, points = both_hold(small_checked_graph, rng)
+        room = both_holding(small_checked_graph, branches, path, points)
+        if answer(room, CLEARANCE) != CLEAR:
+            continue
+        for name, angles in zip(("first_ahead", "second_ahead"), joints, strict=True):
+            away = np.ravel(room[name])[:6] - angles[-1]
+            # The tool may be held either way up: half a turn of joint 6.
+            np.testing.assert_allclose(np.angle(np.exp(2j * away)), 0.0, atol=1e-8)
+            assert np.abs(angles[-1] - angles[0]).max() > 1e-3
+        seen += 1

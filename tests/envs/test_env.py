@@ -90,7 +90,8 @@ def test_a_pickled_environment_goes_on_alike(env):
     assert data_equivalence(env.reset(), other.reset())
 
 
-def test_masked_sampling_never_meets_an_invalid_action_in_10000_steps(env):
+def test_masked_sampling_never_meets_an_invalid_action_in_10000_steps(small_map):
+    env = MlivrEnv(map=small_map, collisions=False)
     _, info = env.reset(seed=0)
     env.action_space.seed(0)
     for _ in range(10_000):

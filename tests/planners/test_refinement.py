@@ -1,5 +1,7 @@
 """Plans refined: the same footholds, less translation, still possible."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,18 @@ def test_footholds_start_and_goal_region_stay_and_thresholds_hold(small_checked_
         assert new.cost == pytest.approx(plan.cost if cost == "steps" else new.base_translation)
         shorter += new.base_translation < 0.999 * plan.base_translation
     assert shorter
+
+
+def test_the_last_pose_moves_in_the_goal_region_and_stays_where_there_is_none(small_checked_graph):
+    """A walk that ends elsewhere keeps the pose that it ends in."""
+    graph, moved = small_checked_graph, 0.0
+    for plan in plans(graph, 3, "base"):
+        last = plan.motion.base_positions[-1]
+        moved += np.linalg.norm(Planner(graph).refined(plan).motion.base_positions[-1] - last)
+        astray = replace(plan, query=replace(plan.query, goal=(9.0, 9.0, 9.0)))
+        new = Planner(graph).refined(astray)
+        np.testing.assert_allclose(new.motion.base_positions[-1], last, atol=1e-12)
+    assert moved > 0.01
 
 
 def test_a_refined_plan_is_carried_out(small_checked_graph):

@@ -222,3 +222,23 @@ def test_counts_agree_with_the_independent_calculation(jem):
     assert (~opposed).sum() == 27010
     kept = (graph.w_m.min(axis=1) >= 0.1) & (graph.w_b >= 0.001) & ~opposed
     assert abs(kept.sum() - 20842) < 0.01 * 20842
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_a_stance_has_one_of_the_poses_that_are_tried(jem, limbs):
+    """The pose that all stances are solved for at once is among those told for one alone."""
+    settings = Settings(collisions=False, manipulability=False)
+    graph = LazyGraph(jem, robot_spec(f"mlivr{limbs}"), settings)
+    rng = np.random.default_rng(limbs)
+    seen = 0
+    while seen < 30:
+        first = int(rng.integers(len(jem)))
+        stance = (first, *rng.choice(graph.partners(first), limbs - 1, replace=False).tolist())
+        found = graph.postures(np.array([stance]))
+        if not found.reachable[0]:
+            continue
+        positions, rotations = graph.solver.poses_tried(stance)
+        away = np.linalg.norm(positions - found.base_position[0], axis=1)
+        turned = np.abs(rotations - found.base_rotation[0]).max(axis=(1, 2))
+        assert np.maximum(away, turned).min() < 1e-9
+        seen += 1

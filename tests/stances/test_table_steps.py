@@ -5,10 +5,12 @@ import pytest
 
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import (
+    Ahead,
     any_step,
     find_step,
     legal_actions,
     legal_positions,
+    onward_of_actions,
     steps_of_state,
 )
 
@@ -85,6 +87,32 @@ def test_actions_and_where_they_lead(seed):
     np.testing.assert_array_equal(legal, expected[0])
     np.testing.assert_array_equal(again, expected[1])
     np.testing.assert_array_equal(position, places)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_where_the_steps_after_an_action_lead(seed):
+    rng = np.random.default_rng(seed)
+    tables, k, depth = random_tables(rng), 12, 2
+    stances, masks = rng.integers(0, len(tables.points), k), rng.integers(0, 8, (k, 2))
+    goals, free = rng.normal(size=(k, 3)), rng.random((k, POINTS)) < 0.8
+    of_points = rng.random((k, 2, POINTS, 2 * depth)) * 3.0
+    found = np.zeros((k, 2, POINTS, 2 * depth + 2))
+    found[..., : depth + 1] = 2.5
+    expected = found.copy()
+    onward_of_actions(stances, masks, tables, Ahead(goals, 1.5, free, of_points), found)
+    for i in range(k):
+        for moving, _, s2, kept in plain_steps(tables, stances[i], masks[i]):
+            grasped = int(tables.releasable[s2, moving])
+            after = (grasped, kept) if moving == 0 else (kept, grasped)
+            out = expected[i, moving, tables.points[s2, moving]]
+            for limb, _, s3, _ in plain_steps(tables, s2, after):
+                point = tables.points[s3, limb]
+                if free[i, point]:
+                    away = np.linalg.norm(tables.base_in_world[s3] - goals[i])
+                    ahead = of_points[i, limb, point]
+                    out[: depth + 1] = np.minimum(out[: depth + 1], [away, *ahead[:depth]])
+                    out[depth + 1 :] += [away <= 1.5, *ahead[depth:]]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -1,0 +1,293 @@
+"""Reference curves of learning on `MLIVR-JEM-Far-v0`: cloning, DAgger and masked PPO.
+
+    python experiments/reference_curves.py [--methods dagger ...] [--seeds 3] [--out results]
+
+The protocol is that of `docs/benchmark.md`: fixed tasks, most steps of an episode, metrics, budget.
+Each method and seed is trained anew with the hyperparameters that ship with the package. What is
+measured goes into `reference_curves.json` run by run, and a run that is there is not made again;
+`reference_curves.md` and `reference_curves.png` show all runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from tqdm import tqdm
+
+from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
+from mlivr_gym.agents.evaluation import Task
+from mlivr_gym.agents.hyperparameters import ImitationSettings, hyperparameters
+from mlivr_gym.agents.imitation import Imitation
+from mlivr_gym.agents.learned import LearnedPolicy
+from mlivr_gym.agents.networks import make_policy, policy_class
+from mlivr_gym.agents.policies import Policy
+from mlivr_gym.agents.sb3_env import TableVecEnv
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.tasks import fixed_task
+from mlivr_gym.files import write_whole
+
+METHODS = {"dagger": "DAgger", "bc": "cloning", "ppo": "masked PPO"}
+"""What is trained, with its name in tables."""
+
+TESTED = range(200)
+"""Fixed tasks of the test."""
+
+VALIDATED = range(1000, 1100)
+"""Fixed tasks of the curves."""
+
+MOST_STEPS = 60
+"""Steps after which an episode counts as failed."""
+
+ROLLOUTS = 5
+"""Rollouts of PPO between two points of a curve."""
+
+Measure = dict[str, Any]
+
+
+def make_env() -> MlivrEnv:
+    """The environment of the benchmark, the steps of its map worked out."""
+    env = gymnasium.make("MLIVR-JEM-Far-v0", disable_env_checker=True, precompute=True).unwrapped
+    assert isinstance(env, MlivrEnv)
+    return env
+
+
+def tasks_of(env: MlivrEnv, numbers: range) -> list[Task]:
+    """Fixed tasks as `evaluate` takes them."""
+    found = []
+    for k in numbers:
+        task = fixed_task(env.tasks, env.graph, k, env.goal_tolerance)
+        found.append(Task(env.graph.ids(task.start.stance), tuple(task.goal.tolist())))
+    return found
+
+
+def measure(env: MlivrEnv, policy: Policy, tasks: Sequence[Task], fewest: Sequence[int]) -> Measure:
+    """The metrics of the protocol: success, and the steps over the fewest where it succeeds."""
+    result = evaluate(env, policy, tasks, max_steps=MOST_STEPS)
+    ratio = (result.steps / np.array(fewest))[result.success]
+    return {
+        "success": result.success_rate,
+        "over_fewest": float(ratio.mean()) if len(ratio) else None,
+        "base_translation_m": float(result.base_translation[result.success].mean())
+        if len(ratio)
+        else None,
+    }
+
+
+def fewest_steps(env: MlivrEnv, tasks: Sequence[Task]) -> list[int]:
+    """Fewest steps of each task, by the exact table."""
+    found: list[int] = evaluate(env, ExpertPolicy(), tasks, max_steps=MOST_STEPS).steps.tolist()
+    return found
+
+
+class Curve:
+    """Measures a policy while it learns."""
+
+    def __init__(self, env: MlivrEnv, bar: tqdm) -> None:
+        """Find the validation tasks and their fewest steps."""
+        self.env, self._bar = env, bar
+        self._tasks = tasks_of(env, VALIDATED)
+        self._fewest = fewest_steps(env, self._tasks)
+        self.points: list[Measure] = []
+
+    def add(self, policy: Any, steps: int) -> None:
+        """Measure a policy of sb3-contrib after some steps of the environment."""
+        policy.set_training_mode(False)
+        learned = LearnedPolicy(policy, "pointer")
+        self.points.append(
+            {"steps": steps, **measure(self.env, learned, self._tasks, self._fewest)}
+        )
+        policy.set_training_mode(True)
+        self._bar.set_postfix(self.points[-1], refresh=False)
+
+
+def imitate(method: str, seed: int, curve: Curve, bar: tqdm) -> Any:
+    """Train by imitation; a point of the curve after each round."""
+    settings = hyperparameters(method)
+    policy = make_policy(curve.env, "pointer", settings["networks"]["pointer"])
+    given = ImitationSettings(**settings["imitation"])
+    imitation = Imitation(curve.env, policy, False, given, seed)
+
+    def progress(done: int, total: int, figures: dict[str, float]) -> None:
+        bar.total, bar.n = total, done
+        bar.update(0)
+        if done % given.updates == 0:
+            curve.add(policy, int(figures["states"]))
+
+    imitation.run(progress)
+    return policy
+
+
+def improve(seed: int, curve: Curve, bar: tqdm) -> Any:
+    """Train by masked PPO; a point of the curve every few rollouts."""
+    from sb3_contrib import MaskablePPO
+    from stable_baselines3.common.callbacks import BaseCallback
+
+    settings = hyperparameters("ppo")
+
+    class Rollouts(BaseCallback):
+        def _on_step(self) -> bool:
+            return True
+
+        def _on_rollout_start(self) -> None:
+            bar.total, bar.n = settings["timesteps"], self.num_timesteps
+            bar.update(0)
+            if self.num_timesteps // self.model.n_steps // settings["copies"] % ROLLOUTS == 0:
+                curve.add(self.model.policy, self.num_timesteps)
+
+    model = MaskablePPO(
+        policy_class("pointer"),
+        TableVecEnv(curve.env, settings["copies"], "points"),
+        policy_kwargs=settings["networks"]["pointer"],
+        seed=seed,
+        device="cpu",
+        **settings["ppo"],
+    )
+    model.learn(settings["timesteps"], callback=Rollouts())
+    curve.add(model.policy, model.num_timesteps)
+    return model.policy
+
+
+def run_of(method: str, seed: int) -> Measure:
+    """Train once, and measure on the tasks of the test."""
+    torch.manual_seed(seed)
+    env, began = make_env(), time.perf_counter()
+    with tqdm(desc=f"{method} {seed}", mininterval=10.0) as bar:
+        curve = Curve(env, bar)
+        policy = improve(seed, curve, bar) if method == "ppo" else imitate(method, seed, curve, bar)
+    seconds = time.perf_counter() - began
+    policy.set_training_mode(False)
+    tasks = tasks_of(env, TESTED)
+    tested = measure(env, LearnedPolicy(policy, "pointer"), tasks, fewest_steps(env, tasks))
+    return {"curve": curve.points, "test": tested, "seconds": round(seconds, 1)}
+
+
+def anchors() -> dict[str, Measure]:
+    """What needs no training, on the tasks of the test."""
+    env = make_env()
+    tasks = tasks_of(env, TESTED)
+    fewest = fewest_steps(env, tasks)
+    makes: dict[str, Callable[[], Policy]] = {
+        "exact table": ExpertPolicy,
+        "random possible steps": lambda: RandomPolicy(0),
+    }
+    found = {name: measure(env, make(), tasks, fewest) for name, make in makes.items()}
+    return found | {"fewest": {"mean": float(np.mean(fewest)), "most": int(np.max(fewest))}}
+
+
+def told(data: dict[str, Any]) -> str:
+    """The page."""
+    fewest = data["anchors"]["fewest"]
+    lines = [
+        "# Reference curves on `MLIVR-JEM-Far-v0`\n",
+        "Made by `experiments/reference_curves.py` by the protocol of "
+        "[`docs/benchmark.md`](../docs/benchmark.md). "
+        f"{len(TESTED)} fixed tasks of {fewest['mean']:.2f} fewest steps on average, at most "
+        f"{fewest['most']}; means over training seeds, least and largest in brackets.\n",
+        "| method | seeds | success | steps over fewest | base translation [m] | "
+        "environment steps | minutes to train |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name, row in data["anchors"].items():
+        if name != "fewest":
+            lines.append(
+                f"| {name} | {chr(0x2013)} | {cells([row])} | {chr(0x2013)} | {chr(0x2013)} |"
+            )
+    for method, name in METHODS.items():
+        runs = list(data.get(method, {}).values())
+        if runs:
+            steps = np.mean([run["curve"][-1]["steps"] for run in runs])
+            minutes = np.mean([run["seconds"] for run in runs]) / 60.0
+            tests = [run["test"] for run in runs]
+            lines.append(
+                f"| {name} | {len(runs)} | {cells(tests)} | {steps:,.0f} | {minutes:.0f} |"
+            )
+    lines.append("\n![Curves](reference_curves.png)\n")
+    return "\n".join(lines)
+
+
+def cells(tests: Sequence[Measure]) -> str:
+    """Three cells: success, steps over fewest, base translation."""
+    told_as = (("success", "{:.3f}"), ("over_fewest", "{:.3f}"), ("base_translation_m", "{:.2f}"))
+    found = []
+    for name, form in told_as:
+        values = [test[name] for test in tests if test[name] is not None]
+        text = form.format(np.mean(values)) if values else chr(0x2013)
+        if len(values) > 1:
+            text += f" [{form.format(min(values))}, {form.format(max(values))}]"
+        found.append(text)
+    return " | ".join(found)
+
+
+def draw(data: dict[str, Any], path: Path) -> None:
+    """Success and steps over the fewest against steps of the environment."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from mlivr_gym.pictures.figures import save_figure
+
+    figure = Figure(figsize=(10.0, 4.2), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(1, 2)
+    for (method, name), colour in zip(
+        METHODS.items(), ("#1b6ca8", "#2f8f5b", "#c8553d"), strict=True
+    ):
+        for k, run in enumerate(data.get(method, {}).values()):
+            steps = [max(point["steps"], 1) for point in run["curve"]]
+            style = {
+                "color": colour,
+                "linewidth": 1.4,
+                "alpha": 0.85,
+                "marker": ".",
+                "markersize": 4,
+            }
+            label = name if k == 0 else None
+            panels[0].plot(
+                steps, [100.0 * p["success"] for p in run["curve"]], label=label, **style
+            )
+            known = [(s, p["over_fewest"]) for s, p in zip(steps, run["curve"], strict=True)]
+            known = [(s, value) for s, value in known if value is not None]
+            panels[1].plot(*zip(*known, strict=True), label=label, **style)
+    panels[0].set_ylabel(f"success on {len(VALIDATED)} validation tasks [%]")
+    panels[0].set_ylim(0.0, 102.0)
+    panels[1].set_ylabel("steps over fewest, where it succeeds")
+    panels[1].axhline(1.0, color="0.4", linewidth=0.9, linestyle=":")
+    for panel in panels:
+        panel.set_xscale("log")
+        panel.set_xlabel("environment steps seen in training")
+        panel.grid(alpha=0.25)
+    panels[0].legend(frameon=False, loc="lower right")
+    save_figure(figure, path)
+
+
+def main() -> None:
+    """Train what is missing, and tell all."""
+    parser = argparse.ArgumentParser(description="Reference curves of learning.")
+    parser.add_argument("--methods", nargs="*", choices=list(METHODS), default=list(METHODS))
+    parser.add_argument("--seeds", type=int, default=3, help="seeds of each (default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("results"), help="folder of results")
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    args.out.mkdir(parents=True, exist_ok=True)
+    file = args.out / "reference_curves.json"
+    data: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
+    if "anchors" not in data:
+        data["anchors"] = anchors()
+    for seed in range(args.seeds):
+        for method in args.methods:
+            if str(seed) not in data.setdefault(method, {}):
+                data[method][str(seed)] = run_of(method, seed)
+                write_whole(file, json.dumps(data, indent=1) + "\n")
+    write_whole(args.out / "reference_curves.md", told(data))
+    draw(data, args.out / "reference_curves.png")
+
+
+if __name__ == "__main__":
+    main()

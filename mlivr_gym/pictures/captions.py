@@ -1,0 +1,79 @@
+"""Words on rendered pictures."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import Array
+
+LEAST_HEIGHT = 120
+"""Pictures that are lower than this have no words, which could not be read [px]."""
+
+Image = NDArray[np.uint8]
+
+
+def strip_height(height: int) -> int:
+    """Height of the strip below a picture of this height in all that a caption stands in [px]."""
+    return 0 if height < LEAST_HEIGHT else max(22, height // 18)
+
+
+def with_caption(picture: Image, caption: str, height: int) -> Image:
+    """A picture with a strip below it in which a caption stands.
+
+    Args:
+        picture: Shape (height - strip_height(height), width, 3).
+        caption: One line.
+        height: Height of both [px].
+    """
+    strip = strip_height(height)
+    if not strip:
+        return picture
+    from PIL import Image as Pillow
+    from PIL import ImageDraw
+
+    line = Pillow.new("RGB", (picture.shape[1], strip), "white")
+    draw = ImageDraw.Draw(line)
+    size = max(9, round(0.62 * strip))
+    draw.text((0.5 * strip, 0.5 * strip), caption, fill="black", font=_font(size), anchor="lm")
+    return np.concatenate([picture, np.asarray(line)])
+
+
+def with_labels(picture: Image, pixels: Array, labels: list[tuple[str, str]]) -> Image:
+    """A picture with short words in it, each on a white edge.
+
+    Args:
+        picture: Shape (height, width, 3).
+        pixels: Column and row of the middle of each, shape (k, 2); those outside are left out.
+        labels: Text and colour of each.
+    """
+    from PIL import Image as Pillow
+    from PIL import ImageDraw
+
+    if picture.shape[0] < LEAST_HEIGHT - strip_height(LEAST_HEIGHT):
+        return picture
+    image = Pillow.fromarray(picture)
+    draw = ImageDraw.Draw(image)
+    font, edge = _font(max(10, picture.shape[0] // 30)), max(1, picture.shape[0] // 300)
+    for (column, row), (text, colour) in zip(pixels.tolist(), labels, strict=True):
+        if not (0.0 <= column < image.width and 0.0 <= row < image.height):
+            continue
+        draw.text(
+            (column, row), text, fill=colour, font=font, anchor="mm",
+            stroke_width=edge, stroke_fill="white",
+        )  # fmt: skip
+    return np.asarray(image)
+
+
+@cache
+def _font(size: int) -> Any:
+    """The typeface of the figures."""
+    import matplotlib
+    from PIL import ImageFont
+
+    file = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+    return ImageFont.truetype(str(file), size)

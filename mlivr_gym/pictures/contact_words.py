@@ -1,0 +1,120 @@
+"""What a contact is between, in words and by its two nearest places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.contacts import Contact
+from mlivr_gym.pictures.robot_shapes import Part
+from mlivr_gym.world.boxes import BOX, Box
+
+KINDS = {
+    "panel": "wall",
+    "rack": "rack",
+    "closeout": "corner closeout",
+    "bulkhead": "bulkhead",
+    "track": "seat track",
+    "handrail": "handrail",
+    "stanchion": "post of handrail",
+    "obstacle": "obstacle",
+}
+"""What boxes of each kind are called."""
+
+NUMBERED = ("rack", "track", "handrail", "stanchion", "obstacle")
+"""Kinds whose boxes are told apart by their ids; others are by their face."""
+
+
+def in_words(name: str, boxes: Mapping[str, Box]) -> str:
+    """What a shape that the scene names is called: `"forearm of limb 0"`, `"rack F1"`.
+
+    Args:
+        name: Its name in the scene.
+        boxes: Boxes by their names in the scene.
+    """
+    if name.startswith(BOX):
+        box = boxes[name]
+        told = box.id.split("/")[0] if box.kind in NUMBERED else box.face
+        return f"{KINDS[box.kind]} {told}" if box.kind in NUMBERED else f"{told} {KINDS[box.kind]}"
+    limb, *link = name.split("/")
+    if not link:
+        return "body"
+    part = {"base": "mount"}.get(link[0], link[0].replace("_", " "))
+    return f"{part} of limb {limb.removeprefix('limb')}"
+
+
+def sentence(contact: Contact, gap: float, boxes: Mapping[str, Box]) -> str:
+    """A contact in words: who comes how near to whom, or reaches how far into it.
+
+    Args:
+        contact: The contact.
+        gap: Between the nearest places of both, negative where they overlap [m].
+        boxes: Boxes by their names in the scene.
+    """
+    first, second = in_words(contact.first, boxes), in_words(contact.second, boxes)
+    if gap > 0.0:
+        return f"{first} {1e3 * gap:.0f} mm from {second}"
+    return f"{first} {-1e3 * gap:.0f} mm deep in {second}"
+
+
+class Places(NamedTuple):
+    """Where two shapes come nearest to each other, or overlap most."""
+
+    first: Array
+    """Place on the surface of the first, shape (3,) [m]."""
+    second: Array
+    """Place on the surface of the second, shape (3,) [m]."""
+    normal: Array
+    """Unit vector from the first into the second, shape (3,)."""
+
+    @property
+    def gap(self) -> float:
+        """Distance from the one to the other, negative where they overlap [m]."""
+        return float((self.second - self.first) @ self.normal)
+
+
+def nearest_places(first: Part, second: Part | Box) -> Places:
+    """Where two shapes come nearest, to within a tenth of a millimetre.
+
+    Where the axis of a capsule runs into a box, the gap is minus the way that the capsule would
+    have to move, along an edge of the box, to leave it.
+    """
+    axis = _samples(first)
+    if isinstance(second, Part) and second.box is not None:
+        second = second.box
+    if isinstance(second, Part):
+        other = _samples(second)
+        apart = cdist(axis, other)
+        a, b = np.unravel_index(int(np.argmin(apart)), apart.shape)
+        return _facing(axis[a], other[b], first.radius, second.radius)
+    rotation, half = np.array(second.rotation), np.array(second.half)
+    seen = (axis - np.array(second.centre)) @ rotation
+    beside = np.clip(seen, -half, half)
+    apart = np.linalg.norm(seen - beside, axis=1)
+    k = int(np.argmin(apart))
+    if apart[k] > 0.0:
+        there = rotation @ beside[k] + np.array(second.centre)
+        return _facing(axis[k], there, first.radius, 0.0)
+    # Below each face: -x, +x, -y, +y, -z, +z.
+    depth = np.stack([half + seen, half - seen], axis=2).reshape(-1, 6)
+    face = int(np.argmin(depth.max(axis=0)))
+    normal = rotation[:, face // 2] * (1.0 if face % 2 == 0 else -1.0)
+    k = int(np.argmax(depth[:, face]))
+    return Places(axis[k] + first.radius * normal, axis[k] - float(depth[k, face]) * normal, normal)
+
+
+def _facing(here: Array, there: Array, radius: float, other: float) -> Places:
+    """Nearest places on two round shapes, from those on their axes and the radii [m]."""
+    size = float(np.linalg.norm(there - here))
+    normal = (there - here) / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
+    return Places(here + radius * normal, there - other * normal, normal)
+
+
+def _samples(part: Part) -> Array:
+    """Places on the axes of a shape, close together, shape (k, 3) [m]."""
+    share = np.linspace(0.0, 1.0, 801)[:, None]
+    return np.concatenate([a + share * (b - a) for a, b in part.axes])

@@ -1,0 +1,92 @@
+"""Views of a map along one axis of the module, in true scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR, tints
+from mlivr_gym.pictures.robot_shapes import GHOST_PALENESS, Part, outline, pale
+from mlivr_gym.world.grasp_map import GraspMap
+
+FROM_ABOVE, FROM_THE_SIDE = (0, 1), (0, 2)
+"""The module's axes that a view shows, from left to right and upwards."""
+
+View = tuple[int, int]
+
+NAMES = {FROM_ABOVE: "from above", FROM_THE_SIDE: "from the side"}
+"""What the views are called."""
+
+TOWARD_THE_EYE = {FROM_ABOVE: (0.0, 0.0, 1.0), FROM_THE_SIDE: (0.0, -1.0, 0.0)}
+"""Directions from which the views are seen."""
+
+
+CROWDED = 0.25
+"""Stances nearer to each other than this have their numbers on different sides [m]."""
+
+
+def flat_view(
+    figure: Any, place: tuple[float, float, float, float], grasp_map: GraspMap, view: View
+) -> Any:
+    """Axes of a view with the map's points in it.
+
+    Args:
+        figure: The figure.
+        place: Left and lower edge, width and height, as shares of the figure.
+        grasp_map: The map.
+        view: `FROM_ABOVE` or `FROM_THE_SIDE`.
+    """
+    axes = figure.add_axes(place)
+    axes.scatter(*grasp_map.positions[:, view].T, s=3, color=tints(grasp_map), zorder=1)
+    axes.set_aspect("equal")
+    axes.set_xlabel("xyz"[view[0]] + " [m]", fontsize=8)
+    axes.set_ylabel("xyz"[view[1]] + " [m]", fontsize=8)
+    axes.tick_params(labelsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_title(NAMES[view], fontsize=9.5, loc="left", color="0.25")
+    return axes
+
+
+def draw_flat_path(axes: Any, view: View, line: Array, stances: Array) -> None:
+    """Draw a base path, shape (k, 3), and the bases of its stances, numbered, shape (s, 3) [m]."""
+    axes.plot(*line[:, view].T, color=BASE_COLOUR, linewidth=2.0, zorder=3)
+    axes.scatter(*stances[:, view].T, color=BASE_COLOUR, marker="s", s=16, zorder=3)
+    number(axes, stances[:, view])
+
+
+def draw_flat_goal(axes: Any, view: View, goal: Sequence[float], tolerance: float) -> None:
+    """Draw the ball in which the base is to end."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 61)
+    middle = np.array(goal)[list(view)]
+    ring = middle[:, None] + tolerance * np.array([np.cos(turn), np.sin(turn)])
+    axes.fill(*ring, facecolor=GOAL_COLOUR, alpha=0.25, linewidth=0.0, zorder=1.5)
+    axes.plot(*ring, color=GOAL_COLOUR, linewidth=1.0, zorder=2)
+
+
+def draw_flat_ghost(axes: Any, view: View, parts: Sequence[Part]) -> None:
+    """Draw parts of a robot pale, behind all else; the farther ones first."""
+    toward = np.array(TOWARD_THE_EYE[view])
+    for part in sorted(parts, key=lambda part: float(part.faces.mean(axis=(0, 1)) @ toward)):
+        colour = pale(part.colour, GHOST_PALENESS)
+        edge = outline(part.faces, np.eye(3)[list(view)])
+        axes.fill(*edge.T, facecolor=colour, edgecolor=colour, linewidth=0.3, zorder=0.5)
+
+
+def number(axes: Any, places: Array) -> None:
+    """Write the numbers of stances at base positions, shape (k, 2 or 3) [m].
+
+    Above them; of two that are close together the lower one's is below.
+    """
+    above = [True] * len(places)
+    for k, (before, place) in enumerate(pairwise(places), 1):
+        if float(np.linalg.norm(place - before)) < CROWDED:
+            above[k - 1 if place[-1] > before[-1] else k] = False
+    for k, place in enumerate(places):
+        shift = np.zeros(len(place))
+        shift[-1] = 0.07 if above[k] else -0.07
+        side = "bottom" if above[k] else "top"
+        axes.text(*(place + shift), str(k), fontsize=8, ha="center", va=side, zorder=8)

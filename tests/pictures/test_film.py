@@ -1,0 +1,127 @@
+"""A film keeps the robot in its pictures, and says when and what it does."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mlivr_gym.collisions.contacts import capsule_ends
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.errors import RenderError
+from mlivr_gym.motion.plan_motion import plan_trajectory
+from mlivr_gym.motion.regrasp import PHASES
+from mlivr_gym.pictures.captions import strip_height, with_caption, with_labels
+from mlivr_gym.pictures.film import caption, film, film_cameras
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.recording import Recording
+
+SIZE = (320, 160)
+
+
+@pytest.fixture(scope="module")
+def walk(checked_graph):
+    """The walk of Case 3 to the overhead, and a recording of it as if it went as planned."""
+    planner = Planner(checked_graph)
+    plan = planner.plan(
+        ("D1b:4", "D2a:3"), (6.3, 0.5, 0.35), "steps", goal_face="overhead"
+    ).unwrap()
+    planned = plan_trajectory(checked_graph, plan, period=0.5)
+    count, limbs = len(planned.times), checked_graph.robot.limbs
+    rest = {"joint_torques": (limbs, 6), "base_errors": (), "base_angle_errors": (),
+            "grasp_forces": (limbs, 3), "grasp_torques": (limbs, 3), "momenta": (3,),
+            "angular_momenta": (3,), "contacts": ()}  # fmt: skip
+    recording = Recording(
+        times=planned.times,
+        step=planned.step,
+        phase=planned.phase,
+        joint_positions=planned.joint_positions,
+        base_positions=planned.base_positions,
+        base_quaternions=planned.base_quaternions,
+        **{name: np.zeros((count, *shape)) for name, shape in rest.items()},
+    )
+    return plan, recording
+
+
+def shown(recording, stride=7):
+    return [
+        (recording.base_positions[k], recording.base_quaternions[k], recording.joint_positions[k])
+        for k in range(0, len(recording.times), stride)
+    ]
+
+
+def test_every_shape_of_the_robot_is_in_every_picture(checked_graph, walk):
+    """Grippers at the overhead and on the deck included; the camera goes along."""
+    robot, shapes = checked_graph.robot, LimbShapes(checked_graph.robot)
+    configurations = shown(walk[1])
+    cameras = film_cameras(robot, configurations, 2.0)
+    room = []
+    for configuration, camera in zip(configurations, cameras, strict=True):
+        ends = capsule_ends(robot, shapes, configuration)
+        for axis in (0, 1, 2):
+            off = np.eye(3)[axis] * shapes.radii[:, None, None]
+            for places in (ends + off, ends - off):
+                pixels = camera.pixels(places.reshape(-1, 3), *SIZE)
+                room.append(min(pixels.min(), *(np.array(SIZE) - pixels.max(axis=0))))
+    assert min(room) > 0.0
+    assert min(room) < 12.0  # nor is it farther away than that needs
+    assert len({camera.distance for camera in cameras}) == 1
+    for (base, _, _), camera in zip(configurations, cameras, strict=True):
+        assert camera.lookat == (base[0], 0.0, 0.0)
+
+
+def test_a_caption_tells_time_step_phase_and_limb(walk):
+    plan, recording = walk
+    told = set()
+    for k in range(0, len(recording.times), 5):
+        line = caption(recording, k, plan)
+        step = plan.steps[recording.step[k]]
+        assert line.startswith(f"{recording.times[k]:.0f} s of {recording.times[-1]:.0f} s, ")
+        assert f"step {recording.step[k] + 1} of {len(plan.steps)}: " in line
+        assert PHASES[recording.phase[k]] in line
+        assert f"limb {step.limb} from {step.from_point} to {step.to_point}" in line
+        told.add(PHASES[recording.phase[k]])
+    assert told == set(PHASES)
+
+
+def test_words_stand_in_a_strip_below_the_picture():
+    picture = np.full((160 - strip_height(160), 320, 3), 90, dtype=np.uint8)
+    one = with_caption(picture, "10 s of 252 s, step 1 of 5: swing", 160)
+    other = with_caption(picture, "10 s of 252 s, step 1 of 5: approach", 160)
+    assert one.shape == (160, 320, 3)
+    np.testing.assert_array_equal(one[: len(picture)], picture)
+    assert (one[len(picture) :] < 80).any()
+    assert (one != other).any()
+    small = np.zeros((40, 80, 3), dtype=np.uint8)
+    assert with_caption(small, "unreadable", 40) is small
+    labelled = with_labels(picture, np.array([[100.0, 60.0]]), [("7", "#ff0000")])
+    outside = np.array([[-5.0, 60.0], [400.0, 60.0], [np.nan, np.nan]])
+    unlabelled = with_labels(picture, outside, [("7", "#ff0000")] * 3)
+    np.testing.assert_array_equal(unlabelled, picture)
+    rows, columns = np.nonzero((labelled != picture).any(axis=2))
+    assert abs(columns.mean() - 100) < 4
+    assert abs(rows.mean() - 60) < 4
+
+
+def test_a_film_has_the_size_asked_for_and_the_path_in_it(checked_graph, walk, tmp_path):
+    plan, recording = walk
+    path, plain = tmp_path / "walk.gif", tmp_path / "plain.gif"
+    try:
+        film(checked_graph.grasp_map, checked_graph.robot, recording, path, plan=plan, size=SIZE,
+             frames=3)  # fmt: skip
+    except RenderError as error:
+        if "MUJOCO_GL" not in str(error):
+            raise
+        pytest.skip("no GL library")
+    film(checked_graph.grasp_map, checked_graph.robot, recording, plain, size=SIZE, frames=3)
+    pictures = []
+    for file in (path, plain):
+        with Image.open(file) as opened:
+            assert opened.n_frames == 3
+            assert opened.size == SIZE
+            opened.seek(1)
+            pictures.append(np.asarray(opened.convert("RGB")).astype(int))
+    counts = []
+    for picture in pictures:
+        red, green, blue = np.moveaxis(picture[: 160 - strip_height(160)], 2, 0)
+        counts.append(int(((green > red + 30) & (green > blue + 30)).sum()))
+    assert counts[0] > 50  # the base path is green
+    assert counts[1] == 0

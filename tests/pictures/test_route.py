@@ -1,0 +1,113 @@
+"""What a scene holds of a plan: base path, goal, footholds; and what is pale."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from mlivr_gym.errors import RenderError
+from mlivr_gym.kinematics.base_path import PATH_KINDS
+from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.pictures.figures import BASE_COLOUR
+from mlivr_gym.pictures.plan_paths import base_line, base_paths
+from mlivr_gym.pictures.rendering import GHOST_OPACITY, SceneRenderer
+from mlivr_gym.pictures.route import PATH_RADIUS, Route
+from mlivr_gym.planners import Planner
+from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.simulation.scene import compiled, rgba, scene_spec
+
+
+@pytest.fixture(scope="module")
+def plan(checked_graph):
+    return Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
+
+
+def geoms(scene, kind):
+    return [geom for geom in scene.geoms[: scene.ngeom] if geom.type == kind]
+
+
+def scene_of(graph, room=2000):
+    return mujoco.MjvScene(compiled(scene_spec(graph.grasp_map, graph.robot)), room)
+
+
+@pytest.mark.parametrize("kind", PATH_KINDS)
+def test_the_base_path_is_the_one_that_is_walked(checked_graph, plan, kind):
+    """Also of an arc: the walk's own code says where the base is."""
+    steps = tuple(replace(step, path=kind) for step in plan.steps)
+    same = replace(plan, motion=replace(plan.motion, steps=steps))
+    share, bent = np.linspace(0.0, 1.0, 7), []
+    for k, found in enumerate(base_paths(same, 7)):
+        path = RegraspPath(checked_graph, planned_regrasp(checked_graph, same, k))
+        np.testing.assert_allclose(found, path.base(share)[0], atol=1e-12)
+        bent.append(np.linalg.norm(found[3] - 0.5 * (found[0] + found[-1])))
+    assert (max(bent) > 0.01) == (kind == "arc")
+
+
+def test_path_goal_and_footholds_are_in_the_scene(checked_graph, plan):
+    scene = scene_of(checked_graph)
+    Route.of(checked_graph.grasp_map, plan).add_to(scene)
+    tubes = geoms(scene, mujoco.mjtGeom.mjGEOM_CAPSULE)
+    balls = geoms(scene, mujoco.mjtGeom.mjGEOM_SPHERE)
+    ends = []
+    for tube in tubes:
+        np.testing.assert_allclose(tube.rgba, rgba(BASE_COLOUR), atol=1e-6)
+        assert tube.size[0] == pytest.approx(PATH_RADIUS)
+        half = tube.size[2] * tube.mat[:, 2]
+        ends += [tube.pos - half, tube.pos + half]
+    line = base_line(plan)
+    moved = np.linalg.norm(np.diff(line, axis=0), axis=1) > 1e-9
+    np.testing.assert_allclose(ends[0::2], line[:-1][moved], atol=1e-5)
+    np.testing.assert_allclose(ends[1::2], line[1:][moved], atol=1e-5)
+    (goal,) = (ball for ball in balls if ball.size[0] == pytest.approx(plan.query.goal_tolerance))
+    np.testing.assert_allclose(goal.pos, plan.query.goal, atol=1e-6)
+    assert 0.1 < goal.rgba[3] < 0.6
+    for limb, points in enumerate(plan.footholds):
+        colour = rgba(LIMB_COLOURS[limb])
+        held = [b.pos.copy() for b in balls if np.allclose(b.rgba, colour, atol=1e-6)]
+        index = [checked_graph.grasp_map.index(point) for point in points]
+        np.testing.assert_allclose(held, checked_graph.grasp_map.positions[index], atol=1e-6)
+    stances = [b for b in balls if np.allclose(b.rgba, rgba(BASE_COLOUR), atol=1e-6)]
+    assert len(stances) == len(plan.stances)
+
+
+def test_a_scene_without_room_is_left_as_it_is(checked_graph, plan):
+    scene = scene_of(checked_graph, 3)
+    Route.of(checked_graph.grasp_map, plan).add_to(scene)
+    assert scene.ngeom == scene.maxgeom
+
+
+def test_stances_and_footholds_are_numbered_alike(checked_graph, plan):
+    labels = Route.of(checked_graph.grasp_map, plan).labels()
+    numbers = [text for _, text, colour in labels if colour == BASE_COLOUR]
+    assert numbers == [str(k) for k in range(len(plan.stances))]
+    for k, step in enumerate(plan.steps, 1):
+        place = checked_graph.grasp_map.positions[checked_graph.grasp_map.index(step.to_point)]
+        (label,) = (
+            text
+            for where, text, colour in labels
+            if colour == LIMB_COLOURS[step.limb] and np.linalg.norm(where - place) < 0.1
+            and text == str(k)
+        )  # fmt: skip
+        assert label == str(k)
+
+
+def test_a_ghost_is_a_pale_copy_of_the_robot_alone(checked_graph, plan):
+    try:
+        renderer = SceneRenderer(checked_graph.grasp_map, checked_graph.robot, 160, 90)
+    except RenderError as error:
+        if "MUJOCO_GL" not in str(error):
+            raise
+        pytest.skip("no GL library")
+    here, there = plan.configuration(0), plan.configuration(len(plan.steps))
+    alone = renderer.render(*here).astype(int)
+    count = renderer._renderer.scene.ngeom
+    pale = renderer.render(*here, ghosts=[there]).astype(int)
+    scene = renderer._renderer.scene
+    ghosts = list(scene.geoms[count : scene.ngeom])
+    renderer.close()
+    assert len(ghosts) > 10
+    assert all(geom.rgba[3] <= GHOST_OPACITY + 1e-6 for geom in ghosts)
+    reach = 2.0 * checked_graph.robot.extent
+    assert all(np.linalg.norm(geom.pos - there[0]) < reach for geom in ghosts)
+    assert (np.abs(pale - alone).sum(axis=2) > 10).sum() > 20

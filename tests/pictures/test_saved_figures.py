@@ -1,0 +1,76 @@
+"""Figures are written as PNG and as SVG, with the same bytes each time."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from mlivr_gym.pictures.figures import box_faces, figure_files, save_figure
+from mlivr_gym.world.boxes import Box
+
+
+def drawn():
+    figure = Figure(figsize=(2.0, 1.5))
+    axes = figure.add_subplot()
+    axes.plot([0, 1, 2], [2, 0, 1], label="a line", clip_on=True)
+    axes.imshow(np.arange(6.0).reshape(2, 3), extent=(0, 1, 0, 1))
+    axes.legend()
+    return figure
+
+
+def test_a_figure_is_written_twice_and_each_time_alike(tmp_path):
+    seen = []
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        folder.mkdir()
+        save_figure(drawn(), folder / "plan.png")
+        assert {path.name for path in folder.iterdir()} == {"plan.png", "plan.svg"}
+        seen.append([(folder / f"plan.{kind}").read_bytes() for kind in ("png", "svg")])
+    assert seen[0] == seen[1]
+    png, svg = seen[0]
+    assert png.startswith(b"\x89PNG")
+    assert svg.startswith(b"<?xml")
+    assert b"a line" in svg
+    assert b"<dc:date>" not in svg
+
+
+@pytest.mark.parametrize(
+    ("given", "files"),
+    [
+        ("a/plan.png", ("a/plan.png", "a/plan.svg")),
+        ("a/plan.svg", ("a/plan.png", "a/plan.svg")),
+        ("plan.v2.PNG", ("plan.v2.PNG", "plan.v2.svg")),
+        ("plan", ("plan", "plan.svg")),
+    ],
+)
+def test_either_file_names_both(tmp_path, given, files):
+    assert figure_files(tmp_path / given) == tuple(tmp_path / name for name in files)
+
+
+def test_an_area_with_many_corners_is_an_image_in_the_svg(tmp_path):
+    """The words around it stay words, and a small one stays a path."""
+    sizes = {}
+    for count in (100, 20_000):
+        figure = Figure(figsize=(2.0, 1.5))
+        axes = figure.add_subplot()
+        rough = np.random.default_rng(0).uniform(size=count)
+        axes.fill_between(np.arange(count), rough, label="an area")
+        axes.legend()
+        save_figure(figure, tmp_path / f"{count}.png")
+        svg = (tmp_path / f"{count}.svg").read_text()
+        assert "an area" in svg
+        assert ("<image" in svg) == (count > 1000)
+        sizes[count] = len(svg)
+    assert sizes[20_000] < 200_000
+
+
+def test_a_figure_that_stands_for_a_rendered_picture_is_one_file(tmp_path):
+    save_figure(drawn(), tmp_path / "scene.png", vector=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]
+
+
+def test_faces_of_a_box_are_its_six_rectangles():
+    box = Box.between("b", "obstacle", (0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
+    faces = box_faces(box)
+    edges = np.linalg.norm(faces - np.roll(faces, -1, axis=1), axis=2)
+    areas = sorted((edges[:, 0] * edges[:, 1]).round(9).tolist())
+    assert areas == [2.0, 2.0, 3.0, 3.0, 6.0, 6.0]
+    np.testing.assert_allclose(sorted(faces.mean(axis=1).sum(axis=1)), [1.5, 2, 2.5, 3.5, 4, 4.5])

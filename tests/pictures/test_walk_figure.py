@@ -1,0 +1,76 @@
+"""The picture of a walk among obstacles tells plans apart, and shows on which side a box is."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from mlivr_gym import Box
+from mlivr_gym.pictures import walk_figure as module
+from mlivr_gym.pictures.figures import BASE_COLOUR
+from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE
+from mlivr_gym.pictures.walk_figure import PLAN_COLOURS, Leg, Walk, hides, least_distance
+from mlivr_gym.planners import Planner
+
+BOX = Box.between("cargo", "obstacle", (3.0, -0.2, -0.2), (3.4, 0.2, 0.2))
+
+
+def line(y, z):
+    return np.array([[1.0, y, z], [5.0, y, z]])
+
+
+@pytest.mark.parametrize(
+    ("y", "z", "apart"), [(0.0, 0.0, 0.0), (0.5, 0.0, 0.3), (0.0, -0.6, 0.4), (0.5, 0.6, 0.5)]
+)
+def test_the_distance_of_a_path_from_a_box(y, z, apart):
+    assert least_distance(line(y, z), BOX) == pytest.approx(apart, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("y", "z", "above", "side"),
+    [
+        (0.0, -0.6, True, False),  # below the box: hidden from above, not crossing from the side
+        (0.0, 0.6, False, False),
+        (0.6, 0.0, False, True),  # behind it, seen from the forward wall
+        (-0.6, 0.0, False, False),
+    ],
+)
+def test_a_box_hides_what_runs_behind_it(y, z, above, side):
+    assert hides(BOX, line(y, z), FROM_ABOVE) == above
+    assert hides(BOX, line(y, z), FROM_THE_SIDE) == side
+
+
+@pytest.fixture
+def drawn(graph, monkeypatch, tmp_path):
+    """Two plans, the first given up after a step."""
+    planner, kept = Planner(graph), []
+    first = planner.plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
+    second = planner.plan(first.stances[1], (6.3, 0.5, 0.35), "base").unwrap()
+    legs = [Leg(first, 1), Leg(second, len(second.steps))]
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: kept.append(figure))
+    module.walk_figure(graph.grasp_map, legs, tmp_path / "walk.png")
+    return kept[0], legs
+
+
+def test_walked_and_given_up_have_colours_of_their_own(drawn):
+    figure, _ = drawn
+    assert len({BASE_COLOUR, *PLAN_COLOURS}) == len(PLAN_COLOURS) + 1
+    for axes in figure.axes:
+        colours = {to_hex(one.get_color()): one for one in axes.lines}
+        assert {BASE_COLOUR, PLAN_COLOURS[0]} <= set(colours)
+        assert PLAN_COLOURS[1] not in colours
+        assert colours[PLAN_COLOURS[0]].get_linestyle() == "--"
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"base path walked", "plan 1, given up", "plan given up here", "goal"} <= set(names)
+
+
+def test_a_walk_is_what_was_walked(drawn):
+    _, legs = drawn
+    walk = Walk.of(legs)
+    first, second = (leg.plan.motion.base_positions for leg in legs)
+    np.testing.assert_allclose(walk.stances, np.vstack([first[:2], second[1:]]))
+    np.testing.assert_allclose(walk.breaks, first[1:2])
+    np.testing.assert_allclose(walk.line[0], first[0])
+    np.testing.assert_allclose(walk.line[-1], second[-1])
+    np.testing.assert_allclose(legs[0].given_up[[0, -1]], first[[1, -1]])
+    steps = np.linalg.norm(np.diff(walk.stances, axis=0), axis=1)
+    assert walk.length == pytest.approx(steps.sum())
