@@ -29,6 +29,10 @@ Walk = list[list[int]]
 """Points and then branches of the limbs in each state, as a file keeps them."""
 
 
+ASKED: list[tuple[int, Walk]] = []
+"""Tasks and walks with which processes are forked."""
+
+
 class Walks:
     """Keeps the states of the episodes that reach their goal, while they are measured."""
 
@@ -87,6 +91,11 @@ def _executed(env: MlivrEnv, plan: Plan) -> bool:
         return False
 
 
+def _outcome_of(k: int) -> dict[str, Any]:
+    """What becomes of one of the walks that are asked for."""
+    return outcome(*ASKED[k])
+
+
 def walked(rows: list[dict[str, Any]], count: int, known: dict[str, Any]) -> None:
     """Carry out and refine the walks of the first tasks; what came of it goes into the rows.
 
@@ -104,9 +113,8 @@ def walked(rows: list[dict[str, Any]], count: int, known: dict[str, Any]) -> Non
     if missing:
         same_map()  # before processes are forked
         work = Processes(len(os.sched_getaffinity(0)))
-        answers = work.answers(
-            lambda k: outcome(*asked[missing[k]]), range(len(missing)), "walks carried out"
-        )
+        ASKED[:] = [asked[name] for name in missing]
+        answers = work.answers(_outcome_of, range(len(missing)), "walks carried out")
         for name, answer in zip(missing, answers, strict=True):
             known[name] = answer
     for row in rows:
