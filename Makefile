@@ -55,6 +55,8 @@ results: $(VENV)/.dev
 compare: $(VENV)/.dev
 	$(BIN)/python experiments/train_policies.py
 	$(BIN)/python experiments/planner_vs_rl.py
+	$(BIN)/python experiments/reference_curves.py
+	$(BIN)/python experiments/readme.py
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed"; exit 1; }

@@ -8,7 +8,9 @@ import sys
 import numpy as np
 from PIL import Image
 
+from mlivr_gym.cli.render import shots_of
 from mlivr_gym.errors import RenderError
+from mlivr_gym.motion.plan import Plan
 
 
 def test_render_falls_back_without_gl(tmp_path):
@@ -46,6 +48,18 @@ def test_render_says_once_that_there_is_no_gl(run, tmp_path, monkeypatch):
     ]
     assert out.read_bytes().startswith(b"\x89PNG")
     assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]
+
+
+def test_ghosts_stand_in_the_stances_that_follow(plan_file):
+    plan = Plan.load(plan_file)
+    last = len(plan.stances) - 1
+    assert last > 1
+    for k, shot in enumerate(shots_of(plan, range(last + 1))):
+        bases = [shot.configuration, *shot.ghosts]
+        np.testing.assert_array_equal(
+            [base for base, *_ in bases], [plan.configuration(n)[0] for n in range(k, last + 1)]
+        )
+        assert (f"pale: stances {k + 1} to {last}" in shot.caption) == (k < last)
 
 
 def test_render_writes_the_file_that_is_named_and_no_other(run, tmp_path, plan_file):
