@@ -20,6 +20,7 @@ import comparison_report
 import dynamic_simulation
 import paper_figures_report
 import planning_report
+import reference_curves
 import table1_statistics
 from table1 import study_markdown
 from truth import told
@@ -179,6 +180,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "paper_figures": paper_figures_report.markdown,
     "benchmark_planning": planning_report.report,
     "planner_vs_rl": comparison_report.full_report,
+    "reference_curves": reference_curves.told,
 }
 """What tells each file of results as a page of the same name."""
 
