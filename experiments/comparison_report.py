@@ -335,9 +335,9 @@ def draw(data: dict[str, Any], path: Path) -> None:
 def _ratio_axis(axis: Any) -> None:
     """Make an axis of ratios to the optimum logarithmic, with room for what stands beside it."""
     axis.set_xscale("log")
-    high = max(1.2, axis.get_xlim()[1])
-    axis.set_xlim(0.95, 1.35 * high)
-    ticks = [tick for tick in (1, 1.2, 1.5, 2, 3, 5, 10, 20, 50) if tick <= 1.35 * high]
+    low, high = min(0.95, axis.get_xlim()[0]), max(1.2, axis.get_xlim()[1])
+    axis.set_xlim(low, 1.35 * high)
+    ticks = [t for t in (0.5, 0.8, 1, 1.2, 1.5, 2, 3, 5, 10, 20, 50) if low <= t <= 1.35 * high]
     axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axis.minorticks_off()
     axis.axvline(1.0, color="0.5", linewidth=0.8)

@@ -32,6 +32,7 @@ DATA = {
         "greedy": result([1, 1, 1], [8, 8, 10]),
         "random": result([1, 0, 1], [60, 60, 75]),
         "mcts": result([0, 0, 0], [60, 60, 60]),
+        "no-manipulability-reached": result([1, 1, 1], [3, 3, 3.75]),
     },
     "dense": {"astar-steps": result([1, 1, 1], [4, 4, 4])},
 }
@@ -48,8 +49,8 @@ def drawn(experiments, monkeypatch, tmp_path):
 def test_no_mean_is_cut_off_and_each_has_its_figure(drawn):
     _, figure = drawn
     success, steps = figure.axes
-    for axes, expected in ((success, [100.0, 100.0, 200 / 3, 0.0, 100.0]),
-                           (steps, [1.0, 2.0, 15.0, 1.0])):  # fmt: skip
+    for axes, expected in ((success, [100.0, 100.0, 200 / 3, 0.0, 100.0, 100.0]),
+                           (steps, [1.0, 2.0, 15.0, 0.75, 1.0])):  # fmt: skip
         dots = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"
                 and len(line.get_xdata()) == 1]  # fmt: skip
         np.testing.assert_allclose(sorted(dots), sorted(expected))
@@ -65,8 +66,8 @@ def test_no_mean_is_cut_off_and_each_has_its_figure(drawn):
 def test_what_is_missing_is_said_and_not_drawn_as_nothing(drawn):
     module, figure = drawn
     success, steps = ([text.get_text() for text in axes.texts] for axes in figure.axes)
-    assert success.count(module.NOT_MEASURED) == 3  # three methods on the dense map
-    assert steps.count(module.NOT_MEASURED) == 3
+    assert success.count(module.NOT_MEASURED) == 4  # four methods on the dense map
+    assert steps.count(module.NOT_MEASURED) == 4
     assert success.count(module.NEVER_REACHED) == 0
     assert steps.count(module.NEVER_REACHED) == 1
 
