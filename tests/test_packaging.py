@@ -61,6 +61,7 @@ def test_the_sdist_has_no_links_out_of_itself(built):
         assert all(not (member.issym() or member.islnk()) for member in archive.getmembers())
 
 
+@pytest.mark.slow
 def test_an_installed_wheel_plans(built, tmp_path):
     target = tmp_path / "site"
     command = [

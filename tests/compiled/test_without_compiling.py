@@ -78,6 +78,7 @@ def walk():
     }
 
 
+@pytest.mark.slow
 def test_a_plan_of_plain_python_is_that_of_compiled_code():
     plain, compiled = json.loads(run_plainly(__file__)), json.loads(json.dumps(walk()))
     assert plain.pop("stances") == compiled.pop("stances")
