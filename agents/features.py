@@ -190,8 +190,8 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
 def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> Array:
     """Reach and arrivals of each step through the steps that are possible after it.
 
-    With more than two limbs, where to work out all steps of a state takes long, the step counts as
-    its point does: whatever comes after it is taken for possible.
+    With more than two limbs, where to work out all steps of a state takes long, the distance is
+    that of the base after the step itself, and the arrivals are none.
 
     Args:
         env: The environment.

@@ -181,6 +181,12 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
         config = load(file.with_suffix(".json"), "checkpoint", CheckpointError, _configuration)
         weights = torch.load(file.with_suffix(".pt"), map_location="cpu", weights_only=True)
         policy = make_policy(env, config["network"], config["sizes"])
+        if _shapes(weights) != _shapes(policy.state_dict()):
+            raise CheckpointError(
+                f"cannot use checkpoint {str(path)!r}: its weights are of other shapes than the "
+                f"{config['network']} network of this version has for this environment; train it "
+                "anew"
+            )
         policy.load_state_dict(weights)
     except CheckpointError:
         raise
@@ -189,6 +195,11 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
         raise CheckpointError(f"cannot use checkpoint {str(path)!r}: {reason}") from None
     policy.set_training_mode(False)
     return LearnedPolicy(policy, config["network"], config)
+
+
+def _shapes(weights: dict[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Shape of each tensor of a network by name."""
+    return {name: tuple(tensor.shape) for name, tensor in weights.items()}
 
 
 def _configuration(data: dict[str, Any]) -> dict[str, Any]:
