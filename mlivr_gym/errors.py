@@ -66,6 +66,23 @@ class SimulationError(MlivrError):
     """A simulation cannot be run as asked."""
 
 
+class TimingError(SettingError):
+    """A step cannot be carried out in the time that is given."""
+
+    def __init__(self, duration: float, binding: str, shortest: float) -> None:
+        """Build the message.
+
+        Args:
+            duration: The step's duration that was asked for [s].
+            binding: The limit that is broken, and where.
+            shortest: The shortest duration that would do [s].
+        """
+        super().__init__(
+            f"a step of {duration:g} s breaks the limit {binding}; "
+            f"the shortest that keeps the limits is {shortest:.3f} s"
+        )
+
+
 class SceneError(MlivrError):
     """MuJoCo cannot build the scene of a map and a robot."""
 

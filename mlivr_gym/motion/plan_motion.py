@@ -1,6 +1,6 @@
 """What the robot does between the stances of a plan.
 
-`step_motion` gives configurations without a clock, `plan_trajectory` the same with one.
+`step_motion` gives configurations without a clock; `simulation.timing` gives them one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
-from mlivr_gym.motion.trajectory import Durations, Trajectory, trajectory
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 
@@ -67,39 +66,3 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
     return StepMotion(
         phase, positions, np.array([quaternion(rotation) for rotation in rotations]), joints
     )
-
-
-def step_trajectory(
-    graph: StanceGraph,
-    plan: Plan,
-    index: int,
-    durations: Durations | None = None,
-    period: float = 0.002,
-) -> Trajectory:
-    """The trajectory of one step of a plan; see `trajectory.trajectory`."""
-    return trajectory(RegraspPath(graph, planned_regrasp(graph, plan, index)), durations, period)
-
-
-def plan_trajectory(
-    graph: StanceGraph, plan: Plan, durations: Durations | None = None, period: float = 0.01
-) -> Trajectory:
-    """The trajectory of a whole plan.
-
-    Args:
-        graph: The stance graph of the plan's robot and map.
-        plan: The plan, with at least one step.
-        durations: How long the parts of a step take; by default the paper's 10, 30 and 10 s.
-        period: Spacing of the time grid [s].
-
-    Raises:
-        PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.
-
-    Example:
-        >>> plan_trajectory(graph, plan).every(0.1).save_csv("walk.csv")
-    """
-    if not plan.steps:
-        raise PlanError("the plan has no step: it starts at its goal")
-    whole = step_trajectory(graph, plan, 0, durations, period)
-    for index in range(1, len(plan.steps)):
-        whole = step_trajectory(graph, plan, index, durations, period).after(whole)
-    return whole

@@ -1,9 +1,7 @@
-"""Trajectories: regrasps with a clock.
+"""Trajectories: steps with a clock.
 
-Departure, each piece of the swing, and approach run from rest to rest on a quintic, so that
-velocity and acceleration vanish at every corner of the path that was checked and the path itself is
-kept exactly. The swing's time is shared among its pieces such that the largest acceleration of any
-joint is about the same in all of them. The base moves along with the swing.
+Each piece of a step runs from rest to rest on its clock, so that velocity and acceleration vanish
+at every corner of the path that was checked and the path itself is kept exactly.
 """
 
 from __future__ import annotations
@@ -12,15 +10,18 @@ import csv
 import io
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import PPoly
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError, one_line
 from mlivr_gym.files import write_whole
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
+from mlivr_gym.motion.clocks import duration_of
+from mlivr_gym.motion.pieces import Piece
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath
 from mlivr_gym.schema import NAME, Listed, Numbers, Place
 from mlivr_gym.values import LONGEST, MOST_POINTS
@@ -28,52 +29,27 @@ from mlivr_gym.values import LONGEST, MOST_POINTS
 FREE = -1
 """Grasp state of a limb that holds nothing."""
 
-LONGEST_STEP = 3600.0
-"""Largest duration of a step [s]; the paper's is 50 s."""
-
 MOST_SAMPLES = 1_000_000
 """Most samples of a step's trajectory, half an hour at 2 ms; they take about a gigabyte."""
 
-PIECE_SAMPLES = 65
-"""Places at which a piece of a swing is looked at to find the joint that travels farthest."""
 
+class TimedPath(NamedTuple):
+    """A step with a clock for each of its pieces."""
 
-@dataclass(frozen=True)
-class Durations:
-    """How long the parts of a step take.
-
-    Attributes:
-        departure: Departure along the surface normal [s].
-        swing: Swing, with the base moving [s].
-        approach: Approach along the surface normal [s].
-    """
-
-    departure: float = 10.0
-    swing: float = 30.0
-    approach: float = 10.0
-
-    def __post_init__(self) -> None:
-        """Check that each is above zero, and the whole not too long."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise SettingError(
-                    f"duration of the {field.name} is {value!r}; it must be finite and above 0 [s]"
-                )
-        if self.total > LONGEST_STEP:
-            raise SettingError(
-                f"duration of a step is {self.total:g} s; it must be at most {LONGEST_STEP:g} s"
-            )
+    path: RegraspPath
+    pieces: tuple[Piece, ...]
+    clocks: tuple[PPoly, ...]
 
     @property
-    def total(self) -> float:
-        """Duration of a step [s]."""
-        return self.departure + self.swing + self.approach
+    def ends(self) -> Array:
+        """When each piece ends [s]."""
+        ends: Array = np.cumsum([duration_of(clock) for clock in self.clocks])
+        return ends
 
-    @classmethod
-    def of_step(cls, total: float) -> Durations:
-        """A step of `total` seconds, divided as the paper's: a fifth, three fifths, a fifth."""
-        return cls(0.2 * total, 0.6 * total, 0.2 * total)
+    @property
+    def duration(self) -> float:
+        """Duration of the step [s]."""
+        return float(self.ends[-1])
 
 
 @dataclass(frozen=True)
@@ -85,9 +61,13 @@ class Trajectory:
         step: Index of the step, shape (k,).
         phase: Index into `regrasp.PHASES`, shape (k,).
         joint_positions: Shape (k, N, 6) [rad].
-        joint_velocities: Shape (k, N, 6) [rad/s], from differences on the grid.
+        joint_velocities: Shape (k, N, 6) [rad/s].
+        joint_accelerations: Shape (k, N, 6) [rad/s^2].
         base_positions: Shape (k, 3) [m].
         base_quaternions: Shape (k, 4), w, x, y, z.
+        base_velocities: Linear in the world and angular in the base's axes, shape (k, 6) [m/s,
+            rad/s].
+        base_accelerations: Their derivatives, shape (k, 6) [m/s^2, rad/s^2].
         grasps: Point index each limb holds, or `FREE`, shape (k, N).
         points: Ids of all points of the map.
     """
@@ -97,8 +77,11 @@ class Trajectory:
     phase: IntArray
     joint_positions: Array
     joint_velocities: Array
+    joint_accelerations: Array
     base_positions: Array
     base_quaternions: Array
+    base_velocities: Array
+    base_accelerations: Array
     grasps: IntArray
     points: tuple[str, ...]
 
@@ -210,8 +193,11 @@ def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
         "phase": Numbers((k,), 0.0, len(PHASES) - 1.0),
         "joint_positions": Numbers((k, limbs, 6)),
         "joint_velocities": Numbers((k, limbs, 6)),
+        "joint_accelerations": Numbers((k, limbs, 6)),
         "base_positions": Numbers((k, 3), most=LONGEST, unit="m"),
         "base_quaternions": Numbers((k, 4), -1.001, 1.001),
+        "base_velocities": Numbers((k, 6)),
+        "base_accelerations": Numbers((k, 6)),
         "grasps": Numbers((k, limbs), float(FREE), len(points) - 1.0),
     }
     if k < 2:
@@ -223,53 +209,50 @@ def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
     return found | {"points": points}
 
 
-def quintic(s: Array) -> Array:
-    """The quintic from 0 to 1 with zero velocity and acceleration at both ends."""
-    value: Array = s**3 * (10.0 + s * (-15.0 + 6.0 * s))
-    return value
-
-
-def trajectory(
-    path: RegraspPath, durations: Durations | None = None, period: float = 0.002
-) -> Trajectory:
-    """The trajectory of one regrasp.
+def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
+    """The trajectory of one step.
 
     Args:
-        path: The regrasp.
-        durations: How long its parts take; by default the paper's 10, 30 and 10 s.
-        period: Spacing of the time grid [s]; the step takes a whole number of them.
+        timed: The step with its clocks.
+        period: Spacing of the time grid [s]. The step takes a whole number of periods, for which
+            it is slowed down by less than one.
 
     Raises:
         PlanError: If a limb that holds cannot follow the base, or a joint would leave its limits.
+        SettingError: If the period does not fit the step.
     """
-    durations = durations or Durations()
-    if not (np.isfinite(period) and 0.0 < period < durations.total):
+    path, duration = timed.path, timed.duration
+    if not (np.isfinite(period) and 0.0 < period < duration):
+        raise SettingError(f"period is {period!r}; it must be above 0 and below {duration:g} [s]")
+    if duration / period > MOST_SAMPLES:
         raise SettingError(
-            f"period is {period!r}; it must be above 0 and below {durations.total:g} [s]"
-        )
-    if durations.total / period > MOST_SAMPLES:
-        raise SettingError(
-            f"period is {period!r}: a step of {durations.total:g} s has more than {MOST_SAMPLES} "
-            f"samples; take at least {durations.total / MOST_SAMPLES:g} s"
+            f"period is {period!r}: a step of {duration:g} s has more than {MOST_SAMPLES} "
+            f"samples; take at least {duration / MOST_SAMPLES:g} s"
         )
     step, graph = path.regrasp, path.graph
-    count = round(durations.total / period) + 1
+    count = int(np.ceil(duration / period - 1e-9)) + 1
     times: Array = np.arange(count, dtype=np.float64) * period
-    ends = np.cumsum([durations.departure, *(durations.swing * _shares(path)), durations.approach])
-    ends *= times[-1] / ends[-1]
-    part = np.minimum(np.searchsorted(ends, times, side="left"), len(ends) - 1)
+    slower = times[-1] / duration
+    ends = timed.ends
+    part = np.minimum(np.searchsorted(ends, times / slower, side="left"), len(ends) - 1)
     starts = np.concatenate([[0.0], ends[:-1]])
-    share = quintic(np.clip((times - starts[part]) / (ends - starts)[part], 0.0, 1.0))
     u, moving = np.zeros(count), np.empty((count, 6))
+    speeds, accelerations = np.empty((2, count, 6 + 6 * graph.limbs))
     last = len(ends) - 1
-    for piece in range(len(ends)):
-        here = part == piece
-        if piece == 0:
-            moving[here] = path.departure(share[here])
-        elif piece == last:
-            moving[here], u[here] = path.approach(share[here]), 1.0
+    for k, (piece, clock) in enumerate(zip(timed.pieces, timed.clocks, strict=True)):
+        here = part == k
+        since = np.clip(times[here] / slower - starts[k], 0.0, clock.x[-1])
+        share = np.clip(clock(since), 0.0, 1.0)
+        if k == 0:
+            moving[here] = path.departure(share)
+        elif k == last:
+            moving[here], u[here] = path.approach(share), 1.0
         else:
-            u[here], moving[here] = path.swing(piece - 1, share[here])
+            u[here], moving[here] = path.swing(k - 1, share)
+        rate, change = clock(since, 1) / slower, clock(since, 2) / slower**2
+        first, second = piece.curve(share, 1), piece.curve(share, 2)
+        speeds[here] = rate[:, None] * first
+        accelerations[here] = change[:, None] * first + rate[:, None] ** 2 * second
     positions, rotations = path.base(u)
     joints = path.supports(u)
     joints[:, step.limb] = moving
@@ -277,35 +260,21 @@ def trajectory(
     grasps = np.tile(np.array(step.before), (count, 1))
     grasps[:, step.limb] = FREE
     grasps[0, step.limb], grasps[-1, step.limb] = step.before[step.limb], step.to_point
+    phases = np.array([piece.phase for piece in timed.pieces])
     return Trajectory(
-        times, np.zeros(count, dtype=np.int64), np.clip(part, 0, 1) + (part == last), joints,
-        np.gradient(joints, times, axis=0), positions, _quaternions(rotations), grasps,
-        tuple(graph.grasp_map.ids),
-    )  # fmt: skip
-
-
-def _shares(path: RegraspPath) -> Array:
-    """Share of the swing's time that each of its pieces gets.
-
-    It goes with the square root of travel, since accelerations go with travel over time squared.
-    """
-    share = np.linspace(0.0, 1.0, PIECE_SAMPLES)
-    pieces = [path.swing(piece, share) for piece in range(path.pieces)]
-    others = path.supports(np.concatenate([u for u, _ in pieces])).reshape(
-        len(pieces), PIECE_SAMPLES, -1
+        times=times,
+        step=np.zeros(count, dtype=np.int64),
+        phase=phases[part],
+        joint_positions=joints,
+        joint_velocities=speeds[:, 6:].reshape(joints.shape),
+        joint_accelerations=accelerations[:, 6:].reshape(joints.shape),
+        base_positions=positions,
+        base_quaternions=_quaternions(rotations),
+        base_velocities=speeds[:, :6],
+        base_accelerations=accelerations[:, :6],
+        grasps=grasps,
+        points=tuple(graph.grasp_map.ids),
     )
-    travel = [
-        max(_travel(moving), _travel(held[:, ~np.isnan(held[0])]))
-        for (_, moving), held in zip(pieces, others, strict=True)
-    ]
-    roots: Array = np.sqrt(travel)
-    shares: Array = roots / roots.sum()
-    return shares
-
-
-def _travel(joints: Array) -> float:
-    """Farthest travel of any joint [rad]."""
-    return float(np.abs(np.diff(joints, axis=0)).sum(axis=0).max())
 
 
 def _check_limits(limits: Array, joints: Array, times: Array) -> None:

@@ -15,6 +15,12 @@ from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 FARTHEST_TURN = 100.0
 """Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
 
+JOINT_LIMITS = (
+    *((-2.0 * np.pi, 2.0 * np.pi),) * 2, (-np.pi, np.pi), *((-2.0 * np.pi, 2.0 * np.pi),) * 3,
+)  # fmt: skip
+"""Limits of the UR5e's joints [rad]; the manufacturer's description keeps the elbow to half a turn.
+"""
+
 WINDOW_STARTS = (
     -1.65, 1.75 - 2.0 * np.pi, -np.pi, 1.75 - 2.0 * np.pi, -np.pi, -0.75 * np.pi,
 )  # fmt: skip
@@ -40,7 +46,7 @@ class Limb:
     d4: float = 0.1333
     d5: float = 0.0997
     d6: float = 0.0996
-    joint_limits: tuple[tuple[float, float], ...] = ((-2 * np.pi, 2 * np.pi),) * 6
+    joint_limits: tuple[tuple[float, float], ...] = JOINT_LIMITS
     """Lower and upper limit of each joint [rad]."""
     window_starts: tuple[float, ...] = WINDOW_STARTS
     """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""

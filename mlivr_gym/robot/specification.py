@@ -11,18 +11,28 @@ import json
 import os
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, shown
-from mlivr_gym.files import load, read_json
+from mlivr_gym.files import load
 from mlivr_gym.robot.capsules import CAPSULE, LINKS, Capsule
 from mlivr_gym.robot.limb import FARTHEST_TURN, LIMB, Limb
+from mlivr_gym.robot.limb_dynamics import (
+    ARMS,
+    LIMB_DYNAMICS,
+    MASSES,
+    LimbDynamics,
+    Named,
+    arm_data,
+    arm_dynamics,
+    arm_limb,
+    arm_of,
+)
 from mlivr_gym.schema import NAME, Listed, Maybe, Place, Record, Tuples, Whole
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 
@@ -38,15 +48,6 @@ LIMB_COLOURS = (
 )
 """Colour of each limb, in the scene and in figures; red and blue are the paper's."""
 
-
-@cache
-def ur5e_data() -> dict[str, Any]:
-    """Figures of the UR5e with their sources, as shipped."""
-    return read_json(asset_path("ur5e.json"), "robot", RobotError)
-
-
-MASSES = (1e-3, 1e6)
-"""Least and largest mass of a part [kg]: a gram, and twice the ISS."""
 
 SMALLEST_BODY = 1e-3
 """Least edge of the body [m]: of one lighter and smaller MuJoCo refuses the inertia."""
@@ -118,6 +119,8 @@ class RobotSpec:
         body_size: Edge of the body, a cube [m].
         body_mass: Mass of the body [kg].
         gripper_mass: Mass of a gripper [kg].
+        dynamics: Masses, inertias and joint limits of a limb, also by the name of an arm (one of
+            `ARMS`); None for those of the arm that has the limb's lengths.
     """
 
     name: str = "robot"
@@ -136,6 +139,7 @@ class RobotSpec:
     body_size: float = 0.2
     body_mass: float = 20.0
     gripper_mass: float = 0.5
+    dynamics: LimbDynamics | None = None
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -191,7 +195,7 @@ class RobotSpec:
         """
         if self.capsules is not None:
             return self.capsules
-        data, limb = ur5e_data(), self.limb
+        data, limb = arm_data("ur5e"), self.limb
         published = data["dh"]
         stretch = {
             "upper_arm": (limb.a2 / published["a2"], 1.0, limb.d4 / published["d4"]),
@@ -210,11 +214,33 @@ class RobotSpec:
         return tuple(out)
 
     @property
+    def limb_dynamics(self) -> LimbDynamics:
+        """Masses, inertias and joint limits of a limb.
+
+        Raises:
+            RobotError: If they are not given, and the limb's lengths are those of no arm that
+                ships: another arm's figures would be wrong without a word.
+        """
+        if self.dynamics is not None:
+            return self.dynamics
+        name = arm_of(self.limb)
+        if name is None:
+            lengths = ", ".join(f"{length:g}" for length in self.limb.lengths)
+            raise RobotError(
+                f"robot {self.name!r} cannot be simulated: its limbs' lengths {lengths} m are "
+                f"those of none of {', '.join(ARMS)}, whose masses, inertias and torque limits "
+                "are known; give its `dynamics`, or the name of one of these arms as `dynamics` "
+                "to take that arm's figures"
+            )
+        return arm_dynamics(name)
+
+    @property
     def fingerprint(self) -> str:
-        """Hash of the description, but for its name."""
-        return hashlib.sha256(
-            json.dumps(self.to_dict() | {"name": ""}, sort_keys=True).encode()
-        ).hexdigest()[:16]
+        """Hash of what plans depend on: the description but for its name and `dynamics`."""
+        data = {name: value for name, value in self.to_dict().items() if name != "dynamics"}
+        return hashlib.sha256(json.dumps(data | {"name": ""}, sort_keys=True).encode()).hexdigest()[
+            :16
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """The description as plain data for JSON."""
@@ -255,7 +281,7 @@ ROBOT = Record(
     {
         "name": NAME,
         "limbs": Whole(2, MOST_LIMBS),
-        "limb": LIMB,
+        "limb": Named(LIMB, arm_limb),
         "mount_radius": SIZE,
         "tool_length": SIZE,
         "characteristic_length": Tuples((), SMALLEST, LONGEST_ROBOT, "m"),
@@ -269,6 +295,7 @@ ROBOT = Record(
         "body_size": Tuples((), SMALLEST_BODY, LONGEST_ROBOT, "m"),
         "body_mass": Tuples((), *MASSES, "kg"),
         "gripper_mass": Tuples((), *MASSES, "kg"),
+        "dynamics": Maybe(Named(LIMB_DYNAMICS, arm_dynamics)),
     },
 )
 """Fields of a `RobotSpec`."""

@@ -25,9 +25,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mlivr_gym.arrays import Array
-from mlivr_gym.errors import RobotError, SettingError
-from mlivr_gym.robot.specification import RobotSpec, ur5e_data
+from mlivr_gym.errors import SettingError
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Flag, Place, Record, Tuples
 from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
 from mlivr_gym.world.boxes import Box
@@ -35,9 +34,6 @@ from mlivr_gym.world.grasp_map import GraspMap
 
 FIRST_GRIPPER_BIT = 2
 """Bit of `contype` that stands for the gripper of limb 0; those of the other limbs follow."""
-
-SAME_LENGTH = 1e-3
-"""Limbs whose lengths differ by less are one kind of arm [m]: calibrated figures vary a little."""
 
 AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 """Axes of a grasp, in the order of its actuators and sensors."""
@@ -65,8 +61,6 @@ class Physics:
             manufacturer's controller stops there.
         feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward to the
             PD controller, see `feedforward.feedforward`; the paper's controller does without.
-        assume_ur5e_masses: Whether a robot with limbs of other lengths is simulated all the same,
-            with the masses, inertias and torque limits of the UR5e; see `check_masses`.
     """
 
     timestep: float = 0.002
@@ -83,7 +77,6 @@ class Physics:
     saturation_time: float = 0.1
     limit_margin: float = float(np.deg2rad(3.0))
     feedforward: bool = True
-    assume_ur5e_masses: bool = False
 
     def __post_init__(self) -> None:
         """Check that every figure is finite and above zero."""
@@ -108,42 +101,15 @@ class Physics:
         return PHYSICS.read(data, Place("physics", SettingError))
 
 
-SWITCHES = ("feedforward", "assume_ur5e_masses")
-"""Fields of `Physics` that are true or false."""
-
 PHYSICS = Record(
     Physics,
     {
-        field.name: Flag() if field.name in SWITCHES else Tuples((), 1e-12, 1e12)
+        field.name: Flag() if field.name == "feedforward" else Tuples((), 1e-12, 1e12)
         for field in fields(Physics)
     }
     | {"timestep": Tuples((), 1e-5, 0.1, "s")},
 )
 """Fields of `Physics`."""
-
-
-def torque_limits() -> Array:
-    """Largest torque of each joint of a limb [N m], shape (6,), from the manufacturer."""
-    return np.array(ur5e_data()["joint_limits"]["torque"], dtype=np.float64)
-
-
-def check_masses(robot: RobotSpec, physics: Physics) -> None:
-    """Refuse a robot whose masses are not known: another arm's would be wrong without a word.
-
-    Raises:
-        RobotError: If a length of its limbs is not the UR5e's, unless `assume_ur5e_masses` is set.
-    """
-    known = {name: value for name, value in ur5e_data()["dh"].items() if isinstance(value, float)}
-    found = {name: getattr(robot.limb, name) for name in known}
-    other = [name for name in known if abs(found[name] - known[name]) > SAME_LENGTH]
-    if other and not physics.assume_ur5e_masses:
-        told = ", ".join(f"{name} {found[name]:g} m (UR5e {known[name]:g} m)" for name in other)
-        raise RobotError(
-            f"robot {robot.name!r} cannot be simulated: masses, inertias and torque limits are "
-            f"known for the UR5e only, and its limbs differ in {told}; to simulate it with the "
-            "UR5e's all the same, set Physics(assume_ur5e_masses=True), on the command line "
-            "--assume-ur5e-masses"
-        )
 
 
 def dynamics_spec(
@@ -166,10 +132,10 @@ def dynamics_spec(
         obstacles: Further boxes.
 
     Raises:
-        RobotError: If the robot's masses are not known, see `check_masses`.
+        RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     """
     physics = physics or Physics()
-    check_masses(robot, physics)
+    torque_limits = robot.limb_dynamics.torque_limits
     spec = scene_spec(grasp_map, robot, obstacles)
     spec.modelname += "-dynamics"
     spec.option.timestep = physics.timestep
@@ -177,7 +143,7 @@ def dynamics_spec(
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     grippers = 0
     for limb in range(robot.limbs):
-        _add_controllers(spec, limb, physics)
+        _add_controllers(spec, limb, physics, torque_limits)
         _add_grasp(spec, limb, physics)
         grippers |= gripper_bit(limb)
         for geom in spec.body(f"limb{limb}/gripper").geoms:
@@ -198,8 +164,10 @@ def gripper_bit(limb: int) -> int:
     return 1 << (FIRST_GRIPPER_BIT + limb)
 
 
-def _add_controllers(spec: mujoco.MjSpec, limb: int, physics: Physics) -> None:
-    for k, limit in enumerate(torque_limits(), 1):
+def _add_controllers(
+    spec: mujoco.MjSpec, limb: int, physics: Physics, torque_limits: Sequence[float]
+) -> None:
+    for k, limit in enumerate(torque_limits, 1):
         name = f"limb{limb}/joint{k}"
         # A stop would hide how far the controller lets a joint go; leaving the limits is a failure
         # that is reported.

@@ -18,7 +18,8 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import SceneError, ShapeError
 from mlivr_gym.robot.capsules import LINKS, Capsule
-from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec, ur5e_data
+from mlivr_gym.robot.limb_dynamics import arm_data, arm_dynamics, arm_of
+from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.values import unique
 from mlivr_gym.world.boxes import BOX, POINT, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
@@ -73,10 +74,8 @@ def scene_spec(
     """
     boxes = (*grasp_map.boxes, *obstacles)
     unique([box.id for box in boxes], "box", ShapeError)
-    spec = mujoco.MjSpec()
+    spec = robot_alone(robot)
     spec.modelname = f"{grasp_map.name}-{robot.name}"
-    spec.compiler.degree = False  # MuJoCo would take the ranges of joints for degrees
-    spec.option.gravity = [0.0, 0.0, 0.0]
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
@@ -87,7 +86,6 @@ def scene_spec(
         builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[1, 1, 1], rgb2=[0.86, 0.89, 0.93], width=256, height=256,
     )  # fmt: skip
-    spec.add_material(name="matt", specular=0.1, shininess=0.1)
     spec.add_material(name="metal", specular=0.6, shininess=0.6)
     world = spec.worldbody
     _add_lights(world, grasp_map)
@@ -106,7 +104,28 @@ def scene_spec(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.016, 0.003, 0.0], rgba=_POINT,
             group=FACE_GROUPS[face],
         )  # fmt: skip
-    _add_robot(spec, robot)
+    return spec
+
+
+def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
+    """A robot that floats in empty space without gravity; names are those of `scene_spec`.
+
+    A robot whose masses are not known has those of the UR5e, which a picture does not need and
+    `dynamics.dynamics_spec` refuses.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False  # MuJoCo would take the ranges of joints for degrees
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    spec.add_material(name="matt", specular=0.1, shininess=0.1)
+    shapes = LimbShapes(robot)
+    base = _add_base(spec, robot)
+    for i in range(robot.limbs):
+        links = _add_limb(base, robot, i)
+        links["gripper"] = _add_gripper(links["wrist_3"], robot, i)
+        _add_capsules(links, robot, i)
+        for first, second in shapes.never(i):
+            spec.add_exclude(bodyname1=_body_name(first, i), bodyname2=_body_name(second, i))
     return spec
 
 
@@ -168,17 +187,6 @@ def _quaternion(rotation: Array) -> Array:
     return quaternion
 
 
-def _add_robot(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
-    shapes = LimbShapes(robot)
-    base = _add_base(spec, robot)
-    for i in range(robot.limbs):
-        links = _add_limb(base, robot, i)
-        links["gripper"] = _add_gripper(links["wrist_3"], robot, i)
-        _add_capsules(links, robot, i)
-        for first, second in shapes.never(i):
-            spec.add_exclude(bodyname1=_body_name(first, i), bodyname2=_body_name(second, i))
-
-
 def _add_base(spec: mujoco.MjSpec, robot: RobotSpec) -> mujoco.MjsBody:
     """The robot's body, free to move, with a disc that marks its front."""
     half = 0.5 * robot.body_size
@@ -198,6 +206,8 @@ def _add_base(spec: mujoco.MjSpec, robot: RobotSpec) -> mujoco.MjsBody:
 def _add_limb(base: mujoco.MjsBody, robot: RobotSpec, i: int) -> dict[str, mujoco.MjsBody]:
     """The links of a limb with joints and inertias, by name."""
     limb, quarter = robot.limb, [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
+    known = robot.dynamics is not None or arm_of(limb) is not None
+    dynamics = robot.limb_dynamics if known else arm_dynamics("ur5e")
     origins = (
         ([0, 0, limb.d1], None), ([0, 0, 0], quarter), ([limb.a2, 0, 0], None),
         ([limb.a3, 0, limb.d4], None), ([0, -limb.d5, 0], quarter),
@@ -205,23 +215,31 @@ def _add_limb(base: mujoco.MjsBody, robot: RobotSpec, i: int) -> dict[str, mujoc
     )  # fmt: skip
     mount = _quaternion(robot.mount_rotations[i])
     parent = base.add_body(name=f"limb{i}", pos=robot.mount_positions[i], quat=mount)
+    radius, length = dynamics.base_size
+    _cylinder(parent, dynamics.base_mass, radius, length, 0.5 * length)
     links = {"base": parent}
-    for k, ((offset, quaternion), link) in enumerate(
-        zip(origins, ur5e_data()["links"], strict=True)
-    ):
+    for k, ((offset, quaternion), link) in enumerate(zip(origins, LINKS[1:-1], strict=True)):
         extra = {} if quaternion is None else {"quat": quaternion}
-        parent = parent.add_body(name=f"limb{i}/{link['name']}", pos=offset, **extra)
-        links[link["name"]] = parent
+        parent = parent.add_body(name=f"limb{i}/{link}", pos=offset, **extra)
+        links[link] = parent
         parent.add_joint(
             name=f"limb{i}/joint{k + 1}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1],
-            range=list(limb.joint_limits[k]),
+            range=list(limb.joint_limits[k]), armature=dynamics.rotor_inertias[k],
         )  # fmt: skip
-        inertia = np.array(link["inertia_urdf"])
         parent.explicitinertial = True
-        parent.mass, parent.ipos = link["mass"], link["com_urdf"]
-        rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-        parent.fullinertia = inertia[rows, columns].tolist()
+        parent.mass, parent.ipos = dynamics.masses[k], dynamics.centres[k]
+        parent.fullinertia = list(dynamics.inertias[k])
     return links
+
+
+def _cylinder(
+    body: mujoco.MjsBody, mass: float, radius: float, length: float, height: float
+) -> None:
+    """Give a body the inertia of a cylinder along z whose middle is at a height [m]."""
+    across = mass * (3.0 * radius**2 + length**2) / 12.0
+    body.mass, body.ipos = mass, [0, 0, height]
+    body.inertia = [across, across, 0.5 * mass * radius**2]
+    body.explicitinertial = True
 
 
 def _add_gripper(flange: mujoco.MjsBody, robot: RobotSpec, i: int) -> mujoco.MjsBody:
@@ -230,11 +248,9 @@ def _add_gripper(flange: mujoco.MjsBody, robot: RobotSpec, i: int) -> mujoco.Mjs
     flange.add_site(name=f"limb{i}/flange", **unseen)
     flange.add_site(name=f"limb{i}/grasp", pos=[0, 0, robot.tool_length], **unseen)
     gripper = flange.add_body(name=f"limb{i}/gripper")
-    length, radius = max(robot.tool_length, 0.01), ur5e_data()["gripper"]["radius"]
-    gripper.mass, gripper.ipos = robot.gripper_mass, [0, 0, 0.5 * robot.tool_length]
-    across = robot.gripper_mass * (3.0 * radius**2 + length**2) / 12.0
-    gripper.inertia = [across, across, 0.5 * robot.gripper_mass * radius**2]
-    gripper.explicitinertial = True
+    radius = arm_data("ur5e")["gripper"]["radius"]
+    length = max(robot.tool_length, 0.01)
+    _cylinder(gripper, robot.gripper_mass, radius, length, 0.5 * robot.tool_length)
     return gripper
 
 

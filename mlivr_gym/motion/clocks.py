@@ -1,0 +1,85 @@
+"""Clocks: how a piece of a path is run through in time, from rest to rest.
+
+A clock is a piecewise polynomial of time, SciPy's `PPoly`, that goes from 0 to 1, with velocity and
+acceleration zero at both ends. Its last breakpoint is the duration of the piece [s].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import SettingError
+from mlivr_gym.motion.pieces import Piece
+
+LONGEST_STEP = 3600.0
+"""Largest duration of a step [s]; the paper's is 50 s."""
+
+
+def quintic(duration: float) -> PPoly:
+    """The quintic from 0 to 1 with velocity and acceleration zero at both ends."""
+    powers = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
+    return PPoly(powers[:, None] / duration ** np.arange(5, -1, -1)[:, None], [0.0, duration])
+
+
+def duration_of(clock: PPoly) -> float:
+    """How long a clock runs [s]."""
+    return float(clock.x[-1])
+
+
+def stretched(clock: PPoly, factor: float) -> PPoly:
+    """The clock that takes `factor` times as long."""
+    order = len(clock.c) - 1
+    return PPoly(clock.c / factor ** np.arange(order, -1, -1)[:, None], clock.x * factor)
+
+
+@dataclass(frozen=True)
+class Durations:
+    """How long the parts of a step take; by default the paper's.
+
+    Attributes:
+        departure: Departure along the surface normal [s].
+        swing: Swing, with the base moving [s].
+        approach: Approach along the surface normal [s].
+    """
+
+    departure: float = 10.0
+    swing: float = 30.0
+    approach: float = 10.0
+
+    def __post_init__(self) -> None:
+        """Check that each is above zero, and the whole not too long."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise SettingError(
+                    f"duration of the {field.name} is {value!r}; it must be finite and above 0 [s]"
+                )
+        if self.total > LONGEST_STEP:
+            raise SettingError(
+                f"duration of a step is {self.total:g} s; it must be at most {LONGEST_STEP:g} s"
+            )
+
+    @property
+    def total(self) -> float:
+        """Duration of a step [s]."""
+        return self.departure + self.swing + self.approach
+
+    @classmethod
+    def of_step(cls, total: float) -> Durations:
+        """A step of `total` seconds, divided as the paper's: a fifth, three fifths, a fifth."""
+        return cls(0.2 * total, 0.6 * total, 0.2 * total)
+
+    def clocks(self, pieces: Sequence[Piece]) -> tuple[PPoly, ...]:
+        """Quintics for the pieces of a step.
+
+        Those of the swing share its time with the square root of the farthest travel of a joint,
+        since accelerations go with travel over time squared.
+        """
+        roots: Array = np.sqrt([piece.travel for piece in pieces[1:-1]])
+        swing = self.swing * roots / roots.sum()
+        return tuple(quintic(float(time)) for time in (self.departure, *swing, self.approach))

@@ -1,0 +1,144 @@
+"""What the dynamics of a limb need: masses, inertias, and the limits of its joints.
+
+Figures of the UR3e, UR5e and UR10e ship with their sources, see `envs_assets/ur5e.json` and those
+beside it. Frames of links are those of the manufacturer's description, their origins on the joints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.errors import RobotError
+from mlivr_gym.files import read_json
+from mlivr_gym.robot.limb import Limb
+from mlivr_gym.schema import Choice, Place, Record, Tuples
+from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
+
+ARMS = ("ur3e", "ur5e", "ur10e")
+"""Arms whose figures ship."""
+
+SAME_LENGTH = 1e-3
+"""Limbs whose lengths differ by less are one kind of arm [m]: calibrated figures vary a little."""
+
+MASSES = (1e-3, 1e6)
+"""Least and largest mass of a part [kg]: a gram, and twice the ISS."""
+
+
+@dataclass(frozen=True)
+class LimbDynamics:
+    """Masses, inertias and limits of the six links and joints of a limb.
+
+    Attributes:
+        base_mass: Mass of the link by which the limb is fixed to the body, a cylinder that stands
+            on it [kg].
+        base_size: Radius and length of that cylinder [m].
+        masses: Mass of each link [kg].
+        centres: Centre of mass of each link in its frame [m], six of three.
+        inertias: Inertia of each link about its centre of mass in the axes of its frame, xx, yy,
+            zz, xy, xz, yz [kg m^2].
+        torque_limits: Largest torque of each joint [N m].
+        speed_limits: Largest speed of each joint [rad/s].
+        rotor_inertias: Inertia of each joint's rotor, seen behind the gear [kg m^2].
+    """
+
+    base_mass: float
+    base_size: tuple[float, float]
+    masses: tuple[float, ...]
+    centres: tuple[tuple[float, ...], ...]
+    inertias: tuple[tuple[float, ...], ...]
+    torque_limits: tuple[float, ...]
+    speed_limits: tuple[float, ...]
+    rotor_inertias: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check every figure."""
+        place = Place("dynamics", RobotError)
+        LIMB_DYNAMICS.check(self, place)
+        for link, (xx, yy, zz, xy, xz, yz) in enumerate(self.inertias):
+            moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
+                told = ", ".join(f"{moment:g}" for moment in moments)
+                raise (
+                    place.field("inertias")
+                    .entry(link)
+                    .fault(
+                        f"has the principal moments {told}; they must be above 0, and two of them "
+                        "together at least the third"
+                    )
+                )
+
+
+@cache
+def arm_data(name: str) -> dict[str, Any]:
+    """Figures of an arm with their sources, as shipped; `name` is one of `ARMS`."""
+    return read_json(asset_path(f"{name}.json"), "robot", RobotError)
+
+
+@cache
+def arm_dynamics(name: str) -> LimbDynamics:
+    """Masses, inertias and limits of an arm that ships; `name` is one of `ARMS`."""
+    data = arm_data(name)
+    rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+    links, limits = data["links"], data["joint_limits"]
+    return LimbDynamics(
+        data["base_link"]["mass"],
+        (data["base_link"]["radius"], data["base_link"]["length"]),
+        tuple(link["mass"] for link in links),
+        tuple(tuple(link["com_urdf"]) for link in links),
+        tuple(tuple(np.array(link["inertia_urdf"])[rows, columns].tolist()) for link in links),
+        tuple(limits["torque"]),
+        tuple(limits["velocity"]),
+        (data["rotor_inertia"]["value"],) * 6,
+    )
+
+
+def arm_limb(name: str) -> Limb:
+    """Lengths and joint limits of an arm that ships; `name` is one of `ARMS`."""
+    data = arm_data(name)
+    lengths = {key: value for key, value in data["dh"].items() if isinstance(value, float)}
+    return Limb(**lengths, joint_limits=tuple(map(tuple, data["joint_limits"]["position"])))
+
+
+def arm_of(limb: Limb) -> str | None:
+    """The arm that ships with the lengths of a limb, or None."""
+    for name in ARMS:
+        apart: Array = limb.lengths - arm_limb(name).lengths
+        if np.abs(apart).max() < SAME_LENGTH:
+            return name
+    return None
+
+
+class Named:
+    """A record of a limb, or the name of an arm that ships."""
+
+    def __init__(self, kind: Any, make: Any) -> None:
+        """`make` gives the record of a name, `kind` reads one that is spelled out."""
+        self._kind, self._make = kind, make
+
+    def read(self, value: object, place: Place) -> Any:
+        """The record."""
+        if isinstance(value, str):
+            return self._make(Choice(ARMS).read(value, place))
+        return self._kind.read(value, place)
+
+
+LIMB_DYNAMICS = Record(
+    LimbDynamics,
+    {
+        "base_mass": Tuples((), *MASSES, "kg"),
+        "base_size": Tuples((2,), SMALLEST, LONGEST_ROBOT, "m"),
+        "masses": Tuples((6,), *MASSES, "kg"),
+        "centres": Tuples((6, 3), most=LONGEST_ROBOT, unit="m"),
+        "inertias": Tuples((6, 6), -1e6, 1e6, "kg m^2"),
+        "torque_limits": Tuples((6,), 1e-3, 1e6, "N m"),
+        "speed_limits": Tuples((6,), 1e-3, 1e3, "rad/s"),
+        "rotor_inertias": Tuples((6,), 0.0, 1e3, "kg m^2"),
+    },
+)
+"""Fields of a `LimbDynamics`."""

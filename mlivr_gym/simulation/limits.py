@@ -1,0 +1,71 @@
+"""Limits of how fast a step may be carried out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from mlivr_gym.errors import SettingError
+from mlivr_gym.motion.clocks import LONGEST_STEP
+from mlivr_gym.schema import Choice, Maybe, Place, Record, Tuples
+
+PROFILES = ("fastest", "quintic")
+"""Clocks of the pieces of a step: the shortest, or the paper's polynomial."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a step may ask of the robot and of the points it holds.
+
+    Attributes:
+        torque: Share of each joint's largest torque.
+        speed: Share of each joint's largest speed.
+        grasp_force: Force on a grasp [N].
+        grasp_torque: Torque on a grasp [N m].
+        surface_speed: Speed of a gripper on departure and approach [m/s].
+        rise_time: Time in which the acceleration along the path may change from nothing to its
+            largest and back [s]; it bounds the jerk. For the profile `"fastest"`.
+        profile: One of `PROFILES`. On a given path the torques that the dynamics ask for are linear
+            in the second derivative and the squared first derivative of the share of a piece:
+            `"fastest"` follows the limits along the piece, `"quintic"` takes the shortest quintic.
+        step_duration: Duration of every step [s], whose pieces are slowed down alike; None for the
+            shortest.
+    """
+
+    torque: float = 0.8
+    speed: float = 0.8
+    grasp_force: float = 60.0
+    grasp_torque: float = 30.0
+    surface_speed: float = 0.2
+    rise_time: float = 0.2
+    profile: str = "fastest"
+    step_duration: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check every figure."""
+        LIMITS.check(self, Place("limits", SettingError))
+
+    @classmethod
+    def of(cls, given: Limits | dict[str, Any] | None) -> Limits:
+        """The limits as they are, from plain data, or by default.
+
+        Raises:
+            SettingError: If plain data name a limit that there is not, or one has a faulty value.
+        """
+        return LIMITS.read({} if given is None else given, Place("limits", SettingError))
+
+
+LIMITS = Record(
+    Limits,
+    {
+        "torque": Tuples((), 1e-3, 1.0),
+        "speed": Tuples((), 1e-3, 1.0),
+        "grasp_force": Tuples((), 1e-3, 1e6, "N"),
+        "grasp_torque": Tuples((), 1e-3, 1e6, "N m"),
+        "surface_speed": Tuples((), 1e-4, 10.0, "m/s"),
+        "rise_time": Tuples((), 0.01, 10.0, "s"),
+        "profile": Choice(PROFILES),
+        "step_duration": Maybe(Tuples((), 1e-3, LONGEST_STEP, "s")),
+    },
+)
+"""Fields of `Limits`."""

@@ -1,0 +1,133 @@
+"""How fast the steps of a plan are carried out.
+
+By default as fast as `Limits` allow; with `Durations` each part takes the time that is given, and
+one that breaks a limit is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scipy.interpolate import PPoly
+
+from mlivr_gym.errors import PlanError, TimingError
+from mlivr_gym.motion.clocks import Durations, duration_of, quintic, stretched
+from mlivr_gym.motion.pieces import path_pieces
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
+from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.path_dynamics import Binding, PieceRows, piece_rows
+from mlivr_gym.simulation.time_optimal import fastest_clock
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+ROUNDING = 1e-6
+"""A duration that falls short of the shortest by a smaller share is not refused."""
+
+
+def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> TimedPath:
+    """A step with clocks for its pieces.
+
+    Args:
+        path: The step.
+        timing: `Limits`, by default the default ones, or `Durations`.
+
+    Raises:
+        TimingError: If durations break the default limits, or the limits' own step duration is
+            shorter than they allow.
+        PlanError: If a limb that holds cannot follow the base.
+    """
+    limits = timing if isinstance(timing, Limits) else Limits()
+    pieces = path_pieces(path)
+    rows = [piece_rows(path.graph.robot, path.regrasp, piece, limits) for piece in pieces]
+    if isinstance(timing, Durations):
+        clocks = timing.clocks(pieces)
+        _check(rows, clocks, timing)
+        return TimedPath(path, pieces, clocks)
+    clocks = tuple(shortest_clock(row, limits) for row in rows)
+    shortest = sum(map(duration_of, clocks))
+    if limits.step_duration is not None:
+        if limits.step_duration < shortest * (1.0 - ROUNDING):
+            slowest = max(rows, key=lambda row: row.binding(quintic(1.0)).duration)
+            raise TimingError(limits.step_duration, slowest.binding(quintic(1.0)).told, shortest)
+        factor = limits.step_duration / shortest
+        clocks = tuple(stretched(clock, factor) for clock in clocks)
+    return TimedPath(path, pieces, clocks)
+
+
+def shortest_clock(rows: PieceRows, limits: Limits) -> PPoly:
+    """The shortest clock of a piece within limits, of the limits' profile.
+
+    The fastest of its kind may be longer than the shortest quintic where the rise time binds.
+    """
+    plain = quintic(rows.binding(quintic(1.0)).duration)
+    if limits.profile == "quintic":
+        return plain
+    fast = fastest_clock(rows, limits.rise_time)
+    return min(fast, plain, key=duration_of)
+
+
+def bindings(timed: TimedPath, limits: Limits | None = None) -> list[Binding]:
+    """What decides how long each piece of a step has to take on its clock.
+
+    Args:
+        timed: The step with clocks.
+        limits: The limits, by default the default ones.
+    """
+    path = timed.path
+    return [
+        piece_rows(path.graph.robot, path.regrasp, piece, limits or Limits()).binding(clock)
+        for piece, clock in zip(timed.pieces, timed.clocks, strict=True)
+    ]
+
+
+def _check(rows: Sequence[PieceRows], clocks: Sequence[PPoly], durations: Durations) -> None:
+    """Refuse durations that break a limit, with those that would do."""
+    found = [row.binding(clock) for row, clock in zip(rows, clocks, strict=True)]
+    factors = [
+        bind.duration / duration_of(clock) for bind, clock in zip(found, clocks, strict=True)
+    ]
+    worst = max(range(len(factors)), key=factors.__getitem__)
+    if factors[worst] > 1.0 + ROUNDING:
+        raise TimingError(durations.total, found[worst].told, durations.total * factors[worst])
+
+
+def step_trajectory(
+    graph: StanceGraph,
+    plan: Plan,
+    index: int,
+    timing: Limits | Durations | None = None,
+    period: float = 0.002,
+) -> Trajectory:
+    """The trajectory of one step of a plan; see `timed_path` and `trajectory.trajectory`."""
+    path = RegraspPath(graph, planned_regrasp(graph, plan, index))
+    return trajectory(timed_path(path, timing), period)
+
+
+def plan_trajectory(
+    graph: StanceGraph,
+    plan: Plan,
+    timing: Limits | Durations | None = None,
+    period: float = 0.01,
+) -> Trajectory:
+    """The trajectory of a whole plan.
+
+    Args:
+        graph: The stance graph of the plan's robot and map.
+        plan: The plan, with at least one step.
+        timing: `Limits`, by default the default ones, or `Durations`.
+        period: Spacing of the time grid [s].
+
+    Raises:
+        PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.
+        TimingError: If durations break a limit.
+
+    Example:
+        >>> plan_trajectory(graph, plan).every(0.1).save_csv("walk.csv")
+    """
+    if not plan.steps:
+        raise PlanError("the plan has no step: it starts at its goal")
+    whole = step_trajectory(graph, plan, 0, timing, period)
+    for index in range(1, len(plan.steps)):
+        whole = step_trajectory(graph, plan, index, timing, period).after(whole)
+    return whole
