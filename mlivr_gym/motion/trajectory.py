@@ -101,6 +101,12 @@ class Trajectory:
         }  # fmt: skip
         return replace(self, **joined)
 
+    def at(self, places: IntArray) -> Trajectory:
+        """The samples at some places, one period apart."""
+        kept: dict[str, Any] = {name: getattr(self, name)[places] for name in _ARRAYS}
+        kept["times"] = self.period * np.arange(len(places), dtype=np.float64)
+        return replace(self, **kept)
+
     def every(self, period: float) -> Trajectory:
         """The samples nearest to a coarser grid of about `period` seconds, with the last one."""
         stride = max(round(period / self.period), 1)

@@ -1,9 +1,7 @@
-"""The dynamic model: the scene with controllers, compliant grasps and sensors, in zero gravity.
+"""The dynamic model: the scene with motors, compliant grasps and sensors, in zero gravity.
 
-**Joints** follow position and velocity references by PD control with the manufacturer's torque
-limits. It is an affine actuator, `torque = kp (ctrl - q) - kd qdot` cut off at the limit; with
-`ctrl = q_ref + kd / kp qdot_ref` it is the PD law, to which `tau / kp` adds a torque known
-beforehand, and nothing has to be computed between time steps.
+**Joints** have motors with the manufacturer's torque limits and, as their inertia, the rotors' too
+(`RobotSpec.limb_dynamics`); the controller is a program of its own, see `controller`.
 
 **Grasps** are springs and dampers in N/m and N m/rad between the grasp frame of a gripper and an
 anchor, a frame that is put on the point when the limb grasps it: six actuators a limb, along and
@@ -27,7 +25,7 @@ import numpy as np
 
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Flag, Place, Record, Tuples
+from mlivr_gym.schema import Place, Record, Tuples
 from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
@@ -41,12 +39,10 @@ AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 
 @dataclass(frozen=True)
 class Physics:
-    """Figures of controller, grasps and failures.
+    """Figures of grasps and failures.
 
     Attributes:
         timestep: Time step [s]; `experiments/dynamic_simulation.py` shows what it changes.
-        kp: Gain of the joint position error [N m/rad].
-        kd: Gain of the joint velocity error [N m s/rad].
         grasp_stiffness: Restoring force of a grasp [N/m].
         grasp_damping: Its damping [N s/m]; critical for 57 kg.
         grasp_rotational_stiffness: Restoring torque of a grasp [N m/rad].
@@ -59,13 +55,9 @@ class Physics:
         saturation_time: A joint whose torque is at its limit for longer than this has failed [s].
         limit_margin: A joint farther outside its limits than this has failed [rad]; the
             manufacturer's controller stops there.
-        feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward to the
-            PD controller, see `feedforward.feedforward`; the paper's controller does without.
     """
 
     timestep: float = 0.002
-    kp: float = 100.0
-    kd: float = 50.0
     grasp_stiffness: float = 1.0e4
     grasp_damping: float = 1.5e3
     grasp_rotational_stiffness: float = 2.0e3
@@ -76,7 +68,6 @@ class Physics:
     hold_torque: float = 100.0
     saturation_time: float = 0.1
     limit_margin: float = float(np.deg2rad(3.0))
-    feedforward: bool = True
 
     def __post_init__(self) -> None:
         """Check that every figure is finite and above zero."""
@@ -103,10 +94,7 @@ class Physics:
 
 PHYSICS = Record(
     Physics,
-    {
-        field.name: Flag() if field.name == "feedforward" else Tuples((), 1e-12, 1e12)
-        for field in fields(Physics)
-    }
+    {field.name: Tuples((), 1e-12, 1e12) for field in fields(Physics)}
     | {"timestep": Tuples((), 1e-5, 0.1, "s")},
 )
 """Fields of `Physics`."""
@@ -143,7 +131,7 @@ def dynamics_spec(
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     grippers = 0
     for limb in range(robot.limbs):
-        _add_controllers(spec, limb, physics, torque_limits)
+        _add_motors(spec, limb, torque_limits)
         _add_grasp(spec, limb, physics)
         grippers |= gripper_bit(limb)
         for geom in spec.body(f"limb{limb}/gripper").geoms:
@@ -164,22 +152,18 @@ def gripper_bit(limb: int) -> int:
     return 1 << (FIRST_GRIPPER_BIT + limb)
 
 
-def _add_controllers(
-    spec: mujoco.MjSpec, limb: int, physics: Physics, torque_limits: Sequence[float]
-) -> None:
+def _add_motors(spec: mujoco.MjSpec, limb: int, torque_limits: Sequence[float]) -> None:
     for k, limit in enumerate(torque_limits, 1):
         name = f"limb{limb}/joint{k}"
         # A stop would hide how far the controller lets a joint go; leaving the limits is a failure
         # that is reported.
         spec.joint(name).limited = mujoco.mjtLimited.mjLIMITED_FALSE
-        actuator = spec.add_actuator(
+        spec.add_actuator(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-            biastype=mujoco.mjtBias.mjBIAS_AFFINE, forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED, gainprm=[1.0] + [0.0] * 9,
+            biastype=mujoco.mjtBias.mjBIAS_NONE, forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
             forcerange=[-float(limit), float(limit)],
         )  # fmt: skip
-        actuator.gainprm[0] = physics.kp
-        actuator.biasprm[1], actuator.biasprm[2] = -physics.kp, -physics.kd
         _add_force_sensor(spec, name)
 
 

@@ -12,14 +12,18 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole
+from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.plan_motion import step_trajectory
-from mlivr_gym.motion.trajectory import Durations
+from mlivr_gym.simulation.controller import Controller
+from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
 from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.timing import step_trajectory
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 REST = 2.0
@@ -32,34 +36,37 @@ class Execution:
 
     Attributes:
         plan: The plan.
-        durations: How long the parts of a step took.
-        physics: Figures of controller, grasps and failures.
+        timing: How fast it was to be carried out.
+        controller: The controller of the joints.
+        physics: Figures of grasps and failures.
+        disturbance: How robot and module differed from what the controller knows.
         recording: Measurements.
         peaks: Largest values at any time step.
         captures: How each limb grasped its point.
         failure: Why the walk ended before its end, or None.
+        simulated_time: Time that passed in the simulation [s].
         preparation_time: Time spent on trajectories [s].
         simulation_time: Time spent on simulation [s].
     """
 
     plan: Plan
-    durations: Durations
+    timing: Limits | Durations
+    controller: Controller
     physics: Physics
+    disturbance: Disturbance
     recording: Recording
     peaks: Peaks
     captures: tuple[Capture, ...]
     failure: Failure | None
+    simulated_time: float
     preparation_time: float
     simulation_time: float
 
     @property
-    def simulated_time(self) -> float:
-        """Time that passed in the simulation [s]."""
-        return (
-            self.durations.total * len(self.captures) + REST
-            if self.failure is None
-            else self.failure.time
-        )
+    def step_times(self) -> Array:
+        """How long each step took that ended with a grasp, shape (k,) [s]."""
+        times: Array = np.diff([0.0, *(capture.time for capture in self.captures)])
+        return times
 
     def summary(self) -> dict[str, Any]:
         """What was measured, without the arrays, as plain data for JSON."""
@@ -70,7 +77,8 @@ class Execution:
             "failure": None if self.failure is None else self.failure.to_dict(),
             "steps": len(self.plan.steps),
             "steps_done": len(self.captures),
-            "step_duration_s": self.durations.total,
+            "step_times_s": self.step_times.tolist(),
+            "tries": [capture.tries for capture in self.captures],
             "simulated_time_s": self.simulated_time,
             "preparation_time_s": self.preparation_time,
             "simulation_time_s": self.simulation_time,
@@ -79,8 +87,10 @@ class Execution:
             "largest_momentum_kg_m_s": float(momenta.max()),
             "peaks": self.peaks.to_dict(),
             "captures": [asdict(capture) for capture in self.captures],
-            "durations_s": asdict(self.durations),
+            "timing": {"kind": type(self.timing).__name__} | asdict(self.timing),
+            "controller": asdict(self.controller),
             "physics": asdict(self.physics),
+            "disturbances": {"seed": self.disturbance.seed} | asdict(self.disturbance.sizes),
         }
 
     def save(self, path: str | Path) -> None:
@@ -98,7 +108,7 @@ class Execution:
 def execute(
     graph: StanceGraph,
     plan: Plan,
-    durations: Durations | None = None,
+    timing: Limits | Durations | None = None,
     physics: Physics | None = None,
     progress: Callable[[int], None] | None = None,
     simulation: Simulation | None = None,
@@ -108,15 +118,16 @@ def execute(
     Args:
         graph: The stance graph of the plan's robot and map.
         plan: The plan.
-        durations: How long the parts of a step take; by default the paper's 10, 30 and 10 s.
-        physics: Figures of controller, grasps and failures.
+        timing: How fast: as `Limits` allow, by default the default ones, or in given `Durations`.
+        physics: Figures of grasps and failures.
         progress: Called with the number of steps done.
-        simulation: A simulation of the plan's robot, map and obstacles to use again; its `physics`
-            are used then.
+        simulation: A simulation of the plan's robot, map and obstacles, for another controller or
+            disturbance, or to use it again; its `physics` are used then.
 
     Raises:
         PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.
-        RobotError: If the robot's masses are not known, see `dynamics.check_masses`.
+        TimingError: If durations break a limit.
+        RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
 
     Example:
         >>> execution = execute(graph, plan)
@@ -124,7 +135,7 @@ def execute(
     """
     if not plan.steps:
         raise PlanError("the plan has no step: it starts at its goal")
-    durations = durations or Durations()
+    timing = timing or Limits()
     world = plan.world
     simulation = simulation or Simulation(graph.grasp_map, world.robot, physics, world.obstacles)
     simulation.reset(*plan.configuration(0), graph.indices(plan.stances[0]))
@@ -132,7 +143,7 @@ def execute(
     prepared = simulated = 0.0
     for index in range(len(plan.steps)):
         start = time.perf_counter()
-        trajectory = step_trajectory(graph, plan, index, durations, simulation.physics.timestep)
+        trajectory = step_trajectory(graph, plan, index, timing, simulation.physics.timestep)
         ready = time.perf_counter()
         done = simulation.execute(trajectory, index)
         prepared, simulated = prepared + ready - start, simulated + time.perf_counter() - ready
@@ -154,7 +165,16 @@ def execute(
         peaks.append(done.peaks)
         failure = done.failure
     return Execution(
-        plan, durations, simulation.physics, Recording.join(recordings), Peaks.join(peaks),
-        tuple(captures), failure,
-        prepared, simulated,
-    )  # fmt: skip
+        plan=plan,
+        timing=timing,
+        controller=simulation.controller,
+        physics=simulation.physics,
+        disturbance=simulation.disturbance,
+        recording=Recording.join(recordings),
+        peaks=Peaks.join(peaks),
+        captures=tuple(captures),
+        failure=failure,
+        simulated_time=simulation.time,
+        preparation_time=prepared,
+        simulation_time=simulated,
+    )

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.simulation.dynamics import Physics, torque_limits
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.recording import Failure
 
 AT_LIMIT = 0.999
@@ -43,9 +44,10 @@ class Measured(NamedTuple):
 class FailureWatch:
     """Looks for the first failure of one step of a walk."""
 
-    def __init__(self, physics: Physics, limits: Array, step: int) -> None:
-        """Watch step `step`; `limits` are the joint limits, shape (6, 2) [rad]."""
-        self.physics, self.limits, self.step = physics, limits, step
+    def __init__(self, physics: Physics, robot: RobotSpec, step: int) -> None:
+        """Watch step `step` of a robot's walk."""
+        self.physics, self.limits, self.step = physics, robot.limb.limits, step
+        self._torques: Array = np.array(robot.limb_dynamics.torque_limits)
         self._run: IntArray | None = None
 
     def first(
@@ -102,7 +104,7 @@ class FailureWatch:
         return found
 
     def _saturation(self, measured: Measured) -> list[_Found]:
-        limits = torque_limits()
+        limits = self._torques
         at_limit = np.abs(measured.torques) >= AT_LIMIT * limits
         before = np.zeros(at_limit.shape[1:], dtype=np.int64) if self._run is None else self._run
         # Length of the run at the limit that ends at each time step.

@@ -63,6 +63,7 @@ class Capture:
         point: Id of the point.
         distance: Distance of the gripper from the point just before [m].
         angle: Angle between them, half turns apart [rad].
+        tries: Approaches that it took.
     """
 
     time: float
@@ -71,6 +72,7 @@ class Capture:
     point: str
     distance: float
     angle: float
+    tries: int = 1
 
 
 @dataclass(frozen=True)

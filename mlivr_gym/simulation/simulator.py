@@ -1,9 +1,7 @@
 """Executes trajectories in MuJoCo.
 
-One phase after the other runs in MuJoCo's own loop (`mujoco.rollout`): its controls are known
-beforehand and everything that is measured is a sensor or part of the state, so no Python runs
-between time steps. Afterwards every time step is looked at; a failure ends the walk at the very
-step at which it showed.
+The controller reads the encoders and sets torques at its own rate. Afterwards every time step is
+looked at; a failure ends the walk at the very step at which it showed.
 """
 
 from __future__ import annotations
@@ -11,36 +9,31 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import mujoco
-import mujoco.rollout
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.collisions.against_boxes import FLUSH
 from mlivr_gym.errors import SimulationError
-from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.simulation.dynamics import Physics, dynamics_spec, gripper_bit
+from mlivr_gym.simulation.controller import Controller
+from mlivr_gym.simulation.disturbances import NONE, Disturbance, robot_bodies
+from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
 from mlivr_gym.simulation.failures import FailureWatch
-from mlivr_gym.simulation.feedforward import feedforward
-from mlivr_gym.simulation.instruments import Instruments, joint_names
+from mlivr_gym.simulation.grippers import Grippers, within
+from mlivr_gym.simulation.guidance import Guidance
+from mlivr_gym.simulation.instruments import Instruments
+from mlivr_gym.simulation.joint_control import JointControl, Reference
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
 from mlivr_gym.simulation.scene import compiled, set_configuration
-from mlivr_gym.world.boxes import BOX, Box, scene_name
+from mlivr_gym.world.boxes import BOX, Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 CHUNK = 500
 """Time steps between two looks for failures; a failure is found at its very step all the same."""
-
-HALF_TURN = np.diag([-1.0, -1.0, 1.0])
-"""Half a turn about the normal, under which a grasp is symmetric."""
-
-STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 class ExecutedStep(NamedTuple):
@@ -63,11 +56,11 @@ class Simulation:
         model: The MuJoCo model; the simulation moves its anchors and changes its contact bits as
             the robot grasps.
         data: Its data.
-        physics: Figures of controller, grasps and failures.
+        physics: Figures of grasps and failures.
+        controller: The controller of the joints.
+        disturbance: How robot and module differ from what the controller knows.
         time: Time since the reset [s].
         mass: Mass of the robot [kg].
-        points: Point index each limb holds, or `FREE`.
-        joint_actuators: Indices of the joints' actuators, limb by limb, shape (6 N,).
     """
 
     def __init__(
@@ -76,36 +69,39 @@ class Simulation:
         robot: RobotSpec,
         physics: Physics | None = None,
         obstacles: Sequence[Box] = (),
+        controller: Controller | None = None,
+        disturbance: Disturbance | None = None,
     ) -> None:
         """Compile the model."""
         self.grasp_map, self.robot, self.physics = grasp_map, robot, physics or Physics()
+        self.controller = controller or Controller()
         self.model = compiled(dynamics_spec(grasp_map, robot, self.physics, obstacles))
-        self.data = mujoco.MjData(self.model)
-        self.time = 0.0
-        self._steps = 0
-        rails = grasp_map.rotations[:, :, 0]
-        grasps = grasp_rows(grasp_map.positions, grasp_map.normals, rails, robot.tool_length)
-        self._tools: Array = grasps["flange"]["rotation"]
-        model = self.model
-        self._instruments = Instruments(model, robot.limbs)
-        self.mass = self._instruments.mass
-        names = joint_names(robot.limbs)
-        self.joint_actuators: IntArray = np.array([model.actuator(name).id for name in names])
-        self._anchors = [model.body(f"limb{i}/anchor").id for i in range(robot.limbs)]
-        boxes = (*grasp_map.boxes, *obstacles)
-        self._boxes = np.array(
-            [model.geom(scene_name(BOX, box.id)).id for box in boxes], dtype=np.int64
+        self.disturbance = disturbance or NONE.draw(
+            0, len(robot_bodies(self.model)), robot.limbs, len(grasp_map)
         )
-        self._centres = np.array([box.centre for box in boxes]).reshape(-1, 3)
-        self._halves = np.array([box.half for box in boxes]).reshape(-1, 3)
-        self._axes = np.array([box.rotation for box in boxes]).reshape(-1, 3, 3)
-        self._met = model.geom_contype.copy()
-        self.points: list[int] = [FREE] * robot.limbs
+        self.disturbance.apply(self.model)
+        self.data = mujoco.MjData(self.model)
+        self.time, self._steps = 0.0, 0
+        self._instruments = Instruments(self.model, robot.limbs)
+        self.mass = self._instruments.mass
+        model, data = self.model, self.data
+        self._grippers = Grippers(
+            model, data, grasp_map, robot, self.disturbance, (*grasp_map.boxes, *obstacles)
+        )
+        self._joints = JointControl(model, data, self.controller, self.disturbance)
+        self._guidance = Guidance(
+            robot, self.controller, self.disturbance, self._grippers, self._joints
+        )
+
+    @property
+    def points(self) -> list[int]:
+        """Point index each limb holds, or `FREE`."""
+        return self._grippers.points
 
     def reset(
         self, position: Array, quaternion: Array, joints: Array, points: Sequence[int]
     ) -> None:
-        """Put the robot at rest into a stance.
+        """Put the robot at rest into a stance, whose points lie where the map has them.
 
         Args:
             position: Base position [m], shape (3,).
@@ -119,26 +115,31 @@ class Simulation:
         mujoco.mj_resetData(self.model, self.data)
         self._steps, self.time = 0, 0.0
         set_configuration(self.model, self.data, position, quaternion, joints)
-        self.model.geom_contype[:] = self._met
+        self._grippers.reset()
+        self._joints.reset()
         for limb, point in enumerate(points):
-            self._release(limb)
             if point != FREE:
-                distance, angle = self.grasp_error(limb, point)
-                if not self._within_reach(distance, angle):
+                self._grippers.place(point)
+                distance, angle = self._grippers.error(limb, point)
+                if not within(self.physics, distance, angle):
                     raise SimulationError(
                         f"limb {limb} is {1e3 * distance:.1f} mm and {np.rad2deg(angle):.2f} deg "
                         f"from point {self.grasp_map.ids[point]!r} and cannot hold it"
                     )
-                self._grasp(limb, point)
-                self._meets(limb, (point,))
+                self._grippers.grasp(limb, point)
+                self._grippers.meets(limb, (point,))
         mujoco.mj_forward(self.model, self.data)
 
     @property
     def configuration(self) -> tuple[Array, Array, Array]:
         """Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad]."""
-        first = self._instruments.base
-        base = self.data.qpos[first : first + 7].copy()
-        return base[:3], base[3:], self.data.qpos[self._instruments.joints].reshape(-1, 6)
+        base = self.data.qpos[:7].copy()
+        return base[:3], base[3:], self.data.qpos[7:].reshape(-1, 6).copy()
+
+    def grasp_error(self, limb: int, point: int) -> tuple[float, float]:
+        """Distance [m] and angle [rad] of a gripper from a point that it might hold."""
+        mujoco.mj_forward(self.model, self.data)
+        return self._grippers.error(limb, point)
 
     def execute(self, trajectory: Trajectory, step: int = 0) -> ExecutedStep:
         """Execute a regrasp: release, follow the trajectory, grasp.
@@ -151,25 +152,37 @@ class Simulation:
         Raises:
             SimulationError: If the trajectory's time grid or first stance is another.
         """
-        limb, to_point = self._moving(trajectory)
-        touched: tuple[tuple[int, ...], ...] = ((self.points[limb],), (), (to_point,))
-        self._release(limb)
-        recording, peaks, failure = self._run(
-            trajectory,
-            self._control(trajectory),
-            step,
-            lambda phase: self._meets(limb, touched[phase]),
-        )
+        limb, point = self._moving(trajectory)
+        reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
+        if self.controller.rebase:
+            self._joints.rebase(reference.positions[0])
+        allowed = ((self.points[limb],), (), (point,))
+        self._grippers.release(limb)
+        self._guidance.begin(limb, point)
+
+        def enter(phase: int) -> None:
+            self._grippers.meets(limb, allowed[phase])
+
+        runs, tries = [self._run(trajectory, reference, step, enter)], 1
+        while runs[-1].failure is None:
+            runs += self._wait(trajectory, reference, step)
+            distance, angle = self.grasp_error(limb, point)
+            caught = within(self.physics, distance, angle)
+            if caught or tries == self.controller.tries or runs[-1].failure is not None:
+                break
+            tries += 1
+            runs += self._again(trajectory, reference, step)
+        recording = Recording.join([run.recording for run in runs])
+        peaks, failure = Peaks.join([run.peaks for run in runs]), runs[-1].failure
+        if failure is None and not caught:
+            failure = self._missed(limb, point, distance, angle, step)
         if failure is not None:
             return ExecutedStep(recording, peaks, None, failure)
-        distance, angle = self.grasp_error(limb, to_point)
-        if not self._within_reach(distance, angle):
-            return ExecutedStep(
-                recording, peaks, None, self._missed(limb, to_point, distance, angle, step)
-            )
-        capture = Capture(self.time, step, limb, self.grasp_map.ids[to_point], distance, angle)
-        self._grasp(limb, to_point)
-        return ExecutedStep(recording, peaks, capture, None)
+        self._grippers.grasp(limb, point)
+        name = self.grasp_map.ids[point]
+        return ExecutedStep(
+            recording, peaks, Capture(self.time, step, limb, name, distance, angle, tries), None
+        )
 
     def rest(self, trajectory: Trajectory, duration: float, step: int = 0) -> ExecutedStep:
         """Hold still in the stance in which a trajectory ended.
@@ -179,48 +192,63 @@ class Simulation:
             duration: How long [s].
             step: Index of the step, for the record.
         """
-        count = max(round(duration / self.physics.timestep), 1) + 1
-        last: dict[str, Any] = {
-            name: np.repeat(getattr(trajectory, name)[-1:], count, axis=0)
-            for name in (
-                "step",
-                "phase",
-                "joint_positions",
-                "base_positions",
-                "base_quaternions",
-                "grasps",
-            )
-        }
-        times = np.arange(count, dtype=np.float64) * self.physics.timestep
-        still = replace(
-            trajectory, times=times, joint_velocities=np.zeros_like(last["joint_positions"]), **last
-        )
-        recording, peaks, failure = self._run(
-            still, still.joint_positions.reshape(count, -1), step, lambda _: None
-        )
-        return ExecutedStep(recording, peaks, None, failure)
+        count = max(round(duration / self.physics.timestep), 1)
+        reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
+        if self.controller.rebase:
+            self._joints.rebase(reference.positions[-1])
+        places = np.full(count + 1, len(trajectory.times) - 1)
+        return self._run(trajectory.at(places), reference.at(places, 0.0), step)
+
+    def _wait(self, trajectory: Trajectory, reference: Reference, step: int) -> list[ExecutedStep]:
+        """Hold before the point until the error seen is small, at most as long as is patient."""
+        controller, runs = self.controller, []
+        count = max(round(controller.sensor_period / self.physics.timestep), 1)
+        places = np.full(count + 1, len(trajectory.times) - 1)
+        still, there = trajectory.at(places), reference.at(places, 0.0)
+        pauses = round(controller.patience / controller.sensor_period) if controller.guided else 0
+        for _ in range(pauses):
+            if self._guidance.close or (runs and runs[-1].failure is not None):
+                break
+            runs.append(self._run(still, there, step))
+        return runs
+
+    def _again(self, trajectory: Trajectory, reference: Reference, step: int) -> list[ExecutedStep]:
+        """Go back above the point and approach it once more."""
+        approach = np.flatnonzero(trajectory.phase == len(PHASES) - 1)
+        back = approach[::-1]
+        runs = [self._run(trajectory.at(back), reference.at(back, -1.0), step)]
+        if runs[-1].failure is None:
+            runs.append(self._run(trajectory.at(approach), reference.at(approach), step))
+        return runs
 
     def _run(
-        self, trajectory: Trajectory, control: Array, step: int, enter: Callable[[int], None]
-    ) -> tuple[Recording, Peaks, Failure | None]:
-        """Simulate until the end or the first failure.
+        self,
+        trajectory: Trajectory,
+        reference: Reference,
+        step: int,
+        enter: Callable[[int], None] = lambda _: None,
+    ) -> ExecutedStep:
+        """Simulate until the end or the first failure; nothing is grasped.
 
         Args:
             trajectory: The trajectory to follow.
-            control: Controls of the joints' actuators, shape (k, 6 N).
+            reference: Its reference.
             step: Index of the step, for the record.
             enter: What is called with the phase before each piece of it.
         """
         recordings, peaks, failure = [], [], None
-        watch = FailureWatch(self.physics, self.robot.limb.limits, step)
-        for first, last in _chunks(trajectory.phase, len(control) - 1):
+        watch = FailureWatch(self.physics, self.robot, step)
+        for first, last in self._chunks(trajectory.phase, len(trajectory.times) - 1):
             phase = int(trajectory.phase[first + 1])
             enter(phase)
-            states, sensors = self._roll(control[first:last])
+            held = [point != FREE for point in self.points]
+            states, sensors = self._joints.run(reference.at(np.arange(first, last)), held)
+            self._steps += last - first
+            self.time = self._steps * self.physics.timestep
             steps = np.arange(self._steps - len(states), self._steps, dtype=np.float64)
             times = steps * self.physics.timestep
             measured = self._instruments.measured(states, sensors, times, trajectory, first)
-            found = watch.first(measured, PHASES[phase], [point != FREE for point in self.points])
+            found = watch.first(measured, PHASES[phase], held)
             ended = len(measured.times) if found is None else found[0] + 1
             recorded, largest = self._instruments.recorded(measured, ended, step, phase)
             recordings.append(recorded)
@@ -229,66 +257,24 @@ class Simulation:
                 self._restore(states[found[0]], found[1].time)
                 failure = self._named(found[1])
                 break
-        return Recording.join(recordings), Peaks.join(peaks), failure
+            if self._guides(phase):
+                mujoco.mj_forward(self.model, self.data)
+                self._guidance.correct(trajectory, last)
+        return ExecutedStep(Recording.join(recordings), Peaks.join(peaks), None, failure)
 
-    def _control(self, trajectory: Trajectory) -> Array:
-        """Control of the joints' actuators at each time, shape (k, 6 N)."""
-        physics = self.physics
-        positions, speeds = trajectory.joint_positions, trajectory.joint_velocities
-        torques = np.zeros_like(positions)
-        if physics.feedforward:
-            torques, shifts = feedforward(self.model, physics, trajectory)
-            positions, speeds = (
-                positions + shifts,
-                speeds + np.gradient(shifts, trajectory.times, axis=0),
-            )
-        control: Array = positions + (physics.kd * speeds + torques) / physics.kp
-        return control.reshape(len(control), -1)
+    def _guides(self, phase: int) -> bool:
+        """Whether a limb approaches and is guided."""
+        return self.controller.guided and PHASES[phase] == "approach" and FREE in self.points
 
-    def grasp_error(self, limb: int, point: int) -> tuple[float, float]:
-        """Distance [m] and angle [rad] of a gripper from a point that it might hold."""
-        mujoco.mj_forward(self.model, self.data)
-        site = self.data.site(f"limb{limb}/grasp")
-        turn = Rotation.from_matrix(self._tool(limb, point).T @ site.xmat.reshape(3, 3))
-        return float(np.linalg.norm(site.xpos - self.grasp_map.positions[point])), float(
-            turn.magnitude()
-        )
-
-    def _within_reach(self, distance: float, angle: float) -> bool:
-        return distance <= self.physics.capture_distance and angle <= self.physics.capture_angle
-
-    def _tool(self, limb: int, point: int) -> Array:
-        """Rotation of a gripper that holds a point: of two, half a turn apart, the nearer one."""
-        found = self.data.site(f"limb{limb}/grasp").xmat.reshape(3, 3)
-        return max(
-            (self._tools[point], self._tools[point] @ HALF_TURN),
-            key=lambda tool: float(np.trace(tool.T @ found)),
-        )
-
-    def _grasp(self, limb: int, point: int) -> None:
-        """Put the anchor on the point and switch the grasp on."""
-        quaternion = Rotation.from_matrix(self._tool(limb, point)).as_quat(scalar_first=True)
-        anchor = self._anchors[limb]
-        self.model.body_pos[anchor], self.model.body_quat[anchor] = (
-            self.grasp_map.positions[point],
-            quaternion,
-        )
-        self.model.opt.disableactuator &= ~(2 << limb)
-        self.points[limb] = point
-
-    def _release(self, limb: int) -> None:
-        self.model.opt.disableactuator |= 2 << limb
-        self.points[limb] = FREE
-
-    def _meets(self, limb: int, points: Sequence[int]) -> None:
-        """Let a gripper meet every box but those that lie behind the surface of some points."""
-        bit, contype = gripper_bit(limb), self.model.geom_contype
-        contype[self._boxes] |= bit
-        for point in points:
-            normal = self.grasp_map.normals[point]
-            ahead = (self._centres - self.grasp_map.positions[point]) @ normal
-            reach = (np.abs(normal @ self._axes) * self._halves).sum(axis=1)
-            contype[self._boxes[ahead + reach <= FLUSH]] &= ~bit
+    def _chunks(self, phase: IntArray, count: int) -> Iterator[tuple[int, int]]:
+        """First and last time step of pieces within a phase, short ones where a limb is guided."""
+        edges = [0, *(np.flatnonzero(np.diff(phase[1 : count + 1])) + 1).tolist(), count]
+        for start, stop in pairwise(edges):
+            size = CHUNK
+            if self._guides(int(phase[start + 1])):
+                size = max(round(self.controller.sensor_period / self.physics.timestep), 1)
+            for first in range(start, stop, size):
+                yield first, min(first + size, stop)
 
     def _moving(self, trajectory: Trajectory) -> tuple[int, int]:
         """The limb that moves on a trajectory and the point that it grasps."""
@@ -307,32 +293,11 @@ class Simulation:
             raise SimulationError("a trajectory must be that of one step, in which one limb moves")
         return int(moving[0]), int(trajectory.grasps[-1, moving[0]])
 
-    def _state(self) -> Array:
-        state = np.empty(mujoco.mj_stateSize(self.model, STATE))
-        mujoco.mj_getState(self.model, self.data, state, STATE)
-        return state
-
     def _restore(self, state: Array, time: float) -> None:
         self.time, self._steps = time, round(time / self.physics.timestep)
-        mujoco.mj_setState(self.model, self.data, state, STATE)
+        self.data.time = state[0]
+        self.data.qpos[:], self.data.qvel[:] = np.split(state[1:], [self.model.nq])
         mujoco.mj_forward(self.model, self.data)
-
-    def _roll(self, control: Array) -> tuple[Array, Array]:
-        """States before each time step and sensors at it; leaves the data behind the last."""
-        ordered = np.zeros((len(control), self.model.nu))
-        ordered[:, self.joint_actuators] = control
-        state = self._state()
-        states, sensors = mujoco.rollout.rollout(
-            self.model,
-            self.data,
-            state,
-            ordered,
-            initial_warmstart=self.data.qacc_warmstart,
-            nstep=len(control),
-        )
-        self._steps += len(control)
-        self.time = self._steps * self.physics.timestep
-        return np.concatenate([state[None], states[0, :-1]]), sensors[0]
 
     def _missed(self, limb: int, point: int, distance: float, angle: float, step: int) -> Failure:
         values = {
@@ -359,11 +324,3 @@ class Simulation:
         return replace(
             failure, limb=limb, message=message, values={"depth_m": float(-contact.dist)}
         )
-
-
-def _chunks(phase: IntArray, count: int) -> Iterator[tuple[int, int]]:
-    """First and last time step of pieces of at most `CHUNK` within one phase."""
-    edges = [0, *(np.flatnonzero(np.diff(phase[1 : count + 1])) + 1).tolist(), count]
-    for start, stop in pairwise(edges):
-        for first in range(start, stop, CHUNK):
-            yield first, min(first + CHUNK, stop)

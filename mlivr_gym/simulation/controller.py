@@ -1,0 +1,108 @@
+"""The controller of the joints, sampled at a finite rate, and how it is guided to a point.
+
+At every period it reads the encoders and asks each joint for
+
+    kp (q_ref - q) + kd (qdot_ref - qdot) + ki (integral of q_ref - q) + what is fed forward,
+
+cut off at the joint's largest torque and held until the next period. `q_ref` is the trajectory's
+angle with a shift added, constant but for two occasions: when a step begins, `rebase` moves the
+references to where the encoders are, so that limbs that hold one robot do not work against each
+other; and on approach `guided` moves that of the limb that approaches by what its sensor sees of
+the point.
+
+A limb that holds carries the whole robot, some 30 kg m^2 about its joints, and is damped by the
+grasp; a limb that is free ends in a wrist of hardly more than its rotor's 0.1 kg m^2. Sampled, a
+gain of the speed error must stay below the inertia over the period, 50 N m s/rad for that wrist at
+500 Hz. So the two have gains of their own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from mlivr_gym.errors import SettingError
+from mlivr_gym.schema import Flag, Place, Record, Tuples, Whole
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Gains and abilities of the controller.
+
+    Attributes:
+        kp_free: Gain of the position error of each joint of a limb that is free [N m/rad].
+        kd_free: Gain of its speed error [N m s/rad].
+        kp_hold: Gain of the position error of each joint of a limb that holds [N m/rad].
+        kd_hold: Gain of its speed error [N m s/rad].
+        integral: Gain of the integral of the position error over that of the error [1/s]; against
+            friction.
+        period: Time from one reading of the encoders to the next [s], a multiple of the time step.
+        feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward, see
+            `feedforward.feedforward`.
+        rebase: Whether references move to where the encoders are when a step begins.
+        guided: Whether a sensor on the gripper guides the approach.
+        sensor_period: Time from one reading of that sensor to the next [s].
+        guidance: Share of the error seen that is taken out in a second [1/s].
+        patience: How long the gripper may wait before the point until the error seen is small [s].
+        tries: Approaches that are tried before a grasp counts as missed.
+    """
+
+    kp_free: tuple[float, ...] = (400.0, 400.0, 300.0, 150.0, 150.0, 100.0)
+    kd_free: tuple[float, ...] = (60.0, 60.0, 40.0, 15.0, 15.0, 10.0)
+    kp_hold: tuple[float, ...] = (1500.0,) * 6
+    kd_hold: tuple[float, ...] = (300.0,) * 6
+    integral: float = 0.5
+    period: float = 0.002
+    feedforward: bool = True
+    rebase: bool = True
+    guided: bool = True
+    sensor_period: float = 0.02
+    guidance: float = 5.0
+    patience: float = 1.0
+    tries: int = 2
+
+    def __post_init__(self) -> None:
+        """Check every figure."""
+        CONTROLLER.check(self, Place("controller", SettingError))
+
+    @classmethod
+    def of(cls, given: Controller | dict[str, Any] | None) -> Controller:
+        """The controller as it is, from plain data, or by default.
+
+        Raises:
+            SettingError: If plain data name a field that there is not, or one has a faulty value.
+        """
+        return CONTROLLER.read({} if given is None else given, Place("controller", SettingError))
+
+
+CONTROLLER = Record(
+    Controller,
+    {
+        "kp_free": Tuples((6,), 0.0, 1e6, "N m/rad"),
+        "kd_free": Tuples((6,), 0.0, 1e6, "N m s/rad"),
+        "kp_hold": Tuples((6,), 0.0, 1e6, "N m/rad"),
+        "kd_hold": Tuples((6,), 0.0, 1e6, "N m s/rad"),
+        "integral": Tuples((), 0.0, 100.0, "1/s"),
+        "period": Tuples((), 1e-5, 0.1, "s"),
+        "feedforward": Flag(),
+        "rebase": Flag(),
+        "guided": Flag(),
+        "sensor_period": Tuples((), 1e-4, 1.0, "s"),
+        "guidance": Tuples((), 0.0, 100.0, "1/s"),
+        "patience": Tuples((), 0.0, 60.0, "s"),
+        "tries": Whole(1, 10),
+    },
+)
+"""Fields of a `Controller`."""
+
+PAPER = Controller(
+    *((100.0,) * 6, (50.0,) * 6) * 2, integral=0.0, feedforward=False, rebase=False, guided=False,
+    tries=1,
+)  # fmt: skip
+"""The paper's: proportional and derivative gains on a trajectory, the same for all joints."""
+
+FEEDFORWARD = replace(PAPER, feedforward=True)
+"""The paper's gains, with what the dynamics need fed forward."""
+
+CONTROLLERS = {"full": Controller(), "feedforward": FEEDFORWARD, "paper": PAPER}
+"""Controllers by name."""

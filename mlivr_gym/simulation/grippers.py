@@ -1,0 +1,135 @@
+"""The grippers of a simulated robot: what they hold, may touch, and how far they are from a point.
+
+Points lie where the disturbance has moved them to, which the controller does not know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.against_boxes import FLUSH
+from mlivr_gym.kinematics.grasps import grasp_rows
+from mlivr_gym.motion.trajectory import FREE
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.simulation.disturbances import Disturbance
+from mlivr_gym.simulation.dynamics import Physics, gripper_bit
+from mlivr_gym.world.boxes import BOX, Box, scene_name
+from mlivr_gym.world.grasp_map import GraspMap
+
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])
+"""Half a turn about the normal, under which a grasp is symmetric."""
+
+
+class Grippers:
+    """The grippers of a simulated robot.
+
+    Attributes:
+        points: Point index each limb holds, or `FREE`.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        grasp_map: GraspMap,
+        robot: RobotSpec,
+        disturbance: Disturbance,
+        boxes: Sequence[Box],
+    ) -> None:
+        """Look up what the model has of them; `boxes` are those of the map and obstacles."""
+        self._model, self._data, self._map = model, data, grasp_map
+        rails = grasp_map.rotations[:, :, 0]
+        grasps = grasp_rows(grasp_map.positions, grasp_map.normals, rails, robot.tool_length)
+        self._disturbance = disturbance
+        self._known: Array = grasps["flange"]["rotation"]
+        self._sites = [model.site(f"limb{i}/grasp").id for i in range(robot.limbs)]
+        self._anchors = [model.body(f"limb{i}/anchor").id for i in range(robot.limbs)]
+        self._boxes = np.array(
+            [model.geom(scene_name(BOX, box.id)).id for box in boxes], dtype=np.int64
+        )
+        self._centres = np.array([box.centre for box in boxes]).reshape(-1, 3)
+        self._halves = np.array([box.half for box in boxes]).reshape(-1, 3)
+        self._axes = np.array([box.rotation for box in boxes]).reshape(-1, 3, 3)
+        self._met = model.geom_contype.copy()
+        self.points: list[int] = [FREE] * robot.limbs
+        self.reset()
+
+    def reset(self) -> None:
+        """Let go of everything; all points lie where the disturbance has moved them to."""
+        self._turns: Array = self._disturbance.turned.as_matrix()
+        self._positions: Array = self._map.positions + self._disturbance.point_offsets
+        self._model.geom_contype[:] = self._met
+        for limb in range(len(self.points)):
+            self.release(limb)
+
+    def place(self, point: int) -> None:
+        """Put a point where the map has it."""
+        self._turns[point] = np.eye(3)
+        self._positions[point] = self._map.positions[point]
+
+    def pose(self, limb: int) -> tuple[Array, Array]:
+        """Position [m] and rotation of a gripper's grasp frame, as last worked out."""
+        site = self._sites[limb]
+        return self._data.site_xpos[site].copy(), self._data.site_xmat[site].reshape(3, 3).copy()
+
+    def jacobian(self, limb: int) -> Array:
+        """How a limb's joints move its gripper, in world axes, shape (6, 6)."""
+        both = np.zeros((6, self._model.nv))
+        mujoco.mj_jacSite(self._model, self._data, both[:3], both[3:], self._sites[limb])
+        return both[:, 6 + 6 * limb : 12 + 6 * limb]
+
+    def error(self, limb: int, point: int) -> tuple[float, float]:
+        """Distance [m] and angle [rad] of a gripper from a point that it might hold."""
+        position, rotation = self.pose(limb)
+        turn = Rotation.from_matrix(self._tool(limb, point).T @ rotation)
+        distance = np.linalg.norm(position - self._positions[point])
+        return float(distance), float(turn.magnitude())
+
+    def displaced(self, point: int, position: Array, rotation: Array) -> tuple[Array, Array]:
+        """Where a pose lies that is meant relative to a point of the map."""
+        turn = self._turns[point]
+        return (
+            self._positions[point] + turn @ (position - self._map.positions[point]),
+            turn @ rotation,
+        )
+
+    def _tool(self, limb: int, point: int) -> Array:
+        """Rotation of a gripper that holds a point: of two, half a turn apart, the nearer one."""
+        found, tool = self.pose(limb)[1], self._turns[point] @ self._known[point]
+        return max(
+            (tool, tool @ HALF_TURN),
+            key=lambda tool: float(np.trace(tool.T @ found)),
+        )
+
+    def grasp(self, limb: int, point: int) -> None:
+        """Put the anchor on the point and switch the grasp on."""
+        anchor, rotation = self._anchors[limb], self._tool(limb, point)
+        self._model.body_pos[anchor] = self._positions[point]
+        self._model.body_quat[anchor] = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+        self._model.opt.disableactuator &= ~(2 << limb)
+        self.points[limb] = point
+
+    def release(self, limb: int) -> None:
+        """Switch the grasp off."""
+        self._model.opt.disableactuator |= 2 << limb
+        self.points[limb] = FREE
+
+    def meets(self, limb: int, points: Sequence[int]) -> None:
+        """Let a gripper meet every box but those that lie behind the surface of some points."""
+        bit, contype = gripper_bit(limb), self._model.geom_contype
+        contype[self._boxes] |= bit
+        for point in points:
+            normal = self._map.normals[point]
+            ahead = (self._centres - self._map.positions[point]) @ normal
+            reach = (np.abs(normal @ self._axes) * self._halves).sum(axis=1)
+            contype[self._boxes[ahead + reach <= FLUSH]] &= ~bit
+
+
+def within(physics: Physics, distance: float, angle: float) -> bool:
+    """Whether a gripper that far from a point can grasp it."""
+    return distance <= physics.capture_distance and angle <= physics.capture_angle

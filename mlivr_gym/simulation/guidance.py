@@ -1,0 +1,91 @@
+"""The sensor on a gripper that sees the point it approaches, and how it guides the limb there."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.simulation.controller import Controller
+from mlivr_gym.simulation.disturbances import Disturbance
+from mlivr_gym.simulation.grippers import Grippers
+from mlivr_gym.simulation.inverse_dynamics import robot_model
+from mlivr_gym.simulation.joint_control import JointControl
+
+CLOSE_POSITION, CLOSE_ANGLE = 0.001, float(np.deg2rad(0.4))
+"""An error seen that is smaller counts as none [m, rad]."""
+
+MEMORY = 0.8
+"""Share of the error seen before that is kept at each reading of the sensor."""
+
+LARGEST_CHANGE = 0.01
+"""Most that one reading may change the reference of a joint [rad]."""
+
+
+class Guidance:
+    """Guides one limb to one point.
+
+    Attributes:
+        close: Whether the error seen is small.
+    """
+
+    def __init__(
+        self,
+        robot: RobotSpec,
+        controller: Controller,
+        disturbance: Disturbance,
+        grippers: Grippers,
+        joints: JointControl,
+    ) -> None:
+        """Guide limbs of a simulated robot."""
+        self._controller, self._grippers, self._joints = controller, grippers, joints
+        self._model = robot_model(robot)
+        self._planned = mujoco.MjData(self._model)
+        self._spread = np.repeat(
+            [disturbance.sizes.sensor_position, disturbance.sizes.sensor_angle], 3
+        )
+        self._rng = np.random.default_rng([disturbance.seed, 2])
+        self._seen: Array | None = None
+
+    def begin(self, limb: int, point: int) -> None:
+        """Begin to guide a limb to a point, by index."""
+        self._limb, self._point, self._seen = limb, point, None
+
+    @property
+    def close(self) -> bool:
+        """Whether the error seen is small."""
+        if self._seen is None:
+            return False
+        away, turned = np.linalg.norm(self._seen[:3]), np.linalg.norm(self._seen[3:])
+        return bool(away < CLOSE_POSITION and turned < CLOSE_ANGLE)
+
+    def correct(self, trajectory: Trajectory, k: int) -> None:
+        """Read the sensor and move the references of the limb's joints.
+
+        Args:
+            trajectory: What is followed.
+            k: Index of the present time on its grid.
+        """
+        error = self._error(trajectory, k) + self._spread * self._rng.standard_normal(6)
+        seen = error if self._seen is None else MEMORY * self._seen + (1.0 - MEMORY) * error
+        self._seen = seen
+        share = self._controller.guidance * self._controller.sensor_period
+        change = share * np.linalg.pinv(self._grippers.jacobian(self._limb)) @ error
+        change *= min(1.0, LARGEST_CHANGE / max(float(np.abs(change).max()), 1e-12))
+        self._joints.shift[6 * self._limb : 6 * self._limb + 6] += change
+
+    def _error(self, trajectory: Trajectory, k: int) -> Array:
+        """Displacement and rotation from the gripper to where it should be, shape (6,)."""
+        data, site = self._planned, self._model.site(f"limb{self._limb}/grasp").id
+        data.qpos[:3], data.qpos[3:7] = trajectory.base_positions[k], trajectory.base_quaternions[k]
+        data.qpos[7:] = trajectory.joint_positions[k].ravel()
+        mujoco.mj_kinematics(self._model, data)
+        position, rotation = self._grippers.displaced(
+            self._point, data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
+        )
+        here, turned = self._grippers.pose(self._limb)
+        turn = Rotation.from_matrix(rotation @ turned.T).as_rotvec()
+        return np.concatenate([position - here, turn])

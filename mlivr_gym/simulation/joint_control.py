@@ -1,0 +1,135 @@
+"""The controller at work: from readings of the encoders to torques, time step by time step."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.simulation.controller import Controller
+from mlivr_gym.simulation.disturbances import Disturbance
+from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.feedforward import feedforward
+
+
+class Reference(NamedTuple):
+    """What the joints are to do at k times, limb by limb."""
+
+    positions: Array
+    """Shape (k, 6 N) [rad]."""
+    speeds: Array
+    """Shape (k, 6 N) [rad/s]."""
+    torques: Array
+    """Fed forward, shape (k, 6 N) [N m]."""
+
+    def at(self, places: Array, sense: float = 1.0) -> Reference:
+        """The reference at some of its times, run through backwards where `sense` is -1."""
+        return Reference(self.positions[places], sense * self.speeds[places], self.torques[places])
+
+    @classmethod
+    def of(
+        cls, trajectory: Trajectory, robot: RobotSpec, physics: Physics, controller: Controller
+    ) -> Reference:
+        """The reference of a trajectory."""
+        count = len(trajectory.times)
+        positions, speeds = trajectory.joint_positions, trajectory.joint_velocities
+        torques = np.zeros_like(positions)
+        if controller.feedforward:
+            torques, shifts = feedforward(robot, physics, trajectory)
+            positions = positions + shifts
+            speeds = speeds + np.gradient(shifts, trajectory.times, axis=0)
+        return cls(*(array.reshape(count, -1) for array in (positions, speeds, torques)))
+
+
+class JointControl:
+    """Drives the joints of a simulated robot.
+
+    Attributes:
+        shift: What is added to the references' positions, shape (6 N,) [rad].
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        controller: Controller,
+        disturbance: Disturbance,
+    ) -> None:
+        """Drive the joints of a model, whose first motors are those of the joints."""
+        self._model, self._data = model, data
+        self._controller, self._sizes = controller, disturbance.sizes
+        self._bias = disturbance.encoder_bias.ravel()
+        self._rng = np.random.default_rng([disturbance.seed, 1])
+        count, step = len(self._bias), model.opt.timestep
+        self._motors: Array = np.array(
+            [model.actuator(model.joint(k + 1).name).id for k in range(count)]
+        )
+        self._most = model.actuator_forcerange[self._motors, 1]
+        self._every = max(round(controller.period / step), 1)
+        self._late = round(disturbance.sizes.delay / step)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was learnt of friction and points."""
+        count = len(self._bias)
+        self.shift = np.zeros(count)
+        self._integral = np.zeros(count)
+        self._past: deque[tuple[Array, Array]] = deque(maxlen=self._late + 1)
+        self._ticks = 0
+
+    def rebase(self, positions: Array) -> None:
+        """Move the references to where the encoders are.
+
+        Args:
+            positions: Present positions of the reference, shape (6 N,) [rad].
+        """
+        self.shift = self._data.qpos[7:] + self._bias - positions
+        self._integral[:] = 0.0
+
+    def run(self, reference: Reference, held: Sequence[bool]) -> tuple[Array, Array]:
+        """Follow a reference, one time step for each of its times.
+
+        Args:
+            reference: The reference.
+            held: Which limbs hold.
+
+        Returns:
+            Time, positions and velocities before each time step, and sensor data at it.
+        """
+        model, data, controller = self._model, self._data, self._controller
+        count, joints = reference.positions.shape
+        states = np.empty((count, 1 + model.nq + model.nv))
+        sensors = np.empty((count, model.nsensordata))
+        noise = self._sizes.encoder_noise * self._rng.standard_normal((count, joints)) + self._bias
+        speed_noise = self._sizes.speed_noise * self._rng.standard_normal((count, joints))
+        kp = np.ravel([controller.kp_hold if hold else controller.kp_free for hold in held])
+        kd = np.ravel([controller.kd_hold if hold else controller.kd_free for hold in held])
+        gain = kp * controller.integral * controller.period
+        wanted = reference.positions + self.shift
+        q, v, ctrl = data.qpos[7:], data.qvel[6:], data.ctrl
+        first, most, integral = 1 + model.nq, self._most, self._integral
+        for k in range(count):
+            row = states[k]
+            row[0], row[1:first], row[first:] = data.time, data.qpos, data.qvel
+            self._past.append((q + noise[k], v + speed_noise[k]))
+            if self._ticks % self._every == 0:
+                position, speed = self._past[0]
+                error = wanted[k] - position
+                integral += gain * error
+                np.clip(integral, -most, most, out=integral)
+                ctrl[self._motors] = (
+                    kp * error
+                    + kd * (reference.speeds[k] - speed)
+                    + integral
+                    + reference.torques[k]
+                )
+            self._ticks += 1
+            mujoco.mj_step(model, data)
+            sensors[k] = data.sensordata
+        return states, sensors
