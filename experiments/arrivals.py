@@ -15,7 +15,8 @@ from task_space_swing import follow
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath
-from mlivr_gym.motion.trajectory import Durations, Trajectory, quintic, trajectory
+from mlivr_gym.motion.clocks import Durations, quintic
+from mlivr_gym.motion.trajectory import Trajectory, trajectory
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.phase_torques import CAPTURE_TIME, largest, phase_torques
 from mlivr_gym.simulation.recording import Capture, Recording

@@ -18,8 +18,8 @@ from scipy.integrate import cumulative_trapezoid
 
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import write_whole
-from mlivr_gym.motion.plan_motion import step_trajectory
-from mlivr_gym.motion.trajectory import Durations
+from mlivr_gym.simulation.timing import step_trajectory
+from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner

@@ -27,7 +27,7 @@ from task_space_swing import Attempt, attempts, best
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.files import write_whole
-from mlivr_gym.motion.plan_motion import plan_trajectory
+from mlivr_gym.simulation.timing import plan_trajectory
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.planners import Plan, Planner

@@ -19,7 +19,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.envs.dynamics import physical_walk
 from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.motion.commitment import committed_motion
-from mlivr_gym.motion.trajectory import Durations
+from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.walks import plan_of

@@ -120,12 +120,11 @@ for module in pkgutil.walk_packages(mlivr_gym.__path__, "mlivr_gym."):
 from mlivr_gym import stance_graph
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.motion.trajectory import Durations
 graph = stance_graph()
 start = ("D2a:4", "D2b:4")
 goal = graph.successors(graph.state(start)).base_in_world[-1]
 plan = Planner(graph).plan(start, goal.tolist(), "steps", goal_tolerance=0.01).unwrap()
-execution = execute(graph, plan, Durations.of_step(20.0))
+execution = execute(graph, plan)
 assert len(execution.captures) == len(plan.steps) > 0 and execution.failure is None
 """
 

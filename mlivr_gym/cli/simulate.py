@@ -6,6 +6,7 @@ What imports MuJoCo is imported when the command runs, since MuJoCo loads a GL l
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,8 +27,6 @@ from mlivr_gym.cli.outputs import claim, make_folder
 from mlivr_gym.cli.plan import find_plan
 from mlivr_gym.cli.progress import Bar
 from mlivr_gym.errors import RenderError, SettingError
-from mlivr_gym.motion.plan_motion import plan_trajectory
-from mlivr_gym.motion.trajectory import Durations
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.film import check_kind, film
 from mlivr_gym.pictures.simulation_figure import simulation_figure
@@ -38,6 +37,7 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 if TYPE_CHECKING:
     from mlivr_gym.simulation.execution import Execution
+    from mlivr_gym.simulation.setup import Setup
 
 FILES = (
     "plan.json",
@@ -80,11 +80,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="start, goal, map and cost of a case of Table I",
     )
     parser.add_argument(
+        "--pace",
+        choices=("fast", "gentle", "paper"),
+        default="fast",
+        help="as fast as the limits allow, as gentler ones do, or the paper's 50 s a step "
+        "(default: %(default)s)",
+    )
+    parser.add_argument(
         "--duration",
         type=float,
-        default=50.0,
         metavar="S",
-        help="duration of a step [s]; a robot that is too fast fails (default: %(default)s)",
+        help="duration of every step [s], refused if it breaks a limit; without it, the shortest",
     )
     parser.add_argument(
         "--timestep",
@@ -94,12 +100,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="time step [s] (default: %(default)s)",
     )
     parser.add_argument(
-        "--no-feedforward", action="store_true", help="PD control alone, as in the paper"
+        "--controller",
+        choices=("full", "feedforward", "paper"),
+        default="full",
+        help="guided to the points by a sensor, following the trajectory alone, or the paper's PD "
+        "control (default: %(default)s)",
     )
     parser.add_argument(
-        "--assume-ur5e-masses",
-        action="store_true",
-        help="simulate a robot with other limbs with the UR5e's masses, inertias and torque limits",
+        "--disturbances",
+        choices=("none", "all"),
+        default="none",
+        help="whether robot and module differ from what the controller knows "
+        "(default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=1, help="seed of the disturbances (default: %(default)s)"
     )
     parser.add_argument(
         "--out", default="walk", metavar="FOLDER", help="where results go (default: %(default)s)"
@@ -150,21 +165,17 @@ def run(args: argparse.Namespace) -> int:
 
 def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan) -> int:
     """Execute a plan, print and save what was measured; 0 if it succeeded, 1 if it failed."""
-    from mlivr_gym.simulation.dynamics import Physics, check_masses
     from mlivr_gym.simulation.execution import execute
+    from mlivr_gym.simulation.timing import plan_trajectory
 
-    out, durations = Path(args.out), Durations.of_step(args.duration)
-    physics = Physics(
-        timestep=args.timestep,
-        feedforward=not args.no_feedforward,
-        assume_ur5e_masses=args.assume_ur5e_masses,
-    )
-    check_masses(plan.world.robot, physics)
-    trajectory = plan_trajectory(graph, plan, durations).every(0.1)
+    out, setup = Path(args.out), _setup(args)
+    world = plan.world
+    simulation = setup.simulation(graph.grasp_map, world.robot, world.obstacles, args.seed)
+    trajectory = plan_trajectory(graph, plan, setup.timing).every(0.1)
     bar = Bar("steps carried out", len(plan.steps))
-    execution = execute(graph, plan, durations, physics, bar.show)
+    execution = execute(graph, plan, setup.timing, progress=bar.show, simulation=simulation)
     bar.close()
-    _report(graph, execution)
+    _report(execution)
     make_folder(out)
     plan.save(out / "plan.json")
     trajectory.save_csv(out / "trajectory.csv")
@@ -172,6 +183,26 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
     if not args.no_film:
         _film(args, graph, execution, out / args.film)
     return SUCCESS if execution.failure is None else FAILED
+
+
+def _setup(args: argparse.Namespace) -> Setup:
+    """How the plan is carried out."""
+    from mlivr_gym.motion.clocks import Durations
+    from mlivr_gym.simulation.limits import PACES
+    from mlivr_gym.simulation.setup import Setup
+
+    setup = Setup.of(
+        controller=args.controller,
+        physics={"timestep": args.timestep},
+        disturbances=args.disturbances,
+    )
+    if args.pace == "paper":
+        if args.duration is not None:
+            raise SettingError(
+                "--duration has no effect beside --pace paper, which is 50 s a step; leave it out"
+            )
+        return replace(setup, timing=Durations())
+    return replace(setup, timing=replace(PACES[args.pace], step_duration=args.duration))
 
 
 def _check_film(args: argparse.Namespace) -> None:
@@ -185,12 +216,12 @@ def _check_film(args: argparse.Namespace) -> None:
         check_kind(args.film)
 
 
-def _report(graph: PairGraph | LazyGraph, execution: Execution) -> None:
+def _report(execution: Execution) -> None:
     """Print how the walk went."""
     summary, peaks, failure = execution.summary(), execution.peaks, execution.failure
     print(
         f"{summary['steps_done']} of {summary['steps']} steps carried out, "
-        f"{execution.simulated_time:.0f} s simulated in {execution.simulation_time:.1f} s"
+        f"{execution.simulated_time:.1f} s simulated in {execution.simulation_time:.1f} s"
     )
     for capture in execution.captures:
         print(
@@ -208,20 +239,6 @@ def _report(graph: PairGraph | LazyGraph, execution: Execution) -> None:
             f"failed at {failure.time:.2f} s, step {failure.step + 1}, {failure.phase}: "
             f"{failure.kind}, {failure.message}"
         )
-        _hint(graph, execution)
-
-
-def _hint(graph: PairGraph | LazyGraph, execution: Execution) -> None:
-    """Say with what duration a walk that was too fast would probably succeed."""
-    from mlivr_gym.simulation.pace import longer_step
-
-    longer = longer_step(graph, execution)
-    if longer is not None:
-        print(
-            f"hint: slower steps may succeed, try --duration {longer:g} "
-            f"(an estimate: torques and lag go with 1 / duration^2; "
-            f"this was {execution.durations.total:g} s)"
-        )
 
 
 def _save(execution: Execution, out: Path) -> None:
@@ -229,7 +246,8 @@ def _save(execution: Execution, out: Path) -> None:
     archive, plot = out / "simulation.npz", out / "simulation.png"
     execution.save(archive)
     plan = execution.plan
-    title = f"{plan.world.robot.name}, {len(plan.steps)} steps of {execution.durations.total:g} s"
+    seconds = execution.step_times.mean() if execution.captures else execution.simulated_time
+    title = f"{plan.world.robot.name}, {len(plan.steps)} steps, {seconds:.1f} s a step"
     simulation_figure(execution.recording, execution.captures, execution.failure, plot, title)
     print(
         f"measurements: {archive.with_suffix('.json')}, {archive}; "

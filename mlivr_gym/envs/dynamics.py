@@ -8,11 +8,9 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError, choice
-from mlivr_gym.motion.trajectory import Durations
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 if TYPE_CHECKING:
-    from mlivr_gym.simulation.dynamics import Physics
     from mlivr_gym.simulation.physical_walk import PhysicalWalk
 
 DYNAMICS = ("kinematic", "mujoco")
@@ -39,20 +37,17 @@ def check_dynamics(
         raise SettingError("precompute and grasp_failure need dynamics='kinematic'")
 
 
-def physical_walk(
-    graph: StanceGraph, step_duration: float, physics: Physics | dict[str, Any] | None
-) -> PhysicalWalk:
+def physical_walk(graph: StanceGraph, **parts: Any) -> PhysicalWalk:
     """What executes steps in MuJoCo, which is loaded only where it is wanted.
 
     Args:
         graph: The stance graph.
-        step_duration: Duration of a step [s].
-        physics: Figures, also as plain data; by default those of `Physics`.
+        **parts: Parts of a `Setup`, see `Setup.of`.
 
     Raises:
         MlivrError: If an argument cannot be used; the message names it.
     """
-    from mlivr_gym.simulation.dynamics import Physics
     from mlivr_gym.simulation.physical_walk import PhysicalWalk
+    from mlivr_gym.simulation.setup import Setup
 
-    return PhysicalWalk(graph, Durations.of_step(step_duration), Physics.of(physics))
+    return PhysicalWalk(graph, Setup.of(**parts))

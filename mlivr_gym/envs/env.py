@@ -32,7 +32,10 @@ from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.grasp_map import GraspMap, as_map
 
 if TYPE_CHECKING:
+    from mlivr_gym.simulation.controller import Controller
+    from mlivr_gym.simulation.disturbances import Disturbances
     from mlivr_gym.simulation.dynamics import Physics
+    from mlivr_gym.simulation.limits import Limits
     from mlivr_gym.simulation.physical_walk import PhysicalWalk
 
 
@@ -93,12 +96,12 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     `invalid_action`, `grasp_failed`. With `dynamics="mujoco"` also `failure` (None, or a dictionary
     as in `recording.Failure`) and of the last step `capture_distance` [m], `capture_angle` [rad],
     `peak_torque` [N m], `torque_rms` (largest over time) [N m], `peak_grasp_force` [N],
-    `peak_grasp_torque` [N m], `base_error` [m], and `simulated_time` since reset [s].
+    `peak_grasp_torque` [N m], `base_error` [m], `tries`, `step_time`, `simulated_time` [s].
 
     ## Dynamics
-    `"kinematic"`: a step is the transition of the stance graph. `"mujoco"`: it is executed by a PD
-    controller in MuJoCo, where each limb is on one branch, chosen when it grasps; `branches`
-    then has one bit a limb.
+    `"kinematic"`: a step is the transition of the stance graph. `"mujoco"`: it is executed in
+    MuJoCo, where each limb is on one branch, chosen when it grasps; `branches` then has one bit a
+    limb. With `disturbances` each episode has a robot and a module that the controller mistakes.
 
     ## Unreliable Grasps
     With `grasp_failure` above 0 an attempt to grasp a point fails if the next number of the stream
@@ -148,7 +151,9 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         discount: float = 0.99,
         tasks: str | TaskGenerator | dict[str, Any] = "walk",
         dynamics: str = "kinematic",
-        step_duration: float = 50.0,
+        limits: Limits | dict[str, Any] | str | None = None,
+        controller: Controller | dict[str, Any] | str | None = None,
+        disturbances: Disturbances | dict[str, Any] | str | None = None,
         physics: Physics | dict[str, Any] | None = None,
         grasp_failure: float | NDArray[np.float64] = 0.0,
         grasp_failure_seed: int = 0,
@@ -179,9 +184,11 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
                 plain data.
             dynamics: `"kinematic"`: the step of the stance graph; `"mujoco"`: executed in
                 simulation.
-            step_duration: Duration of a step that is executed [s].
-            physics: Controller, grasps and failures of steps that are executed, also as plain data
-                (`Physics.from_dict`).
+            limits: How fast steps are executed; this and the next three see `Setup.of`, also by
+                name: `"fast"`, `"gentle"`.
+            controller: `"full"`, `"feedforward"`, `"paper"`.
+            disturbances: `"none"`, `"all"`; each episode draws anew.
+            physics: Figures of grasps and failures.
             grasp_failure: Mean probability that an attempt to grasp a point fails, or one for each
                 point, see `failure_probabilities`; with `dynamics="kinematic"` only.
             grasp_failure_seed: Seed of the probabilities; whether an attempt fails is drawn from
@@ -220,7 +227,10 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self.observation_space = observation_space(self.graph)
         self._walk: PhysicalWalk | None = None
         if dynamics == "mujoco":
-            self._walk = physical_walk(self.graph, step_duration, physics)
+            self._walk = physical_walk(
+                self.graph, limits=limits, controller=controller, physics=physics,
+                disturbances=disturbances,
+            )  # fmt: skip
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         self._moves = CurrentMoves(self.graph, bool(precompute))
         self._state: State | None = None
@@ -273,7 +283,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             start = task.start if start is None else start
             goal = task.goal if goal is None else goal
         if walk is not None:
-            start = walk.start(start, given.plan)
+            start = walk.start(start, given.plan, walk.draw(self._stream))
             self._measures = walk.measures
         if not self.moves.successors(start):
             raise StanceError(f"no step leaves the start stance {graph.ids(start.stance)}")

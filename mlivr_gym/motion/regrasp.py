@@ -28,6 +28,9 @@ UNCHECKED_KNOTS: Array = np.zeros((0, 7))
 PHASES = ("departure", "swing", "approach")
 """Parts of a step."""
 
+SAME_KNOT = 1e-9
+"""Knots that differ by less are one [rad]."""
+
 TASK_SPACE_SAMPLES = 400
 """Places at which a swing in task space is looked at before it is used."""
 
@@ -93,9 +96,12 @@ class RegraspPath:
 
     @cached_property
     def _knots(self) -> Array:
-        """Knots of the swing; of one that was not checked, those at its ends."""
-        if len(self.regrasp.knots):
-            return self.regrasp.knots
+        """Knots of the swing, each once; of one that was not checked, those at its ends."""
+        knots = self.regrasp.knots
+        if len(knots):
+            moved = np.abs(np.diff(knots, axis=0)).max(axis=1) > SAME_KNOT
+            kept: Array = knots[np.concatenate([[True], moved])]
+            return kept
         ends = [self.departure(np.array([0.0, 1.0]))[1:], self.approach(np.array([0.0, 1.0]))[:1]]
         return np.column_stack([[0.0, 1.0], np.concatenate(ends)])
 

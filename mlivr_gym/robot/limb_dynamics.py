@@ -101,8 +101,9 @@ def arm_dynamics(name: str) -> LimbDynamics:
 def arm_limb(name: str) -> Limb:
     """Lengths and joint limits of an arm that ships; `name` is one of `ARMS`."""
     data = arm_data(name)
-    lengths = {key: value for key, value in data["dh"].items() if isinstance(value, float)}
-    return Limb(**lengths, joint_limits=tuple(map(tuple, data["joint_limits"]["position"])))
+    d1, a2, a3, d4, d5, d6 = (data["dh"][key] for key in ("d1", "a2", "a3", "d4", "d5", "d6"))
+    limits = tuple((low, high) for low, high in data["joint_limits"]["position"])
+    return Limb(d1, a2, a3, d4, d5, d6, joint_limits=limits)
 
 
 def arm_of(limb: Limb) -> str | None:

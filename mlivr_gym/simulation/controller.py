@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import SettingError, choice
 from mlivr_gym.schema import Flag, Place, Record, Tuples, Whole
 
 
@@ -47,11 +47,11 @@ class Controller:
         tries: Approaches that are tried before a grasp counts as missed.
     """
 
-    kp_free: tuple[float, ...] = (400.0, 400.0, 300.0, 150.0, 150.0, 100.0)
-    kd_free: tuple[float, ...] = (60.0, 60.0, 40.0, 15.0, 15.0, 10.0)
-    kp_hold: tuple[float, ...] = (1500.0,) * 6
-    kd_hold: tuple[float, ...] = (300.0,) * 6
-    integral: float = 0.5
+    kp_free: tuple[float, ...] = (800.0, 1200.0, 1200.0, 300.0, 300.0, 240.0)
+    kd_free: tuple[float, ...] = (40.0, 60.0, 60.0, 15.0, 15.0, 12.0)
+    kp_hold: tuple[float, ...] = (800.0, 1200.0, 1200.0, 1000.0, 1400.0, 1200.0)
+    kd_hold: tuple[float, ...] = (40.0, 60.0, 60.0, 50.0, 70.0, 60.0)
+    integral: float = 0.0
     period: float = 0.002
     feedforward: bool = True
     rebase: bool = True
@@ -66,12 +66,14 @@ class Controller:
         CONTROLLER.check(self, Place("controller", SettingError))
 
     @classmethod
-    def of(cls, given: Controller | dict[str, Any] | None) -> Controller:
-        """The controller as it is, from plain data, or by default.
+    def of(cls, given: Controller | dict[str, Any] | str | None) -> Controller:
+        """The controller as it is, from plain data, by name (one of `CONTROLLERS`), or by default.
 
         Raises:
-            SettingError: If plain data name a field that there is not, or one has a faulty value.
+            SettingError: If there is no such name or field, or a field has a faulty value.
         """
+        if isinstance(given, str):
+            return CONTROLLERS[choice("controller", given, CONTROLLERS)]
         return CONTROLLER.read({} if given is None else given, Place("controller", SettingError))
 
 

@@ -18,8 +18,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.arrays import Array
-from mlivr_gym.errors import SettingError
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.errors import SettingError, choice
 from mlivr_gym.schema import Place, Record, Tuples
 
 STANDARD_GRAVITY = 9.80665
@@ -68,12 +68,14 @@ class Disturbances:
         DISTURBANCES.check(self, Place("disturbances", SettingError))
 
     @classmethod
-    def of(cls, given: Disturbances | dict[str, Any] | None) -> Disturbances:
-        """The disturbances as they are, from plain data, or none.
+    def of(cls, given: Disturbances | dict[str, Any] | str | None) -> Disturbances:
+        """The disturbances as they are, from plain data, by name (one of `KNOWN`), or by default.
 
         Raises:
-            SettingError: If plain data name one that there is not, or one has a faulty value.
+            SettingError: If there is no such name or field, or a field has a faulty value.
         """
+        if isinstance(given, str):
+            return KNOWN[choice("disturbances", given, KNOWN)]
         return DISTURBANCES.read(
             {} if given is None else given, Place("disturbances", SettingError)
         )
@@ -174,10 +176,10 @@ class Disturbance:
         return Rotation.from_rotvec(self.point_turns)
 
 
-def robot_bodies(model: mujoco.MjModel) -> Array:
+def robot_bodies(model: mujoco.MjModel) -> IntArray:
     """Indices of the robot's bodies."""
-    base = model.body("base").id
-    return np.flatnonzero(model.body_rootid == base)
+    found: IntArray = np.flatnonzero(model.body_rootid == model.body("base").id)
+    return found
 
 
 def _directions(rng: np.random.Generator, count: int) -> Array:
@@ -226,3 +228,6 @@ ALL = Disturbances(
     point_angle=float(np.deg2rad(1.0)),
 )
 """All of them at once, at the sizes that are studied."""
+
+KNOWN = {"none": NONE, "all": ALL}
+"""Disturbances by name."""

@@ -44,7 +44,7 @@ class Physics:
     Attributes:
         timestep: Time step [s]; `experiments/dynamic_simulation.py` shows what it changes.
         grasp_stiffness: Restoring force of a grasp [N/m].
-        grasp_damping: Its damping [N s/m]; critical for 57 kg.
+        grasp_damping: Its damping [N s/m]; nine tenths of critical for 64 kg.
         grasp_rotational_stiffness: Restoring torque of a grasp [N m/rad].
         grasp_rotational_damping: Its damping [N m s/rad]; critical for 40 kg m^2, that of the
             two-limb robot about a grasp.

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,12 +17,13 @@ from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.simulation.controller import Controller
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
-from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
 from mlivr_gym.simulation.timing import step_trajectory
 from mlivr_gym.stances.stance_graph import StanceGraph
 
@@ -133,48 +134,84 @@ def execute(
         >>> execution = execute(graph, plan)
         >>> execution.failure is None, execution.peaks.grasp_force.max()
     """
-    if not plan.steps:
-        raise PlanError("the plan has no step: it starts at its goal")
     timing = timing or Limits()
+    start = time.perf_counter()
+    used = simulation.physics if simulation is not None else physics or Physics()
+    walk = timed_walk(graph, plan, timing, used.timestep)
+    ready = time.perf_counter()
     world = plan.world
-    simulation = simulation or Simulation(graph.grasp_map, world.robot, physics, world.obstacles)
-    simulation.reset(*plan.configuration(0), graph.indices(plan.stances[0]))
-    recordings, peaks, captures, failure = [], [], [], None
-    prepared = simulated = 0.0
-    for index in range(len(plan.steps)):
-        start = time.perf_counter()
-        trajectory = step_trajectory(graph, plan, index, timing, simulation.physics.timestep)
-        ready = time.perf_counter()
-        done = simulation.execute(trajectory, index)
-        prepared, simulated = prepared + ready - start, simulated + time.perf_counter() - ready
-        recordings.append(done.recording)
-        peaks.append(done.peaks)
-        if done.capture is not None:
-            captures.append(done.capture)
-        if progress is not None:
-            progress(index + 1)
-        failure = done.failure
-        if failure is not None:
-            break
-    else:
-        # The walk goes on for a moment, so that the last grasp is measured too.
-        start = time.perf_counter()
-        done = simulation.rest(trajectory, REST, len(plan.steps) - 1)
-        simulated += time.perf_counter() - start
-        recordings.append(done.recording)
-        peaks.append(done.peaks)
-        failure = done.failure
+    simulation = simulation or Simulation(graph.grasp_map, world.robot, used, world.obstacles)
+    carried = carry_out(simulation, walk, progress)
     return Execution(
         plan=plan,
         timing=timing,
         controller=simulation.controller,
         physics=simulation.physics,
         disturbance=simulation.disturbance,
-        recording=Recording.join(recordings),
-        peaks=Peaks.join(peaks),
-        captures=tuple(captures),
-        failure=failure,
+        recording=Recording.join([step.recording for step in carried]),
+        peaks=Peaks.join([step.peaks for step in carried]),
+        captures=tuple(step.capture for step in carried if step.capture is not None),
+        failure=carried[-1].failure,
         simulated_time=simulation.time,
-        preparation_time=prepared,
-        simulation_time=simulated,
+        preparation_time=ready - start,
+        simulation_time=time.perf_counter() - ready,
     )
+
+
+class TimedWalk(NamedTuple):
+    """A plan with a clock, all that a simulation needs of it."""
+
+    start: tuple[Array, Array, Array]
+    """Base position [m], base quaternion and joint angles (N, 6) [rad] at the start."""
+    points: tuple[int, ...]
+    """Point index each limb holds there."""
+    steps: tuple[Trajectory, ...]
+    """The trajectory of each step, on the simulation's time grid."""
+
+
+def timed_walk(
+    graph: StanceGraph, plan: Plan, timing: Limits | Durations, period: float
+) -> TimedWalk:
+    """A plan with a clock.
+
+    Args:
+        graph: The stance graph of the plan's robot and map.
+        plan: The plan.
+        timing: How fast.
+        period: Time step of the simulation [s].
+
+    Raises:
+        PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.
+        TimingError: If durations break a limit.
+    """
+    if not plan.steps:
+        raise PlanError("the plan has no step: it starts at its goal")
+    steps = (
+        step_trajectory(graph, plan, index, timing, period) for index in range(len(plan.steps))
+    )
+    return TimedWalk(plan.configuration(0), graph.indices(plan.stances[0]), tuple(steps))
+
+
+def carry_out(
+    simulation: Simulation, walk: TimedWalk, progress: Callable[[int], None] | None = None
+) -> list[ExecutedStep]:
+    """Carry out a walk up to its end, or to the step that fails.
+
+    Args:
+        simulation: A simulation of the robot, map and obstacles of the walk.
+        walk: The walk.
+        progress: Called with the number of steps done.
+
+    Returns:
+        What came of each step, and of the moment for which the last grasp is held.
+    """
+    simulation.reset(*walk.start, walk.points)
+    done: list[ExecutedStep] = []
+    for index, trajectory in enumerate(walk.steps):
+        done.append(simulation.execute(trajectory, index))
+        if progress is not None:
+            progress(index + 1)
+        if done[-1].failure is not None:
+            return done
+    done.append(simulation.rest(walk.steps[-1], REST, len(walk.steps) - 1))
+    return done

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.controller import Controller
@@ -28,7 +28,7 @@ class Reference(NamedTuple):
     torques: Array
     """Fed forward, shape (k, 6 N) [N m]."""
 
-    def at(self, places: Array, sense: float = 1.0) -> Reference:
+    def at(self, places: IntArray, sense: float = 1.0) -> Reference:
         """The reference at some of its times, run through backwards where `sense` is -1."""
         return Reference(self.positions[places], sense * self.speeds[places], self.torques[places])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import SettingError, choice
 from mlivr_gym.motion.clocks import LONGEST_STEP
 from mlivr_gym.schema import Choice, Maybe, Place, Record, Tuples
 
@@ -46,12 +46,14 @@ class Limits:
         LIMITS.check(self, Place("limits", SettingError))
 
     @classmethod
-    def of(cls, given: Limits | dict[str, Any] | None) -> Limits:
-        """The limits as they are, from plain data, or by default.
+    def of(cls, given: Limits | dict[str, Any] | str | None) -> Limits:
+        """The limits as they are, from plain data, by name (one of `PACES`), or by default.
 
         Raises:
-            SettingError: If plain data name a limit that there is not, or one has a faulty value.
+            SettingError: If there is no such name or field, or a field has a faulty value.
         """
+        if isinstance(given, str):
+            return PACES[choice("limits", given, PACES)]
         return LIMITS.read({} if given is None else given, Place("limits", SettingError))
 
 
@@ -69,3 +71,9 @@ LIMITS = Record(
     },
 )
 """Fields of `Limits`."""
+
+GENTLE = Limits(torque=0.4, grasp_force=25.0, grasp_torque=12.0, surface_speed=0.1)
+"""Limits that leave room for a robot that is not the one the controller knows."""
+
+PACES = {"fast": Limits(), "gentle": GENTLE}
+"""Limits by name."""

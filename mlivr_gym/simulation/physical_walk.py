@@ -13,14 +13,16 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.errors import PlanError
+from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.motion.commitment import commit
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath, planned_regrasp
-from mlivr_gym.motion.trajectory import Durations, trajectory
-from mlivr_gym.simulation.dynamics import Physics, check_masses
+from mlivr_gym.motion.trajectory import trajectory
+from mlivr_gym.simulation.disturbances import Disturbances
 from mlivr_gym.simulation.recording import Failure
+from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
+from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
@@ -28,9 +30,9 @@ from mlivr_gym.transitions.state import State, moving_limb
 
 MEASURES = (
     "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force",
-    "peak_grasp_torque", "base_error", "simulated_time",
+    "peak_grasp_torque", "base_error", "step_time", "simulated_time",
 )  # fmt: skip
-"""What `PhysicalWalk.measures` tells of the last step besides its failure."""
+"""What `PhysicalWalk.measures` tells of the last step besides its failure and its tries."""
 
 
 class PhysicalWalk:
@@ -38,7 +40,7 @@ class PhysicalWalk:
 
     Attributes:
         graph: The stance graph.
-        durations: How long the parts of a step take.
+        setup: How steps are carried out.
         state: The present state, one branch a limb.
         joints: Joint angles of the stance, shape (N, 6) [rad].
         simulation: The simulation; it is made by `start`.
@@ -50,35 +52,36 @@ class PhysicalWalk:
     joints: Array
     measures: dict[str, Any]
 
-    def __init__(self, graph: StanceGraph, durations: Durations, physics: Physics) -> None:
+    def __init__(self, graph: StanceGraph, setup: Setup) -> None:
         """Prepare walks; `start` begins one.
 
         Raises:
-            RobotError: If the robot's masses are not known, see `dynamics.check_masses`.
+            RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
         """
-        check_masses(graph.robot, physics)
-        self.graph, self.durations, self.physics = graph, durations, physics
-        self._version = -1
+        self.graph, self.setup = graph, setup
+        self._made: tuple[int, int] | None = None
+        _ = graph.robot.limb_dynamics
         self._plan: Plan | None = None
         self._done = 0
 
-    def start(self, state: State, plan: Plan | None = None) -> State:
+    def start(self, state: State, plan: Plan | None = None, seed: int = 0) -> State:
         """Put the robot at rest into a stance; returns the state with one branch a limb.
 
         Args:
             state: Where to start.
             plan: A plan from this stance; as long as it is followed, its branches, joint angles and
                 swings are used.
+            seed: Seed of the disturbance.
 
         Raises:
             PlanError: If the plan has no step or does not fit the graph.
         """
         graph = self.graph
-        if self._version != graph.version:
-            self.simulation = Simulation(
-                graph.grasp_map, graph.robot, self.physics, graph.obstacles
+        if self._made != (graph.version, seed):
+            self.simulation = self.setup.simulation(
+                graph.grasp_map, graph.robot, graph.obstacles, seed
             )
-            self._version = graph.version
+            self._made = graph.version, seed
         self._plan, self._done = plan, 0
         if plan is not None:
             self.joints = planned_regrasp(graph, plan, 0).joints.copy()
@@ -90,8 +93,14 @@ class PhysicalWalk:
             self.joints = graph.configuration(self.state)[2]
         position, quaternion, _ = graph.configuration(self.state)
         self.simulation.reset(position, quaternion, self.joints, self.state.stance)
-        self.measures = {"failure": None} | dict.fromkeys(MEASURES, 0.0)
+        self.measures = {"failure": None, "tries": 0} | dict.fromkeys(MEASURES, 0.0)
         return self.state
+
+    def draw(self, stream: Any) -> int:
+        """A seed of a disturbance from a stream of random numbers; 0 if there is none to draw."""
+        if self.setup.disturbances == Disturbances():
+            return 0
+        return 1 + int(stream.integers(2**31))
 
     @property
     def configuration(self) -> tuple[Array, Array, Array]:
@@ -119,13 +128,14 @@ class PhysicalWalk:
         regrasp, reached = found
         try:
             path = RegraspPath(self.graph, regrasp)
-            timed = trajectory(path, self.durations, self.physics.timestep)
-        except PlanError as error:
+            timed = trajectory(timed_path(path, self.setup.timing), self.setup.physics.timestep)
+        except (PlanError, TimingError) as error:
             return self._no_swing(limb, point, str(error))
+        begin = self.simulation.time
         executed = self.simulation.execute(timed)
         if executed.failure is None:
             self.state, self.joints = reached, timed.joint_positions[-1]
-        self.measures = _measures(executed, self.simulation.time)
+        self.measures = _measures(executed, begin, self.simulation.time)
         return self.state, executed
 
     def _no_swing(self, limb: int, point: int, why: str) -> tuple[State, Failure]:
@@ -214,8 +224,8 @@ def _branch(mask: int) -> int:
     return (mask.bit_length() - 1) & 7
 
 
-def _measures(executed: ExecutedStep, time: float) -> dict[str, Any]:
-    """What a step measured, as `PhysicalWalk.measures` tells it; `time` is simulated [s]."""
+def _measures(executed: ExecutedStep, begin: float, time: float) -> dict[str, Any]:
+    """What a step measured from `begin` to `time` [s], as `PhysicalWalk.measures` tells it."""
     peaks, capture, failure = executed.peaks, executed.capture, executed.failure
     return {
         "failure": None if failure is None else failure.to_dict(),
@@ -226,5 +236,7 @@ def _measures(executed: ExecutedStep, time: float) -> dict[str, Any]:
         "peak_grasp_force": float(peaks.grasp_force.max()),
         "peak_grasp_torque": float(peaks.grasp_torque.max()),
         "base_error": peaks.base_error,
+        "tries": 0 if capture is None else capture.tries,
+        "step_time": time - begin,
         "simulated_time": time,
     }

@@ -20,12 +20,13 @@ from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.controller import Controller
-from mlivr_gym.simulation.disturbances import NONE, Disturbance, robot_bodies
+from mlivr_gym.simulation.disturbances import NONE, Disturbance
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
 from mlivr_gym.simulation.failures import FailureWatch
 from mlivr_gym.simulation.grippers import Grippers, within
 from mlivr_gym.simulation.guidance import Guidance
 from mlivr_gym.simulation.instruments import Instruments
+from mlivr_gym.simulation.inverse_dynamics import robot_model
 from mlivr_gym.simulation.joint_control import JointControl, Reference
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
 from mlivr_gym.simulation.scene import compiled, set_configuration
@@ -77,7 +78,7 @@ class Simulation:
         self.controller = controller or Controller()
         self.model = compiled(dynamics_spec(grasp_map, robot, self.physics, obstacles))
         self.disturbance = disturbance or NONE.draw(
-            0, len(robot_bodies(self.model)), robot.limbs, len(grasp_map)
+            0, robot_model(robot).nbody - 1, robot.limbs, len(grasp_map)
         )
         self.disturbance.apply(self.model)
         self.data = mujoco.MjData(self.model)
@@ -201,7 +202,8 @@ class Simulation:
 
     def _wait(self, trajectory: Trajectory, reference: Reference, step: int) -> list[ExecutedStep]:
         """Hold before the point until the error seen is small, at most as long as is patient."""
-        controller, runs = self.controller, []
+        controller = self.controller
+        runs: list[ExecutedStep] = []
         count = max(round(controller.sensor_period / self.physics.timestep), 1)
         places = np.full(count + 1, len(trajectory.times) - 1)
         still, there = trajectory.at(places), reference.at(places, 0.0)

@@ -49,8 +49,8 @@ def fastest_clock(rows: PieceRows, rise_time: float) -> PPoly:
 def fastest_squares(rows: PieceRows) -> Array:
     """Squared rate of the share at each node of a piece, at rest at both ends, shape (K,)."""
     step = np.diff(rows.shares)
-    most = 1.0 / np.maximum((rows.speeds**2).max(axis=1), SMALL)
-    squares = np.minimum(most, _largest_without_change(rows))
+    most: Array = 1.0 / np.maximum((rows.speeds**2).max(axis=1), SMALL)
+    squares: Array = np.minimum(most, _largest_without_change(rows))
     squares[0] = squares[-1] = 0.0
     last = len(squares) - 1
     for k in range(last - 1, 0, -1):

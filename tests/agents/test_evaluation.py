@@ -61,7 +61,7 @@ def test_a_simulated_step_that_fails_is_no_success(small_map):
         map=small_map,
         collisions=False,
         dynamics="mujoco",
-        step_duration=10.0,
+        controller="feedforward",
         physics=Physics(capture_distance=1e-9),
     )
     executed = []

@@ -28,6 +28,8 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
         "steps",
         "--duration",
         "20",
+        "--controller",
+        "feedforward",
         "--frames",
         "2",
         "--size",
@@ -37,7 +39,7 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
         str(tmp_path / "walk"),
     )
     assert code == 0
-    assert "1 of 1 steps carried out, 22 s simulated" in out
+    assert "1 of 1 steps carried out, 22.0 s simulated" in out
     assert "took hold of" in out
     summary = json.loads((tmp_path / "walk" / "simulation.json").read_text())
     assert summary["success"]
@@ -53,7 +55,7 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
     with pytest.raises(RenderError, match="valid endings"):
         film(checked_graph.grasp_map, checked_graph.robot, None, tmp_path / "walk.avi")
     plan = str(tmp_path / "walk" / "plan.json")
-    code, out, _ = run(
+    code, _, err = run(
         "simulate",
         "--plan",
         plan,
@@ -63,10 +65,17 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
         "--out",
         str(tmp_path / "fast"),
     )
+    assert code == 2
+    assert "a step of 3 s breaks the limit " in err
+    assert "the shortest that keeps the limits is " in err
+    assert not (tmp_path / "fast").exists()
+    code, out, _ = run(
+        "simulate", "--plan", plan, "--pace", "paper", "--controller", "paper",
+        "--disturbances", "all", "--no-film", "--out", str(tmp_path / "far"),
+    )  # fmt: skip
     assert code == 1
     assert "failed at" in out
-    assert "hint: slower steps may succeed, try --duration " in out
-    failure = json.loads((tmp_path / "fast" / "simulation.json").read_text())["failure"]
+    failure = json.loads((tmp_path / "far" / "simulation.json").read_text())["failure"]
     assert failure["message"] in out
     assert failure["phase"] in ("departure", "swing", "approach")
 
@@ -76,7 +85,8 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
     [
         (["--plan", "no.json"], "cannot read plan"),
         (["--plan", "x.json", "--case", "3"], "give either"),
-        (["--case", "3", "--duration", "0"], "must be finite and above 0"),
+        (["--case", "3", "--duration", "0"], "step_duration is 0"),
+        (["--case", "3", "--pace", "paper", "--duration", "9"], "no effect beside --pace paper"),
         (["--case", "3", "--frames", "1"], "--frames 1"),
         (["--case", "3", "--film", "walk.avi"], "valid endings"),
     ],

@@ -14,6 +14,7 @@ from mlivr_gym.envs.plain_spec import plain
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.errors import MapError, MlivrError, SettingError
 from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.limits import Limits
 
 
 def remade(env):
@@ -23,11 +24,16 @@ def remade(env):
 
 def test_an_environment_of_objects_is_made_again_from_json(small_map):
     robot = RobotSpec(
-        name="own", heights=(0.62, 0.7), limb=Limb(a2=-0.43), body_mass=np.float64(21.0)
+        name="own",
+        heights=(0.62, 0.7),
+        limb=Limb(a2=-0.43),
+        body_mass=np.float64(21.0),
+        dynamics="ur5e",
     )
-    physics = Physics(kp=120.0, feedforward=False, assume_ur5e_masses=True)
+    physics, limits = Physics(hold_force=120.0), Limits(torque=0.5)
     env = gymnasium.make(
-        "MLIVR-JEM-v0", map=small_map, robot=robot, physics=physics, dynamics="mujoco",
+        "MLIVR-JEM-v0", map=small_map, robot=robot, physics=physics, limits=limits,
+        dynamics="mujoco",
         collisions=np.bool_(False),
         clearance=np.float64(0.025),
     )  # fmt: skip
@@ -42,7 +48,7 @@ def test_an_environment_of_objects_is_made_again_from_json(small_map):
     assert theirs.graph.robot == robot
     assert theirs.graph.robot.fingerprint == robot.fingerprint
     assert theirs.graph.settings == ours.graph.settings
-    assert theirs._walk.physics == physics
+    assert (theirs._walk.setup.physics, theirs._walk.setup.timing) == (physics, limits)
     assert again.spec == env.spec
     assert type(env.spec.kwargs["map"]) is dict
     np.testing.assert_array_equal(theirs.graph.base_in_world, ours.graph.base_in_world)
@@ -148,9 +154,14 @@ def test_faulty_plain_arguments_are_named(ladder):
     with pytest.raises(MlivrError, match="unknown field 'arms'"):
         MlivrEnv(robot={"arms": 2})
     physical = {"map": ladder, "collisions": False, "dynamics": "mujoco"}
-    with pytest.raises(SettingError, match=r"physics has an unknown field 'gain'.*kp"):
+    with pytest.raises(SettingError, match=r"physics has an unknown field 'gain'.*hold_force"):
         MlivrEnv(physics={"gain": 2.0}, **physical)
-    with pytest.raises(SettingError, match="kp is 'high'"):
-        MlivrEnv(physics={"kp": "high"}, **physical)
+    with pytest.raises(SettingError, match="hold_force is 'high'"):
+        MlivrEnv(physics={"hold_force": "high"}, **physical)
+    for name in ("limits", "controller", "disturbances"):
+        with pytest.raises(SettingError, match=f"{name} is 'quick'; valid choices are '"):
+            MlivrEnv(**{name: "quick"}, **physical)
+        with pytest.raises(SettingError, match=f"{name} has an unknown field 'gain'"):
+            MlivrEnv(**{name: {"gain": 1.0}}, **physical)
     with pytest.raises(SettingError, match="physics is 3; it must be an object"):
         MlivrEnv(physics=3, **physical)

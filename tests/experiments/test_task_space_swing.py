@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.collisions.contacts import contacts
-from mlivr_gym.motion.plan_motion import step_trajectory
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import trajectory
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
+from mlivr_gym.simulation.timing import step_trajectory
 
 PERIOD = 0.05
 

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SettingError
-from mlivr_gym.motion.plan_motion import plan_trajectory, step_trajectory
+from mlivr_gym.motion.clocks import Durations, quintic
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
-from mlivr_gym.motion.trajectory import FREE, Durations, Trajectory, quintic
+from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
+from mlivr_gym.simulation.timing import plan_trajectory, step_trajectory
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,7 @@ def plan(checked_graph):
 
 @pytest.fixture(scope="module")
 def walk(checked_graph, plan):
-    return plan_trajectory(checked_graph, plan, period=0.01)
+    return plan_trajectory(checked_graph, plan, Durations(), period=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -48,11 +49,13 @@ def grasp(scene, trajectory, k, limb):
 
 def test_quintic_starts_and_ends_at_rest_without_acceleration():
     s = np.linspace(0.0, 1.0, 6)
-    polynomial = np.polynomial.Polynomial.fit(s, quintic(s), 5)
+    polynomial = np.polynomial.Polynomial.fit(s, quintic(1.0)(s), 5)
     for order, ends in ((0, (0.0, 1.0)), (1, (0.0, 0.0)), (2, (0.0, 0.0))):
         derivative = polynomial.deriv(order) if order else polynomial
         np.testing.assert_allclose(derivative(np.array([0.0, 1.0])), ends, atol=1e-9)
-    assert (np.diff(quintic(np.linspace(0.0, 1.0, 100))) > 0).all()
+    assert (np.diff(quintic(1.0)(np.linspace(0.0, 1.0, 100))) > 0).all()
+    times = np.linspace(0.0, 7.0, 50)
+    np.testing.assert_allclose(quintic(7.0)(times), quintic(1.0)(times / 7.0), atol=1e-12)
 
 
 def test_a_walk_passes_through_the_stances_of_its_plan_at_rest(plan, walk):
@@ -109,7 +112,7 @@ def test_velocities_keep_a_grasp_where_it_is(scene, walk):
 
 
 def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, scene):
-    step = step_trajectory(checked_graph, plan, 0, period=0.1)
+    step = step_trajectory(checked_graph, plan, 0, Durations(), period=0.1)
     limb = plan.steps[0].limb
     for phase, point in ((0, plan.steps[0].from_point), (2, plan.steps[0].to_point)):
         index = jem.index(point)
@@ -126,7 +129,7 @@ def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, s
 
 def test_swings_that_were_checked_are_kept_exactly(checked_graph, plan):
     """Every configuration of the swing lies on the line between two knots."""
-    step = step_trajectory(checked_graph, plan, 0, period=0.05)
+    step = step_trajectory(checked_graph, plan, 0, Durations(), period=0.05)
     knots = np.array(plan.steps[0].knots)
     swing = step.joint_positions[step.phase == 1, plan.steps[0].limb]
     apart = []
@@ -144,7 +147,7 @@ def test_swings_that_were_not_checked_are_straight_where_they_can_be(graph, scen
     limits, straight = graph.robot.limb.limits, 0
     for index, step in enumerate(plan.steps):
         path = RegraspPath(graph, planned_regrasp(graph, plan, index))
-        trajectory = step_trajectory(graph, plan, index, period=0.1)
+        trajectory = step_trajectory(graph, plan, index, Durations(), period=0.1)
         q = trajectory.joint_positions
         assert (q >= limits[:, 0] - 1e-6).all()
         assert (q <= limits[:, 1] + 1e-6).all()
@@ -180,7 +183,7 @@ def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
         Durations(swing=-1.0)
     for period in (80.0, 50.0, 0.0):
         with pytest.raises(SettingError, match=f"period is {period}"):
-            step_trajectory(checked_graph, plan, 0, period=period)
+            step_trajectory(checked_graph, plan, 0, Durations(), period=period)
     with pytest.raises(
         SettingError, match=r"duration of a step is 1e.09 s; it must be at most 3600 s"
     ):
@@ -188,7 +191,7 @@ def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
     with pytest.raises(
         SettingError, match="period is 1e-09: a step of 50 s has more than 1000000 samples"
     ):
-        step_trajectory(checked_graph, plan, 0, period=1e-9)
+        step_trajectory(checked_graph, plan, 0, Durations(), period=1e-9)
 
 
 def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
@@ -256,7 +259,7 @@ def test_the_windings_of_a_plan_leave_room_for_departure_and_approach(checked_gr
     """A hold inside the joint limits whose limb left them while it departed, by 0.03 rad."""
     goal = (5.234714283826891, -0.29340000000000005, 0.3656556302831988)
     plan = Planner(checked_graph).plan(("F1a:5", "O1a:0"), goal, "base").unwrap()
-    angles = plan_trajectory(checked_graph, plan, period=0.1).joint_positions
+    angles = plan_trajectory(checked_graph, plan, Durations(), period=0.1).joint_positions
     limits = checked_graph.robot.limb.limits
     assert (angles >= limits[:, 0] - 1e-6).all()
     assert (angles <= limits[:, 1] + 1e-6).all()

@@ -7,12 +7,12 @@ from PIL import Image
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import RenderError
-from mlivr_gym.motion.plan_motion import plan_trajectory
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.pictures.captions import strip_height, with_caption, with_labels
 from mlivr_gym.pictures.film import caption, film, film_cameras
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.recording import Recording
+from mlivr_gym.simulation.timing import plan_trajectory
 
 SIZE = (320, 160)
 

@@ -3,7 +3,9 @@
 import pytest
 from plans import first_steps
 
+from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.simulator import Simulation
 
@@ -17,10 +19,11 @@ def plan(checked_graph):
 
 @pytest.fixture(scope="module")
 def simulation(jem, plan):
-    return Simulation(jem, plan.world.robot)
+    """Follows trajectories, not guided."""
+    return Simulation(jem, plan.world.robot, controller=FEEDFORWARD)
 
 
 @pytest.fixture(scope="module")
 def walked(checked_graph, plan, simulation):
     """The step at the paper's 50 s."""
-    return execute(checked_graph, plan, simulation=simulation)
+    return execute(checked_graph, plan, Durations(), simulation=simulation)

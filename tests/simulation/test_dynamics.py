@@ -1,7 +1,6 @@
 """Masses, momentum and energy of the simulated robot, and which robots are simulated."""
 
-import argparse
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import mujoco
 import numpy as np
@@ -12,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, Settings, robot_spec
 from mlivr_gym.cli.main import main
-from mlivr_gym.cli.simulate import add_arguments
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import RobotError
 from mlivr_gym.motion.trajectory import FREE
@@ -27,7 +25,7 @@ def floating(jem, plan):
     """A robot that holds nothing, controllers and grasps without effect, turning and bending."""
     simulation = Simulation(jem, plan.world.robot, Physics(timestep=0.001))
     model, data = simulation.model, simulation.data
-    model.actuator_gainprm[:], model.actuator_biasprm[:] = 0.0, 0.0
+    model.actuator_biasprm[:] = 0.0
     simulation.reset(
         np.array([4.0, 0.0, 0.0]),
         np.array([1.0, 0, 0, 0]),
@@ -93,7 +91,7 @@ def test_momentum_is_kept_when_nothing_is_held_and_nothing_pulls(floating):
 
 def test_energy_falls_under_damping_alone(floating):
     model, data = floating.model, floating.data
-    model.actuator_biasprm[floating.joint_actuators, 2] = -50.0
+    model.dof_damping[6:] = 50.0
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     energies = []
     for _ in range(300):
@@ -102,15 +100,15 @@ def test_energy_falls_under_damping_alone(floating):
     assert (np.diff(energies) < 0.0).all()
 
 
-UR10E = Limb(d1=0.1807, a2=-0.6127, a3=-0.57155, d4=0.17415, d5=0.11985, d6=0.11655)
-"""Lengths published by the manufacturer; its links weigh 32 kg and not the UR5e's 18 kg."""
+UNKNOWN = Limb(d1=0.1807, a2=-0.6127, a3=-0.5, d4=0.17415, d5=0.11985, d6=0.11655)
+"""Lengths of no arm that ships."""
 
 
 def test_another_arm_is_not_simulated_with_masses_of_the_ur5e(
     jem, checked_graph, plan, tmp_path, capsys
 ):  # fmt: skip
-    robot = replace(plan.world.robot, name="ur10e", limb=UR10E)
-    told = r"'ur10e'.*a2 -0\.6127 m \(UR5e -0\.425 m\).*assume_ur5e_masses"
+    robot = replace(plan.world.robot, name="own", limb=UNKNOWN)
+    told = r"'own' cannot be simulated: .*lengths 0\.1807, .*none of ur3e, ur5e, ur10e.*`dynamics`"
     refused = pytest.raises(RobotError, match=told)
     with refused:
         execute(checked_graph, replace(plan, world=replace(plan.world, robot=robot)))
@@ -122,20 +120,41 @@ def test_another_arm_is_not_simulated_with_masses_of_the_ur5e(
     world = replace(plan.world, robot=robot, settings=Settings(collisions=False))
     replace(plan, world=world).save(path)
     assert main(["simulate", "--plan", str(path), "--out", str(out)]) == 2
-    assert "robot 'ur10e' cannot be simulated" in capsys.readouterr().err
+    assert "robot 'own' cannot be simulated" in capsys.readouterr().err
     assert not out.exists()
 
 
-def test_another_arm_is_simulated_where_that_is_asked_for(jem):
-    robot = replace(robot_spec("mlivr2"), name="ur10e", limb=UR10E)
-    simulation = Simulation(jem, robot, Physics(assume_ur5e_masses=True))
-    assert simulation.mass == pytest.approx(20.0 + 2 * (17.70 + 0.5))
-    how = {"dynamics": "mujoco", "collisions": False, "physics": Physics(assume_ur5e_masses=True)}
-    MlivrEnv(robot, **how).reset(seed=0)
-    parser = argparse.ArgumentParser()
-    add_arguments(parser)
-    assert parser.parse_args(["--assume-ur5e-masses"]).assume_ur5e_masses
-    assert not parser.parse_args([]).assume_ur5e_masses
+@pytest.mark.parametrize(("name", "links", "base"), [("ur3e", 8.7985, 2.0), ("ur10e", 29.104, 4.0)])
+def test_arms_of_the_maker_have_the_makers_masses(jem, name, links, base):
+    """Sums of the masses of the manufacturer's description."""
+    by_lengths = robot_spec({"name": name, "limb": name})
+    by_name = robot_spec({"name": name, "limb": asdict(UNKNOWN), "dynamics": name})
+    for robot in (by_lengths, by_name):
+        simulation = Simulation(jem, robot)
+        assert simulation.mass == pytest.approx(20.0 + 2 * (links + base + 0.5))
+    assert robot_spec(by_name.to_dict()) == by_name
+    if name == "ur10e":  # three fifths of a UR3e's reach hold no two points of the module
+        MlivrEnv(by_lengths, dynamics="mujoco", collisions=False).reset(seed=0)
+
+
+def test_figures_of_a_robot_file_are_simulated(jem):
+    figures = asdict(robot_spec("mlivr2").limb_dynamics)
+    figures["masses"] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    figures["torque_limits"] = [10.0, 20.0, 30.0, 4.0, 5.0, 6.0]
+    robot = robot_spec({"name": "own", "dynamics": figures})
+    model = dynamics_spec(jem, robot).compile()
+    links = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+    for i in range(2):
+        found = [float(model.body(f"limb{i}/{link}").mass[0]) for link in links]
+        assert found == figures["masses"]
+        ranges = [model.actuator(f"limb{i}/joint{k}").forcerange[1] for k in range(1, 7)]
+        assert ranges == figures["torque_limits"]
+    assert robot.fingerprint == robot_spec({"name": "own"}).fingerprint
+    figures["inertias"] = [[1.0, 1.0, 3.0, 0.0, 0.0, 0.0]] * 6
+    with pytest.raises(RobotError, match=r"inertias\[0\] has the principal moments 1, 1, 3"):
+        robot_spec({"name": "own", "dynamics": figures})
+    with pytest.raises(RobotError, match=r"dynamics is 'ur7'; valid choices are 'ur3e'"):
+        robot_spec({"name": "own", "dynamics": "ur7"})
 
 
 @pytest.mark.parametrize(
@@ -148,5 +167,5 @@ def test_another_arm_is_simulated_where_that_is_asked_for(jem):
 )
 def test_robots_with_limbs_of_the_ur5e_are_simulated(jem, changes):
     robot = replace(robot_spec("mlivr2"), name="own", **changes)
-    mass = robot.body_mass + robot.limbs * (17.70 + robot.gripper_mass)
+    mass = robot.body_mass + robot.limbs * (4.0 + 17.70 + robot.gripper_mass)
     assert Simulation(jem, robot).mass == pytest.approx(mass)

@@ -8,11 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import stance_graph
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.motion.plan_motion import step_trajectory
-from mlivr_gym.motion.trajectory import FREE, Durations
+from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
+from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.feedforward import _bends, feedforward
+from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.timing import step_trajectory
 
 
 @pytest.mark.parametrize("limbs", [2, 3])
@@ -21,9 +22,8 @@ def test_limbs_that_hold_share_the_wrench_that_moves_the_base(jem, limbs):
     graph = stance_graph(jem, f"mlivr{limbs}")
     start, goal = sample_task(graph, np.random.default_rng(0), 0.5)
     plan = Planner(graph).plan(start.stance, goal, "steps").unwrap()
-    walk = step_trajectory(graph, plan, 0, Durations.of_step(10.0), 0.002)
-    model = dynamics_spec(jem, graph.robot).compile()
-    torques, _ = feedforward(model, Physics(), walk)
+    walk = step_trajectory(graph, plan, 0, Limits(), 0.002)
+    torques, _ = feedforward(graph.robot, Physics(), walk)
     other = pinocchio_robot(graph.robot)
     other.gravity.linear[:] = 0.0
     data = other.createData()

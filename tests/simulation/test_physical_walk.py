@@ -14,7 +14,7 @@ from mlivr_gym.transitions.state import State
 
 @pytest.fixture(scope="module")
 def walk(small_checked_graph):
-    return physical_walk(small_checked_graph, 50.0, None)
+    return physical_walk(small_checked_graph)
 
 
 def test_every_step_that_leaves_a_state_has_a_swing_inside_the_joint_limits(

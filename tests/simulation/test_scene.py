@@ -50,8 +50,9 @@ def test_every_light_is_white(model):
 
 
 def test_masses_are_the_published_ones(model):
-    # Body 20 kg, six links of 17.70 kg in all and a gripper of 0.5 kg on each of two limbs.
-    assert model.body_mass.sum() == pytest.approx(20.0 + 2 * (17.70 + 0.5))
+    # Body 20 kg; on each of two limbs a base of 4 kg, six links of 17.70 kg in all and a gripper of
+    # 0.5 kg.
+    assert model.body_mass.sum() == pytest.approx(20.0 + 2 * (4.0 + 17.70 + 0.5))
 
 
 @pytest.mark.parametrize("limbs", [2, 3, 4])

@@ -9,11 +9,23 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SettingError, SimulationError
-from mlivr_gym.motion.plan_motion import step_trajectory
-from mlivr_gym.motion.trajectory import FREE, Durations
-from mlivr_gym.simulation.dynamics import Physics, torque_limits
+from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.trajectory import FREE
+from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, Controller
+from mlivr_gym.simulation.disturbances import Disturbances
+from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.joint_control import JointControl, Reference
+from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.timing import step_trajectory
+
+
+def hold_joints(simulation, plan):
+    """Torques that keep the joints where the plan begins."""
+    data = simulation.data
+    error = plan.motion.joint_positions[0].ravel() - data.qpos[7:]
+    data.ctrl[:12] = 100.0 * error - 10.0 * data.qvel[6:]
 
 
 @pytest.mark.parametrize("axis", range(6))
@@ -31,13 +43,14 @@ def test_a_grasp_is_as_stiff_and_as_damped_as_asked(jem, plan, axis):
     model, data = simulation.model, simulation.data
     # The gripper that holds nothing lies on its point and would touch what is behind.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    data.ctrl[simulation.joint_actuators] = plan.motion.joint_positions[0].ravel()
+    hold_joints(simulation, plan)
     site = data.site("limb1/grasp")
     frame, start = site.xmat.reshape(3, 3).copy(), site.xpos.copy()
     load = np.zeros(6)
     load[axis] = 4.0
     gripper = model.body("limb1/gripper").id
     for _ in range(5000):
+        hold_joints(simulation, plan)
         data.qfrc_applied[:] = 0.0
         mujoco.mj_applyFT(
             model, data, frame @ load[:3], frame @ load[3:], site.xpos, gripper, data.qfrc_applied
@@ -72,21 +85,56 @@ def test_a_grasp_is_as_stiff_and_as_damped_as_asked(jem, plan, axis):
     np.testing.assert_allclose(felt, -damping * 0.01 * load, atol=1e-6)
 
 
-def test_joint_torques_are_those_of_the_pd_law_within_the_manufacturers_limits(jem, plan):
-    simulation = Simulation(jem, plan.world.robot)
-    rng, data = np.random.default_rng(0), simulation.data
+LIMITS = np.tile([150.0, 150.0, 150.0, 28.0, 28.0, 28.0], 2)
+"""Largest torques of two UR5e, by the manufacturer [N m]."""
+
+
+def test_joint_torques_are_those_of_the_control_law_within_the_manufacturers_limits(jem, plan):
+    """The law is written out here with encoders that read 0.01 rad too much."""
+    rng = np.random.default_rng(0)
+    controller = replace(Controller(), integral=2.0)
+    bias = Disturbances(encoder_bias=0.02).draw(7, 17, 2, len(jem))
+    simulation = Simulation(jem, plan.world.robot, controller=controller, disturbance=bias)
     q, speed = rng.uniform(-1, 1, 12), rng.uniform(-1, 1, 12)
-    wanted, wanted_speed = q + rng.uniform(-2, 2, 12), rng.uniform(-1, 1, 12)
+    model, data = simulation.model, simulation.data
     simulation.reset(np.array([4.0, 0, 0]), np.array([1.0, 0, 0, 0]), q.reshape(2, 6), [FREE, FREE])
     data.qvel[6:] = speed
-    data.ctrl[simulation.joint_actuators] = wanted + 0.5 * wanted_speed
-    mujoco.mj_forward(simulation.model, data)
-    asked = 100.0 * (wanted - q) + 50.0 * (wanted_speed - speed)
-    limits = np.tile([150.0, 150.0, 150.0, 28.0, 28.0, 28.0], 2)
-    found = [data.sensor(f"limb{i}/joint{k}").data[0] for i in range(2) for k in range(1, 7)]
-    assert (np.abs(asked) > limits).any()
-    np.testing.assert_allclose(found, np.clip(asked, -limits, limits), atol=1e-9)
-    np.testing.assert_allclose(torque_limits(), limits[:6])
+    wanted = np.tile(q + rng.uniform(-0.1, 0.1, 12), (3, 1))
+    wanted_speed, torque = rng.uniform(-1, 1, (3, 12)), rng.uniform(-5, 5, (3, 12))
+    control = JointControl(model, data, controller, bias)
+    states, sensors = control.run(Reference(wanted, wanted_speed, torque), [False, True])
+    kp = np.concatenate([controller.kp_free, controller.kp_hold])
+    kd = np.concatenate([controller.kd_free, controller.kd_hold])
+    integral, over = np.zeros(12), False
+    for k in range(3):
+        position, rate = states[k, 8:20], states[k, 1 + model.nq + 6 :]
+        error = wanted[k] - position - bias.encoder_bias.ravel()
+        integral += kp * 2.0 * 0.002 * error
+        asked = kp * error + kd * (wanted_speed[k] - rate) + integral + torque[k]
+        names = [f"limb{i}/joint{j}" for i in range(2) for j in range(1, 7)]
+        found = sensors[k, [model.sensor(name).adr[0] for name in names]]
+        np.testing.assert_allclose(found, np.clip(asked, -LIMITS, LIMITS), atol=1e-9)
+        over |= bool((np.abs(asked) > LIMITS).any())
+    assert over
+
+
+@pytest.mark.parametrize(("period", "delay"), [(0.002, 0.0), (0.006, 0.0), (0.002, 0.004)])
+def test_torques_change_with_the_period_and_late_by_the_delay(jem, plan, period, delay):
+    late = Disturbances(delay=delay).draw(1, 17, 2, len(jem))
+    controller = replace(PAPER, period=period)
+    simulation = Simulation(jem, plan.world.robot, controller=controller, disturbance=late)
+    simulation.reset(*plan.configuration(0), [FREE, FREE])
+    start = plan.motion.joint_positions[0].ravel()
+    reference = Reference(*(np.tile(x, (12, 1)) for x in (start + 0.01, 0 * start, 0 * start)))
+    control = JointControl(simulation.model, simulation.data, controller, late)
+    states, sensors = control.run(reference, [False, False])
+    address = simulation.model.sensor("limb0/joint2").adr[0]
+    q, v = states[:, 9], states[:, 1 + simulation.model.nq + 7]
+    asked = 100.0 * (start[1] + 0.01 - q) - 50.0 * v
+    every, ticks = round(period / 0.002), round(delay / 0.002)
+    read = np.maximum(np.arange(12) // every * every - ticks, 0)
+    np.testing.assert_allclose(sensors[:, address], asked[read], atol=1e-9)
+    assert len(set(read)) > 2
 
 
 def test_a_step_is_carried_out_within_tolerance(walked, plan, jem):
@@ -103,8 +151,9 @@ def test_a_step_is_carried_out_within_tolerance(walked, plan, jem):
     assert walked.recording.contacts.max() == 0
 
 
-def test_feedforward_tracks_better_than_the_papers_controller(checked_graph, plan, walked):
-    plain = execute(checked_graph, plan, physics=Physics(feedforward=False))
+def test_feedforward_tracks_better_than_the_papers_controller(checked_graph, plan, jem, walked):
+    simulation = Simulation(jem, plan.world.robot, controller=PAPER)
+    plain = execute(checked_graph, plan, Durations(), simulation=simulation)
     assert plain.failure is None
     assert plain.captures[0].distance < plain.physics.capture_distance
     assert walked.peaks.base_error < 0.2 * plain.peaks.base_error
@@ -117,9 +166,11 @@ def test_the_grasp_gives_the_robot_its_momentum(checked_graph, plan, jem):
     """
     errors = []
     for timestep in (0.002, 0.0005):
-        simulation = Simulation(jem, plan.world.robot, Physics(timestep=timestep))
+        simulation = Simulation(
+            jem, plan.world.robot, Physics(timestep=timestep), controller=FEEDFORWARD
+        )
         recording = execute(
-            checked_graph, plan, Durations.of_step(20.0), simulation=simulation
+            checked_graph, plan, Limits(step_duration=20.0), simulation=simulation
         ).recording
         limb = 1 - plan.steps[0].limb
         tool = simulation.data.site(f"limb{limb}/anchor").xmat.reshape(3, 3)
@@ -158,8 +209,10 @@ def test_no_sample_that_was_recorded_exceeds_the_peaks(walked):
 
 
 def test_what_cannot_be_simulated_is_one_clear_error(checked_graph, plan, jem, simulation):
-    with pytest.raises(SettingError, match="kp is -1"):
-        Physics(kp=-1.0)
+    with pytest.raises(SettingError, match=r"kp_free\[0\] is -1"):
+        Controller(kp_free=(-1.0,) * 6)
+    with pytest.raises(SettingError, match="hold_force is -1"):
+        Physics(hold_force=-1.0)
     for timestep in (1e-9, 1.0):
         with pytest.raises(SettingError, match=r"physics.timestep is .*from 1e-05 to 0.1 s"):
             Physics(timestep=timestep)
@@ -175,6 +228,6 @@ def test_what_cannot_be_simulated_is_one_clear_error(checked_graph, plan, jem, s
         simulation.execute(step_trajectory(checked_graph, plan, 0, period=0.01))
     simulation.reset(*start, [FREE, FREE])
     with pytest.raises(SimulationError, match="the robot holds"):
-        simulation.execute(step_trajectory(checked_graph, plan, 0, Durations.of_step(5.0)))
+        simulation.execute(step_trajectory(checked_graph, plan, 0))
     with pytest.raises(PlanError, match="no step"):
         execute(checked_graph, replace(plan, motion=replace(plan.motion, steps=())))

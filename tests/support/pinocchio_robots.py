@@ -3,18 +3,22 @@
 import numpy as np
 import pinocchio as pin
 
-from mlivr_gym.robot.specification import ur5e_data
+from mlivr_gym.robot.limb_dynamics import arm_data
 
 
 def pinocchio_robot(robot):
     """The robot from the manufacturer's joint origins and inertias, on a free flyer."""
-    data, model = ur5e_data(), pin.Model()
+    data, model = arm_data("ur5e"), pin.Model()
     base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     size, mass = robot.body_size, robot.body_mass
     model.appendBodyToJoint(base, pin.Inertia.FromBox(mass, size, size, size), pin.SE3.Identity())
     for i in range(robot.limbs):
         place = pin.SE3(robot.mount_rotations[i], robot.mount_positions[i])
         parent = base
+        link = data["base_link"]
+        cylinder = pin.Inertia.FromCylinder(link["mass"], link["radius"], link["length"])
+        above = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5 * link["length"]]))
+        model.appendBodyToJoint(base, cylinder, place * above)
         for k, (origin, link) in enumerate(
             zip(data["urdf_joint_origins"], data["links"], strict=True)
         ):
@@ -44,4 +48,5 @@ def pinocchio_robot(robot):
                 f"grasp{i}", parent, pin.SE3(np.eye(3), np.array([0.0, 0.0, length])), pin.OP_FRAME
             )
         )
+    model.armature[6:] = data["rotor_inertia"]["value"]
     return model
