@@ -14,13 +14,14 @@ import numpy as np
 from task_space_swing import follow
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.motion.clocks import quintic
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath
-from mlivr_gym.motion.clocks import Durations, quintic
 from mlivr_gym.motion.trajectory import Trajectory, trajectory
-from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.phase_torques import CAPTURE_TIME, largest, phase_torques
 from mlivr_gym.simulation.recording import Capture, Recording
+from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.timing import timed_path
 
 
 @dataclass(frozen=True)
@@ -28,13 +29,13 @@ class Arrival:
     """How a step is carried out.
 
     Attributes:
-        physics: Figures of controller and grasps.
+        setup: Controller, pace and figures of grasps.
         offset: How far beside its point the gripper is told to go, along the rail [m].
         constant_speed: Whether it comes on at constant speed.
         velocity_reference: Whether the controller is told velocities, or brakes all motion.
     """
 
-    physics: Physics
+    setup: Setup
     offset: float = 0.0
     constant_speed: bool = False
     velocity_reference: bool = True
@@ -80,7 +81,8 @@ def arriving(path: RegraspPath, planned: Trajectory, arrival: Arrival) -> Trajec
         arrival: What is to be different.
     """
     if not arrival.velocity_reference:
-        return replace(planned, joint_velocities=np.zeros_like(planned.joint_velocities))
+        still = np.zeros_like(planned.joint_velocities)
+        return replace(planned, joint_velocities=still, joint_accelerations=still)
     if not arrival.offset and not arrival.constant_speed:
         return planned
     step, graph = path.regrasp, path.graph
@@ -89,12 +91,13 @@ def arriving(path: RegraspPath, planned: Trajectory, arrival: Arrival) -> Trajec
     times = planned.times[inside]
     # The sample before is the last of the swing.
     share = (times - times[0] + planned.period) / (times[-1] - times[0] + planned.period)
-    height = 1.0 - (share if arrival.constant_speed else quintic(share))
+    eased = quintic(1.0)(share)
+    height = 1.0 - (share if arrival.constant_speed else eased)
     rail = graph.grasp_map.rotations[step.to_point][:, 0]
     flange = (
         grasp["flange"]["position"]
         + graph.robot.lift * height[:, None] * grasp["normal"]
-        + arrival.offset * quintic(share)[:, None] * rail
+        + arrival.offset * eased[:, None] * rail
     )
     tool, still = grasp["flange"]["rotation"][None], path.base(np.ones(1))
     start = planned.joint_positions[np.flatnonzero(inside)[0] - 1, step.limb]
@@ -103,7 +106,10 @@ def arriving(path: RegraspPath, planned: Trajectory, arrival: Arrival) -> Trajec
         path, step.branches[graph.limbs], (flange, tool), still, start
     )
     speeds: Array = np.gradient(joints, planned.times, axis=0)
-    return replace(planned, joint_positions=joints, joint_velocities=speeds)
+    changes: Array = np.gradient(speeds, planned.times, axis=0)
+    return replace(
+        planned, joint_positions=joints, joint_velocities=speeds, joint_accelerations=changes
+    )
 
 
 def executed(path: RegraspPath, arrival: Arrival, simulation: Simulation) -> Measured:
@@ -115,11 +121,12 @@ def executed(path: RegraspPath, arrival: Arrival, simulation: Simulation) -> Mea
     Args:
         path: The step.
         arrival: How it is carried out.
-        simulation: A simulation with the arrival's physics.
+        simulation: A simulation with the arrival's setup.
     """
     step = path.regrasp
     simulation.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    followed = arriving(path, trajectory(path, Durations(), simulation.physics.timestep), arrival)
+    timed = timed_path(path, arrival.setup.timing)
+    followed = arriving(path, trajectory(timed, simulation.physics.timestep), arrival)
     first = followed.base_positions[0], followed.base_quaternions[0], followed.joint_positions[0]
     simulation.reset(*first, step.before)
     done = simulation.execute(followed)

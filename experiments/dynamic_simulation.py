@@ -1,4 +1,4 @@
-"""Executes plans in MuJoCo: the paper's walk, faster walks, random plans, time step and speed.
+"""Executes plans in MuJoCo: the paper's walk and faster ones, random plans, limits, time step.
 
 Usage: python experiments/dynamic_simulation.py [--out results] [--plans 50]
 """
@@ -9,32 +9,52 @@ import argparse
 import json
 import platform
 import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+from dynamic_report import markdown, pace_figure
 from scipy.integrate import cumulative_trapezoid
+from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.errors import TimingError
 from mlivr_gym.files import write_whole
-from mlivr_gym.simulation.timing import step_trajectory
-from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.clocks import Durations, duration_of
+from mlivr_gym.motion.pieces import path_pieces
+from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.simulation.controller import CONTROLLERS
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import Execution, execute
-from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.limits import GENTLE, Limits
+from mlivr_gym.simulation.path_dynamics import piece_rows
+from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.timing import shortest_clock, step_trajectory
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 
-CONTROLLERS = {"PD": Physics(feedforward=False), "PD and feedforward": Physics()}
-"""The paper's controller, and the same with the torques of the dynamics fed forward."""
+PACES: dict[str, Limits | Durations] = {
+    "paper": Durations(),
+    "gentle": GENTLE,
+    "quintic": Limits(profile="quintic"),
+    "fast": Limits(),
+}
+"""How fast the walk of Case 3 is carried out; the paper's is 50 s a step."""
 
-DURATIONS = (50.0, 30.0, 20.0, 10.0, 5.0)
 TIME_STEPS = (0.004, 0.002, 0.001, 0.0005)
-"""Durations of a step [s] and time steps of the simulation [s] that are tried."""
+"""Time steps of the simulation that are tried [s]."""
+
+FORCES = (10.0, 20.0, 30.0, 45.0, 60.0, 90.0, 150.0)
+TORQUES = (5.0, 10.0, 15.0, 22.5, 30.0, 45.0, 75.0)
+SHARES = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Limits that are varied one at a time: grasp force [N], grasp torque [N m], share of torque."""
 
 SEED = 20261121
 """Seed of the random plans."""
@@ -48,76 +68,55 @@ def figures(execution: Execution) -> dict[str, Any]:
         "failure": None if failure is None else failure.to_dict(),
         "steps": len(execution.plan.steps),
         "steps_done": len(execution.captures),
+        "step_times_s": execution.step_times.tolist(),
         "peak_grasp_force_N": float(peaks.grasp_force.max()),
         "peak_grasp_torque_N_m": float(peaks.grasp_torque.max()),
         "peak_joint_torque_N_m": peaks.joint_torque.max(axis=0).tolist(),
         "peak_torque_rms_N_m": peaks.torque_rms,
         "mean_torque_rms_N_m": float(execution.recording.torque_rms.mean()),
         "largest_base_error_mm": 1e3 * peaks.base_error,
-        "largest_base_angle_error_deg": float(np.rad2deg(peaks.base_angle_error)),
         "largest_capture_distance_mm": max(
             (1e3 * c.distance for c in execution.captures), default=None
         ),
-        "simulation_time_s": execution.simulation_time + execution.preparation_time,
+        "simulation_time_s": execution.simulation_time,
+        "preparation_time_s": execution.preparation_time,
     }
 
 
-def walks(graph: Any, plan: Plan, out: Path) -> dict[str, Any]:
-    """The same walk with each controller at several durations of a step, and at the shortest."""
-    data: dict[str, Any] = {}
-    for name, physics in CONTROLLERS.items():
-        rows = {}
-        for duration in DURATIONS:
-            execution = execute(graph, plan, Durations.of_step(duration), physics)
-            rows[f"{duration:g}"] = figures(execution)
-            print(f"{name}, {duration:g} s a step: {tell(execution)}", flush=True)
-            if duration == DURATIONS[0]:
-                file = (
-                    "dynamic_simulation.png"
-                    if name == "PD"
-                    else "dynamic_simulation_feedforward.png"
-                )
-                title = f"Case 3, {duration:g} s a step, {name}"
+def walks(graph: StanceGraph, plan: Plan, out: Path) -> list[dict[str, Any]]:
+    """The same walk with each controller at each pace."""
+    rows = []
+    for name, controller in CONTROLLERS.items():
+        for pace, timing in PACES.items():
+            setup = Setup(timing, controller)
+            simulation = setup.simulation(graph.grasp_map, graph.robot, graph.obstacles)
+            execution = execute(graph, plan, timing, simulation=simulation)
+            rows.append({"controller": name, "pace": pace, **figures(execution)})
+            print(f"{name}, {pace}: {tell(execution)}", flush=True)
+            file = {("paper", "paper"): "", ("full", "fast"): "_fast"}.get((name, pace))
+            if file is not None:
                 simulation_figure(
-                    execution.recording, execution.captures, execution.failure, out / file, title
+                    execution.recording,
+                    execution.captures,
+                    execution.failure,
+                    out / f"dynamic_simulation{file}.png",
+                    f"Case 3, controller: {name}, pace: {pace}",
                 )
-        # Bisected to half a second, success taken to grow with the duration.
-        low, high = 1.0, DURATIONS[0]
-        while high - low > 0.5:
-            middle = 0.5 * (low + high)
-            if execute(graph, plan, Durations.of_step(middle), physics).failure is None:
-                high = middle
-            else:
-                low = middle
-        fastest = execute(graph, plan, Durations.of_step(high), physics)
-        below = execute(graph, plan, Durations.of_step(low), physics)
-        assert below.failure is not None
-        print(
-            f"{name}: shortest {high:.2f} s a step; at {low:.2f} s: {below.failure.message}",
-            flush=True,
-        )
-        data[name] = {
-            "durations": rows,
-            "shortest_s": high,
-            "at_shortest": figures(fastest),
-            "fails_at_s": low,
-            "because": below.failure.to_dict(),
-        }
-    return data
+    return rows
 
 
 def tell(execution: Execution) -> str:
     """One line on how a walk went."""
     if execution.failure is None:
-        error, seconds = 1e3 * execution.peaks.base_error, execution.simulation_time
-        return f"done, base error {error:.1f} mm, {seconds:.1f} s"
+        error, seconds = 1e3 * execution.peaks.base_error, execution.simulated_time
+        return f"done in {seconds:.1f} s, base error {error:.1f} mm"
     failure = execution.failure
     return f"{failure.kind} in step {failure.step + 1}: {failure.message}"
 
 
-def drawn_plans(graph: StanceGraph, count: int) -> list[Plan]:
+def drawn_plans(graph: StanceGraph, count: int, seed: int = SEED) -> list[Plan]:
     """Plans between random starts and goals, base cost and step cost by turns."""
-    planner, rng = Planner(graph), np.random.default_rng(SEED)
+    planner, rng = Planner(graph), np.random.default_rng(seed)
     plans: list[Plan] = []
     while len(plans) < count:
         state, goal = sample_task(graph, rng, 0.2)
@@ -130,57 +129,109 @@ def drawn_plans(graph: StanceGraph, count: int) -> list[Plan]:
     return plans
 
 
-def random_plans(count: int) -> dict[str, Any]:
-    """Random plans executed at 50 s a step with each controller."""
-    graph = stance_graph()
-    plans, data = drawn_plans(graph, count), {}
-    for name, physics in CONTROLLERS.items():
-        simulation = Simulation(graph.grasp_map, graph.robot, physics)
-        rows = [figures(execute(graph, plan, simulation=simulation)) for plan in plans]
+def random_plans(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
+    """Random plans carried out at each pace with the full controller."""
+    data = {}
+    for pace, timing in PACES.items():
+        simulation = Setup(timing).simulation(graph.grasp_map, graph.robot)
+        rows = [
+            figures(execute(graph, plan, timing, simulation=simulation))
+            for plan in tqdm(plans, desc=f"plans at pace {pace}", mininterval=5.0)
+        ]
+        times = np.concatenate([row["step_times_s"] for row in rows])
         done = [row for row in rows if row["success"]]
-        data[name] = {
-            "plans": count,
+        data[pace] = {
+            "plans": len(plans),
             "steps": sum(row["steps"] for row in rows),
             "succeeded": len(done),
+            "seconds_a_step": [float(times.mean()), float(np.median(times)), float(times.max())],
             "largest_base_error_mm": max(row["largest_base_error_mm"] for row in rows),
             "largest_capture_distance_mm": max(row["largest_capture_distance_mm"] for row in done),
             "peak_grasp_force_N": max(row["peak_grasp_force_N"] for row in rows),
+            "peak_grasp_torque_N_m": max(row["peak_grasp_torque_N_m"] for row in rows),
             "failures": [
                 {"plan": k, **row["failure"]} for k, row in enumerate(rows) if not row["success"]
             ],
         }
-        print(f"{name}: {len(done)} of {count} random plans carried out", flush=True)
     return data
 
 
-def time_steps(graph: Any, plan: Plan) -> dict[str, Any]:
-    """The walk at 20 s a step with several time steps."""
+def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
+    """Seconds a step that limits allow, and which limit decides, piece by piece."""
+    paths = [
+        RegraspPath(graph, planned_regrasp(graph, plan, index))
+        for plan in plans
+        for index in range(len(plan.steps))
+    ]
+    pieces = [path_pieces(path) for path in paths]
+
+    def seconds(limits: Limits) -> tuple[float, Counter[str]]:
+        total, deciding = 0.0, Counter[str]()
+        for path, parts in zip(paths, pieces, strict=True):
+            for piece in parts:
+                rows = piece_rows(graph.robot, path.regrasp, piece, limits)
+                clock = shortest_clock(rows, limits)
+                total += duration_of(clock)
+                deciding[rows.binding(clock).limit] += 1
+        return total / len(paths), deciding
+
+    data: dict[str, Any] = {"steps": len(paths), "fronts": {}}
+    for profile in ("fastest", "quintic"):
+        mean, deciding = seconds(Limits(profile=profile))
+        data[profile] = {"seconds_a_step": mean, "deciding": dict(deciding)}
+    for name, values in (
+        ("grasp_force", FORCES), ("grasp_torque", TORQUES), ("torque", SHARES),
+    ):  # fmt: skip
+        data["fronts"][name] = [
+            [value, seconds(replace(Limits(), **{name: value}))[0]]
+            for value in tqdm(values, desc=f"limits of {name}", mininterval=5.0)
+        ]
+    data["fronts"]["all_limits"] = [
+        [share, seconds(Limits(0.8 * share, 0.8, 60.0 * share, 30.0 * share))[0]]
+        for share in (0.1, 0.2, 0.4, 0.7, 1.0)
+    ]
+    return data
+
+
+def shortest_fixed(graph: StanceGraph, plan: Plan) -> dict[str, float]:
+    """The shortest duration of the walk's steps when all take the same, by two ways to split it."""
+    needed, paper = [], []
+    for index in range(len(plan.steps)):
+        try:
+            step_trajectory(graph, plan, index, Limits(step_duration=0.1))
+        except TimingError as error:
+            needed.append(error.shortest)
+        try:
+            step_trajectory(graph, plan, index, Durations.of_step(1.0))
+        except TimingError as error:
+            paper.append(error.shortest)
+    return {"as_limits_need_s": max(needed), "as_the_paper_s": max(paper)}
+
+
+def time_steps(graph: StanceGraph, plan: Plan) -> dict[str, Any]:
+    """The fast walk with several time steps, at each of which the controller is asked anew."""
     rows = {}
     for step in TIME_STEPS:
-        execution = execute(graph, plan, Durations.of_step(20.0), Physics(timestep=step))
+        controller = replace(CONTROLLERS["feedforward"], period=step)
+        setup = Setup(Limits(), controller, Physics(timestep=step))
+        simulation = setup.simulation(graph.grasp_map, graph.robot)
+        execution = execute(graph, plan, Limits(), simulation=simulation)
         rows[f"{1e3 * step:g} ms"] = {
             **figures(execution),
-            "impulse_error": impulse_error(graph, plan, step),
+            "impulse_error": impulse_error(graph, plan, setup),
         }
         print(f"time step {1e3 * step:g} ms: {tell(execution)}", flush=True)
     return rows
 
 
-def impulse_error(graph: Any, plan: Plan, timestep: float) -> float:
+def impulse_error(graph: StanceGraph, plan: Plan, setup: Setup) -> float:
     """Largest difference of momentum and impulse of the only grasp in the first step.
 
     A share of the largest momentum.
     """
-    simulation = Simulation(
-        graph.grasp_map, plan.world.robot, Physics(timestep=timestep), plan.world.obstacles
-    )
-    start = (
-        plan.motion.base_positions[0],
-        plan.motion.base_quaternions[0],
-        plan.motion.joint_positions[0],
-    )
-    simulation.reset(*start, graph.indices(plan.stances[0]))
-    trajectory = step_trajectory(graph, plan, 0, Durations.of_step(20.0), timestep)
+    simulation = setup.simulation(graph.grasp_map, plan.world.robot, plan.world.obstacles)
+    simulation.reset(*plan.configuration(0), graph.indices(plan.stances[0]))
+    trajectory = step_trajectory(graph, plan, 0, setup.timing, setup.physics.timestep)
     recording = simulation.execute(trajectory).recording
     held = 1 - plan.steps[0].limb
     frame = simulation.data.site(f"limb{held}/anchor").xmat.reshape(3, 3)
@@ -191,167 +242,56 @@ def impulse_error(graph: Any, plan: Plan, timestep: float) -> float:
     return float(np.abs(impulse - gained).max() / np.linalg.norm(gained, axis=1).max())
 
 
-def overhead(graph: Any, plan: Plan, repeats: int = 5) -> dict[str, float]:
-    """Processor time of one step, trajectory and measurements included, over that of `mj_step`.
-
-    Both run one after the other.
-    """
-    simulation, ratios, bare_times = Simulation(graph.grasp_map, plan.world.robot), [], []
-    for _ in range(repeats):
-        start = (
-            plan.motion.base_positions[0],
-            plan.motion.base_quaternions[0],
-            plan.motion.joint_positions[0],
-        )
-        simulation.reset(*start, graph.indices(plan.stances[0]))
-        count = len(step_trajectory(graph, plan, 0).times) - 1
-        begin = time.process_time()
-        simulation.execute(step_trajectory(graph, plan, 0))
-        used = time.process_time() - begin
-        simulation.reset(*start, [-1, *graph.indices(plan.stances[0])[1:]])
-        simulation.data.ctrl[simulation.joint_actuators] = plan.motion.joint_positions[0].ravel()
-        begin = time.process_time()
-        for _ in range(count):
-            mujoco.mj_step(simulation.model, simulation.data)
-        bare_times.append(time.process_time() - begin)
-        ratios.append(used / bare_times[-1])
+def overhead(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, float]:
+    """Processor time of steps at the default pace, on one core, and of a bare loop of `mj_step`."""
+    simulation = Setup().simulation(graph.grasp_map, graph.robot)
+    prepared = simulated = bare = 0.0
+    steps = ticks = 0
+    for plan in plans:
+        simulation.reset(*plan.configuration(0), graph.indices(plan.stances[0]))
+        for index in range(len(plan.steps)):
+            begin = time.process_time()
+            trajectory = step_trajectory(graph, plan, index)
+            ready = time.process_time()
+            simulation.execute(trajectory, index)
+            prepared, simulated = prepared + ready - begin, simulated + time.process_time() - ready
+            steps, ticks = steps + 1, ticks + len(trajectory.times) - 1
+    begin = time.process_time()
+    for _ in range(10_000):
+        mujoco.mj_step(simulation.model, simulation.data)
+    bare = (time.process_time() - begin) / 10_000
     return {
-        "ratio_median": float(np.median(ratios)),
-        "ratio_largest": max(ratios),
-        "bare_step_us": 1e6 * float(np.median(bare_times)) / count,
+        "steps": steps,
+        "steps_a_second": steps / (prepared + simulated),
+        "preparation_ms": 1e3 * prepared / steps,
+        "time_step_us": 1e6 * simulated / ticks,
+        "bare_step_us": 1e6 * bare,
     }
 
 
-def markdown(data: dict[str, Any]) -> str:
-    """The results as tables."""
-    return "\n".join(
-        [
-            *walk_lines(data["walks"]),
-            *plan_lines(data["random_plans"]),
-            *time_step_lines(data["time_steps"]),
-            *speed_lines(data),
-        ]
-    )
-
-
-def walk_lines(walks: dict[str, Any]) -> list[str]:
-    """The walk of Case 3 with each controller."""
-    lines = [
-        "# Dynamic simulation",
-        "",
-        "Made by `experiments/dynamic_simulation.py`. Case 3 of Table I with collisions checked, "
-        "zero gravity, PD control with the",
-        "paper's gains. *Feedforward* adds what the trajectory needs by the robot's dynamics and "
-        "the grasps' stiffness, both known",
-        "exactly. Figures are peaks over every time step; a walk that failed is measured up to the "
-        "failure.",
-        "",
-        "| controller | step [s] | outcome | grasp force [N] | grasp torque [N m] "
-        "| joint torque [N m] | torque RMS, peak (mean) [N m] | base error [mm] | capture [mm] |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for name, walk in walks.items():
-        rows = {**walk["durations"], f"{walk['shortest_s']:.1f} (shortest)": walk["at_shortest"]}
-        for duration, row in rows.items():
-            failure = row["failure"]
-            outcome = (
-                "done" if row["success"] else f"{failure['kind']} in step {failure['step'] + 1}"
-            )
-            captured = "-" if not row["steps_done"] else f"{row['largest_capture_distance_mm']:.2f}"
-            lines.append(
-                f"| {name} | {duration} | {outcome} | {row['peak_grasp_force_N']:.1f} "
-                f"| {row['peak_grasp_torque_N_m']:.1f} | {max(row['peak_joint_torque_N_m']):.2f} "
-                f"| {row['peak_torque_rms_N_m']:.2f} ({row['mean_torque_rms_N_m']:.2f}) "
-                f"| {row['largest_base_error_mm']:.2f} | {captured} |"
-            )
-    for name, walk in walks.items():
-        lines += [
-            "",
-            f"{name}: at {walk['fails_at_s']:.1f} s a step, {walk['because']['message']}.",
-        ]
-    return lines
-
-
-def plan_lines(plans: dict[str, Any]) -> list[str]:
-    """The random plans with each controller."""
-    lines = ["", "## Random plans, 50 s a step", ""]
-    for name, row in plans.items():
-        lines.append(
-            f"* {name}: {row['succeeded']} of {row['plans']} plans ({row['steps']} steps) carried "
-            f"out; largest base error {row['largest_base_error_mm']:.1f} mm, largest capture "
-            f"distance of those that succeeded {row['largest_capture_distance_mm']:.2f} mm, "
-            f"largest grasp force {row['peak_grasp_force_N']:.1f} N."
-        )
-        for failure in row["failures"]:
-            lines.append(
-                f"  * plan {failure['plan']}, step {failure['step'] + 1}, {failure['phase']}: "
-                f"{failure['message']}."
-            )
-    return lines
-
-
-def time_step_lines(rows: dict[str, Any]) -> list[str]:
-    """The walk with several time steps."""
-    lines = [
-        "",
-        "## Time step",
-        "",
-        "The walk at 20 s a step with the paper's gains and feedforward. *Impulse*: largest "
-        "difference of the",
-        "grasp's impulse and the robot's momentum in the first step, as a share of the largest "
-        "momentum; Newton's law wants 0, and the",
-        "error of the first-order integrator goes with the time step.",
-        "",
-        "| time step | torque RMS, peak [N m] | grasp force [N] | base error [mm] | capture [mm] "
-        "| impulse [%] | wall time [s] |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for step, row in rows.items():
-        lines.append(
-            f"| {step} | {row['peak_torque_rms_N_m']:.4f} | {row['peak_grasp_force_N']:.3f} "
-            f"| {row['largest_base_error_mm']:.4f} | {row['largest_capture_distance_mm']:.4f} "
-            f"| {100 * row['impulse_error']:.1f} | {row['simulation_time_s']:.1f} |"
-        )
-    return lines
-
-
-def speed_lines(data: dict[str, Any]) -> list[str]:
-    """How fast the simulation is."""
-    walk = data["walks"]["PD and feedforward"]["durations"]["50"]
-    speed, wall = data["overhead"], walk["simulation_time_s"]
-    return [
-        "",
-        "## Speed",
-        "",
-        f"{walk['steps']} steps, {50 * walk['steps']} s simulated: {wall:.1f} s. A step with its "
-        f"trajectory and measurements takes {speed['ratio_median']:.2f} times a bare loop of "
-        f"`mj_step` on the same model (largest of five {speed['ratio_largest']:.2f}; "
-        f"{speed['bare_step_us']:.0f} us a time step). {data['machine']}.",
-        "",
-    ]
-
-
 def main() -> None:
-    """Run everything and write `dynamic_simulation.{json,md,png}`."""
+    """Run everything and write `dynamic_simulation.{json,md}`, pictures and the fronts."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results"))
     parser.add_argument("--plans", type=int, default=50)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     setup = default_setup()
-    graph = case_graph(3, setup, "collisions")
-    plan = (
-        Planner(graph)
-        .plan(setup["start"], setup["goal"], CASES[3].cost, goal_face=setup["goal_face"])
-        .unwrap()
+    case, graph = case_graph(3, setup, "collisions"), stance_graph()
+    found = Planner(case).plan(
+        setup["start"], setup["goal"], CASES[3].cost, goal_face=setup["goal_face"]
     )
+    plan, plans = found.unwrap(), drawn_plans(graph, args.plans)
     data = {
         "machine": f"Python {platform.python_version()}, MuJoCo {mujoco.__version__}, one core",
-        "walks": walks(graph, plan, args.out),
-        "time_steps": time_steps(graph, plan),
-        "overhead": overhead(graph, plan),
-        "random_plans": random_plans(args.plans),
+        "walks": walks(case, plan, args.out),
+        "shortest_fixed": shortest_fixed(case, plan),
+        "random_plans": random_plans(graph, plans),
+        "pace": pace(graph, plans),
+        "time_steps": time_steps(case, plan),
+        "overhead": overhead(graph, plans[:10]),
     }
+    pace_figure(data, args.out / "pace.png")
     write_whole(args.out / "dynamic_simulation.json", json.dumps(data, indent=1) + "\n")
     write_whole(args.out / "dynamic_simulation.md", markdown(data))
 

@@ -14,6 +14,7 @@ import argparse
 import json
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,24 +28,30 @@ from task_space_swing import Attempt, attempts, best
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.files import write_whole
-from mlivr_gym.simulation.timing import plan_trajectory
+from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import Execution, execute
 from mlivr_gym.simulation.instruments import RECORD_PERIOD
 from mlivr_gym.simulation.phase_torques import CAPTURE, largest, phase_torques
+from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.timing import plan_trajectory
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 JOINT, TASK = SWINGS
-PD, FED = Physics(feedforward=False), Physics()
-STIFF = Physics(
-    grasp_stiffness=10.0 * FED.grasp_stiffness,
-    grasp_damping=10.0**0.5 * FED.grasp_damping,
-    grasp_rotational_stiffness=10.0 * FED.grasp_rotational_stiffness,
-    grasp_rotational_damping=10.0**0.5 * FED.grasp_rotational_damping,
+PD, FED = Setup(Durations(), PAPER), Setup(Durations(), FEEDFORWARD)
+STIFF = replace(
+    FED,
+    physics=Physics(
+        grasp_stiffness=10.0 * FED.physics.grasp_stiffness,
+        grasp_damping=10.0**0.5 * FED.physics.grasp_damping,
+        grasp_rotational_stiffness=10.0 * FED.physics.grasp_rotational_stiffness,
+        grasp_rotational_damping=10.0**0.5 * FED.physics.grasp_rotational_damping,
+    ),
 )
 """Grasps ten times as stiff, as near to critical damping as before."""
 
@@ -120,7 +127,7 @@ def swings_told(step: PlannedStep) -> dict[str, Any]:
 
 
 def compared(
-    steps: Sequence[PlannedStep], simulations: dict[Physics, Simulation]
+    steps: Sequence[PlannedStep], simulations: dict[Setup, Simulation]
 ) -> tuple[list[dict[str, Any]], dict[tuple[str, str], list[Measured]]]:
     """Each step with both swings and controllers, and what was measured in Case 3."""
     rows = []
@@ -131,7 +138,7 @@ def compared(
             for name, arrival in CONTROLLERS.items():
                 if path is None:
                     continue
-                done = executed(path, arrival, simulations[arrival.physics])
+                done = executed(path, arrival, simulations[arrival.setup])
                 runs.setdefault(swing, {})[name] = done.figures()
                 if step.plan == 0:
                     measured.setdefault((swing, name), []).append(done)
@@ -142,7 +149,7 @@ def compared(
 
 
 def causes(
-    steps: Sequence[PlannedStep], simulations: dict[Physics, Simulation]
+    steps: Sequence[PlannedStep], simulations: dict[Setup, Simulation]
 ) -> dict[str, list[dict[str, Any]]]:
     """Torques at the capture and in the swing of each step, arriving in several ways."""
     data: dict[str, list[dict[str, Any]]] = {}
@@ -152,7 +159,7 @@ def causes(
             path = step.task.path if name in IN_TASK_SPACE else step.path
             if path is None:
                 continue
-            done = executed(path, arrival, simulations[arrival.physics]).figures()
+            done = executed(path, arrival, simulations[arrival.setup]).figures()
             row = {"largest_in": done["largest_in"], "failure": done["failure"]}
             row |= {part: found["peak_N_m"] for part, found in done["parts"].items()}
             row["capture_distance_mm"] = done["capture_distance_mm"]
@@ -181,8 +188,8 @@ def grippers(simulation: Simulation, poses: tuple[Array, ...]) -> Array:
 
 def walked(graph: StanceGraph, plan: Plan, simulation: Simulation) -> tuple[Execution, WalkPaths]:
     """Case 3 as one walk, and where base and grippers were planned and are."""
-    execution = execute(graph, plan, simulation=simulation)
-    planned = plan_trajectory(graph, plan, period=RECORD_PERIOD)
+    execution = execute(graph, plan, Durations(), simulation=simulation)
+    planned = plan_trajectory(graph, plan, Durations(), period=RECORD_PERIOD)
     there = execution.recording
     count = min(len(planned.times), len(there.times))
     poses = [
@@ -206,7 +213,7 @@ def walk_told(execution: Execution, paths: WalkPaths) -> dict[str, Any]:
     torques = phase_torques(execution.recording, execution.captures)
     steps = sorted({entry.step for entry in torques})
     off = 1e3 * paths.deviations
-    per_step = round(execution.durations.total / RECORD_PERIOD)
+    per_step = round(Durations().total / RECORD_PERIOD)
     return {
         "failure": None if execution.failure is None else execution.failure.message,
         "largest_in": [largest(torques, step).part for step in steps],
@@ -242,20 +249,20 @@ def main() -> None:
     parser.add_argument("--plans", type=int, default=20, help="random plans besides Case 3")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    setup = default_setup()
-    graph = case_graph(3, setup, "collisions")
+    case_setup = default_setup()
+    graph = case_graph(3, case_setup, "collisions")
     case = Planner(graph).plan(
-        setup["start"], setup["goal"], CASES[3].cost, goal_face=setup["goal_face"]
+        case_setup["start"], case_setup["goal"], CASES[3].cost, goal_face=case_setup["goal_face"]
     )
     plans = [case.unwrap(), *drawn_plans(graph, args.plans)]
     walks, both = {}, {}
     for name, arrival in CONTROLLERS.items():
-        simulation = Simulation(graph.grasp_map, graph.robot, arrival.physics)
+        simulation = arrival.setup.simulation(graph.grasp_map, graph.robot)
         execution, paths = walked(graph, plans[0], simulation)
         walks[name], both[name] = walk_told(execution, paths), (execution, paths)
     paths_figure(graph.grasp_map, both, args.out / "paper_paths.png")
     simulations = {
-        physics: Simulation(graph.grasp_map, graph.robot, physics) for physics in (PD, FED, STIFF)
+        setup: setup.simulation(graph.grasp_map, graph.robot) for setup in (PD, FED, STIFF)
     }
     steps = planned_steps(graph, plans)
     rows, measured = compared(steps, simulations)

@@ -10,6 +10,7 @@ import numpy as np
 from arrivals import Measured
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.pictures.figures import BASE_COLOUR, save_figure, tints
 from mlivr_gym.pictures.simulation_figure import PART_MARKS, SHADES, mark_phases, scale_torques
 from mlivr_gym.robot.specification import LIMB_COLOURS
@@ -162,7 +163,7 @@ def paths_figure(
         walks: The walk and its paths by controller; the first one's paths are drawn.
         path: PNG file to write.
     """
-    execution, paths = next(iter(walks.values()))
+    _, paths = next(iter(walks.values()))
     figure = _figure(12.8, 10.6)
     side = figure.add_axes((0.07, 0.665, 0.60, 0.27))
     above = figure.add_axes((0.07, 0.365, 0.60, 0.27))
@@ -188,7 +189,7 @@ def paths_figure(
         frameon=False,
     )  # fmt: skip
     figure.suptitle(
-        f"Case 3 with the paper's controller, {execution.durations.total:g} s a step: planned and "
+        f"Case 3 with the paper's controller, {Durations().total:g} s a step: planned and "
         "actual paths",
         x=0.02, y=0.985, ha="left", fontsize=13,
     )  # fmt: skip

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import comparison_report
-import dynamic_simulation
+import dynamic_report
 import paper_figures_report
 import planning_report
 import reference_curves
@@ -111,38 +111,6 @@ def collisions(data: dict[str, Any]) -> str:
     )
 
 
-def dynamics(data: dict[str, Any]) -> str:
-    """What the walk of Case 3 and random plans do in simulation."""
-    paper, ours = (data["walks"][name] for name in ("PD", "PD and feedforward"))
-    slow, fed = paper["durations"]["50"], ours["durations"]["50"]
-    plans = {name: data["random_plans"][name] for name in data["walks"]}
-    steps = data["time_steps"]
-    coarse, fine = steps["2 ms"], steps["0.5 ms"]
-    off = max(
-        abs(coarse[name] / fine[name] - 1.0)
-        for name in ("peak_torque_rms_N_m", "peak_grasp_force_N")
-    )
-    overhead = data["overhead"]["ratio_median"]
-    return (
-        "With the paper's controller Case 3 runs at 50 s a step: grasps pull with at most "
-        f"{slow['peak_grasp_force_N']:.0f} N when they take\n"
-        f"hold, the RMS of all joint torques is at most {slow['peak_torque_rms_N_m']:.2f} N m, "
-        f"the base at most {slow['largest_base_error_mm']:.0f} mm off; {paper['shortest_s']:.1f} "
-        "s a step is its\n"
-        f"shortest. With feedforward the base stays within {fed['largest_base_error_mm']:.2f} mm "
-        f"at 50 s and the walk can take {ours['shortest_s']:.1f} s a step.\n"
-        f"Of {plans['PD']['plans']} random plans at 50 s a step the paper's controller carries "
-        f"{plans['PD']['succeeded']} out, with feedforward "
-        f"{plans['PD and feedforward']['succeeded']}. The {50 * fed['steps']} s of Case 3 take\n"
-        f"{fed['simulation_time_s']:.1f} s to simulate; a step with trajectory, control and "
-        f"measurements costs {overhead:.2f} times a bare loop of `mj_step`. At the time\n"
-        f"step of 2 ms torques and forces are within {100 * off:.1f} % of those at 0.5 ms, but "
-        f"impulse and momentum differ by {100 * coarse['impulse_error']:.0f} % in a step of 20 s: "
-        "the\n"
-        "integrator is of first order.\n"
-    )
-
-
 def targets(report: str) -> str:
     """The benchmark's first table."""
     lines = report.splitlines()
@@ -160,7 +128,7 @@ def filled(text: str, results: Path) -> str:
         "table1": table1(data("table1")),
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
-        "dynamic_simulation": dynamics(data("dynamic_simulation")),
+        "dynamic_simulation": dynamic_report.readme_text(data("dynamic_simulation")),
         "paper_figures": paper_figures_report.readme_text(data("paper_figures")),
         "benchmark_planning": targets(planning_report.report(data("benchmark_planning"))),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
@@ -177,7 +145,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "table1_study": study_markdown,
     "table1_statistics": table1_statistics.told,
     "truth": told,
-    "dynamic_simulation": dynamic_simulation.markdown,
+    "dynamic_simulation": dynamic_report.markdown,
     "paper_figures": paper_figures_report.markdown,
     "benchmark_planning": planning_report.report,
     "planner_vs_rl": comparison_report.full_report,

@@ -19,7 +19,6 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.envs.dynamics import physical_walk
 from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.motion.commitment import committed_motion
-from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.walks import plan_of
@@ -78,14 +77,14 @@ def executed_walk(seed: int) -> tuple[str, int]:
     plan = plan_of(graph, states, np.zeros(3), 0.0, "astar")
     if plan is None:
         return "not put together", len(states) - 1
-    failure = execute(graph, plan, Durations.of_step(DURATION)).failure
+    failure = execute(graph, plan).failure
     return "carried out" if failure is None else failure.kind, len(states) - 1
 
 
 def executed_step(seed: int) -> tuple[str, int]:
     """How a random step ends that the simulated robot may take, from a random state."""
     graph, rng = whole_graph(), np.random.default_rng([3, seed])
-    robot = physical_walk(graph, DURATION, None)
+    robot = physical_walk(graph)
     robot.start(random_walk(graph, rng, int(rng.integers(6)))[-1])
     steps_from = graph.successors(robot.state)
     if not steps_from:

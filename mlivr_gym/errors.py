@@ -67,7 +67,11 @@ class SimulationError(MlivrError):
 
 
 class TimingError(SettingError):
-    """A step cannot be carried out in the time that is given."""
+    """A step cannot be carried out in the time that is given.
+
+    Attributes:
+        shortest: The shortest duration that would do [s].
+    """
 
     def __init__(self, duration: float, binding: str, shortest: float) -> None:
         """Build the message.
@@ -77,6 +81,7 @@ class TimingError(SettingError):
             binding: The limit that is broken, and where.
             shortest: The shortest duration that would do [s].
         """
+        self.shortest = shortest
         super().__init__(
             f"a step of {duration:g} s breaks the limit {binding}; "
             f"the shortest that keeps the limits is {shortest:.3f} s"

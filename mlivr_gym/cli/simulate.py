@@ -116,6 +116,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=int, default=1, help="seed of the disturbances (default: %(default)s)"
     )
+    _file_arguments(parser)
+
+
+def _file_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `simulate` writes, and how the film is made."""
     parser.add_argument(
         "--out", default="walk", metavar="FOLDER", help="where results go (default: %(default)s)"
     )

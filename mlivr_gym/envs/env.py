@@ -100,8 +100,8 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
     ## Dynamics
     `"kinematic"`: a step is the transition of the stance graph. `"mujoco"`: it is executed in
-    MuJoCo, where each limb is on one branch, chosen when it grasps; `branches` then has one bit a
-    limb. With `disturbances` each episode has a robot and a module that the controller mistakes.
+    MuJoCo, where each limb is on one branch, chosen when it grasps (`branches` has one bit a limb);
+    with `disturbances` each episode has a robot and a module that the controller mistakes.
 
     ## Unreliable Grasps
     With `grasp_failure` above 0 an attempt to grasp a point fails if the next number of the stream
@@ -165,8 +165,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         """Build the stance graph and the spaces.
 
         Args:
-            robot: Name, path of a JSON file, or description of the robot, also as plain data
-                (`RobotSpec.to_dict`).
+            robot: Name, path of a JSON file, or description of the robot, also as plain data.
             map: Path of a map file, or a map, also as plain data (`GraspMap.to_dict`); by default
                 the measured JEM.
             manipulability: Whether stances must meet both thresholds.
@@ -182,20 +181,17 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             discount: Discount used by the shaping.
             tasks: What draws starts and goals: `"walk"`, or an `envs.tasks.TaskGenerator`, also as
                 plain data.
-            dynamics: `"kinematic"`: the step of the stance graph; `"mujoco"`: executed in
-                simulation.
-            limits: How fast steps are executed; this and the next three see `Setup.of`, also by
-                name: `"fast"`, `"gentle"`.
+            dynamics: `"kinematic"`: the step of the stance graph; `"mujoco"`: executed.
+            limits: How fast; this and the next three see `Setup.of`: `"fast"`, `"gentle"`.
             controller: `"full"`, `"feedforward"`, `"paper"`.
             disturbances: `"none"`, `"all"`; each episode draws anew.
             physics: Figures of grasps and failures.
-            grasp_failure: Mean probability that an attempt to grasp a point fails, or one for each
-                point, see `failure_probabilities`; with `dynamics="kinematic"` only.
+            grasp_failure: Mean probability that a grasp fails, or one for each point, see
+                `failure_probabilities`; kinematic only.
             grasp_failure_seed: Seed of the probabilities; whether an attempt fails is drawn from
                 the random numbers of the environment.
             precompute: Whether to check every step beforehand, which makes each one fast; takes
-                minutes for the JEM, once, and is kept on disk. Two limbs and `dynamics="kinematic"`
-                only.
+                minutes for the JEM, once, and is kept on disk. Two limbs, kinematic, only.
             render_mode: `"rgb_array"`, `"human"` or None.
             width: Width of rendered pictures [px].
             height: Height of rendered pictures [px].
@@ -227,10 +223,8 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self.observation_space = observation_space(self.graph)
         self._walk: PhysicalWalk | None = None
         if dynamics == "mujoco":
-            self._walk = physical_walk(
-                self.graph, limits=limits, controller=controller, physics=physics,
-                disturbances=disturbances,
-            )  # fmt: skip
+            how = {"limits": limits, "controller": controller, "physics": physics}
+            self._walk = physical_walk(self.graph, **how, disturbances=disturbances)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         self._moves = CurrentMoves(self.graph, bool(precompute))
         self._state: State | None = None

@@ -84,14 +84,14 @@ class Disturbances:
         """One of them, the others as they are by default."""
         return replace(Disturbances(), **{name: getattr(self, name)})
 
-    def draw(self, seed: int, bodies: int, limbs: int, points: int) -> Disturbance:
+    def draw(self, seed: int, parts: int, limbs: int, points: int) -> Disturbance:
         """One robot and module.
 
         Each figure has a stream of its own, so that it is the same whatever the others are.
 
         Args:
             seed: Seed; the same one draws the same.
-            bodies: Bodies of the robot.
+            parts: Parts of the robot that have a mass, MuJoCo's bodies.
             limbs: Its limbs, N.
             points: Points of the map, m.
         """
@@ -118,7 +118,7 @@ class Disturbances:
             * STANDARD_GRAVITY
             * _directions(streams["acceleration"], 1)[0],
             payload=self.payload * float(streams["payload"].uniform()),
-            masses=1.0 + self.masses * streams["masses"].uniform(-1.0, 1.0, bodies),
+            masses=1.0 + self.masses * streams["masses"].uniform(-1.0, 1.0, parts),
             stiffness=self.stiffness**grasps,
             point_offsets=self.point_position * offsets,
             point_turns=self.point_angle * turns,
@@ -157,7 +157,7 @@ class Disturbance:
 
     def apply(self, model: mujoco.MjModel) -> None:
         """Change a model of `dynamics.dynamics_spec`; nothing but the points is left out."""
-        robot = robot_bodies(model)
+        robot = parts_of_robot(model)
         model.body_mass[robot] *= self.masses
         model.body_inertia[robot] *= self.masses[:, None]
         base = model.body("base").id
@@ -176,7 +176,7 @@ class Disturbance:
         return Rotation.from_rotvec(self.point_turns)
 
 
-def robot_bodies(model: mujoco.MjModel) -> IntArray:
+def parts_of_robot(model: mujoco.MjModel) -> IntArray:
     """Indices of the robot's bodies."""
     found: IntArray = np.flatnonzero(model.body_rootid == model.body("base").id)
     return found

@@ -141,17 +141,17 @@ def execute(
     ready = time.perf_counter()
     world = plan.world
     simulation = simulation or Simulation(graph.grasp_map, world.robot, used, world.obstacles)
-    carried = carry_out(simulation, walk, progress)
+    done = carry_out(simulation, walk, progress)
     return Execution(
         plan=plan,
         timing=timing,
         controller=simulation.controller,
         physics=simulation.physics,
         disturbance=simulation.disturbance,
-        recording=Recording.join([step.recording for step in carried]),
-        peaks=Peaks.join([step.peaks for step in carried]),
-        captures=tuple(step.capture for step in carried if step.capture is not None),
-        failure=carried[-1].failure,
+        recording=Recording.join([step.recording for step in done]),
+        peaks=Peaks.join([step.peaks for step in done]),
+        captures=tuple(step.capture for step in done if step.capture is not None),
+        failure=done[-1].failure,
         simulated_time=simulation.time,
         preparation_time=ready - start,
         simulation_time=time.perf_counter() - ready,

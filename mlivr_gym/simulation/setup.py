@@ -62,8 +62,8 @@ class Setup:
         Raises:
             RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
         """
-        bodies = robot_model(robot).nbody - 1
-        drawn = self.disturbances.draw(seed, bodies, robot.limbs, len(grasp_map))
+        parts = robot_model(robot).nbody - 1
+        drawn = self.disturbances.draw(seed, parts, robot.limbs, len(grasp_map))
         return Simulation(grasp_map, robot, self.physics, obstacles, self.controller, drawn)
 
     def to_dict(self) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from mlivr_gym import MlivrError, State, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.timing import plan_trajectory
@@ -163,7 +162,7 @@ def test_a_plan_with_other_numbers_is_refused_or_followed(small_map, small_check
                 changed = Plan.from_dict(data, small_map)
                 for k in range(len(changed.steps)):
                     step_motion(graph, changed, k, 4)
-                plan_trajectory(graph, changed, Durations(1.0, 1.0, 1.0), 0.2)
+                plan_trajectory(graph, changed, period=0.2)
                 told.add("followed")
             except MlivrError:
                 told.add("refused")
