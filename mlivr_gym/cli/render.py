@@ -66,7 +66,11 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         metavar=("W", "H"),
         help="pixels of each stance's picture",
     )
-    parser.add_argument("--mjcf", metavar="FILE", help="also export the scene as MJCF")
+    parser.add_argument(
+        "--mjcf",
+        metavar="FILE",
+        help="also export the simulation model as MJCF, in the (first) stance drawn",
+    )
     parser.set_defaults(run=run)
 
 
@@ -81,13 +85,15 @@ def run(args: argparse.Namespace) -> int:
         plan = Plan.load(args.plan, grasp_map)
         robot, obstacles = plan.world.robot, plan.world.obstacles
         drawn, route = _of_plan(plan, args.stance), Route.of(grasp_map, plan)
+        held = plan.configuration(args.stance or 0), plan.stances[args.stance or 0]
     else:
         graph = chosen_graph(args)
         grasp_map, robot, obstacles = graph.grasp_map, graph.robot, graph.obstacles
         args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
         start = chosen_task(graph, args)[0] if args.start is None else args.start
-        drawn = [Shot(graph.configuration(graph.state(start)))]
-    scene = _exported(grasp_map, robot, obstacles) if args.mjcf else None
+        held = graph.configuration(graph.state(start)), graph.ids(graph.state(start).stance)
+        drawn = [Shot(held[0])]
+    scene = _exported(grasp_map, robot, obstacles, held) if args.mjcf else None
     draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles, route)
     if scene is not None:
         write_whole(args.mjcf, scene)
@@ -185,11 +191,15 @@ def draw(
         print(f"picture: {path}", flush=True)
 
 
-def _exported(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]) -> str:
-    """The scene as MJCF."""
-    from mlivr_gym.simulation.scene import compiled, scene_spec  # imports MuJoCo, hence GL
+def _exported(
+    grasp_map: GraspMap,
+    robot: RobotSpec,
+    obstacles: Sequence[Box],
+    held: tuple[Configuration, Sequence[str]],
+) -> str:
+    """The simulation model of a stance as MJCF."""
+    from mlivr_gym.simulation.export import exported_model  # imports MuJoCo, hence GL
 
-    spec = scene_spec(grasp_map, robot, obstacles)
-    compiled(spec)
-    exported: str = spec.to_xml()
-    return exported
+    configuration, stance = held
+    points = [grasp_map.index(point) for point in stance]
+    return exported_model(grasp_map, robot, configuration, points, obstacles)

@@ -27,6 +27,7 @@ from mlivr_gym.cli.outputs import claim, make_folder
 from mlivr_gym.cli.plan import find_plan
 from mlivr_gym.cli.progress import Bar
 from mlivr_gym.errors import RenderError, SettingError
+from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.film import check_kind, film
 from mlivr_gym.pictures.simulation_figure import simulation_figure
@@ -42,12 +43,17 @@ if TYPE_CHECKING:
 FILES = (
     "plan.json",
     "trajectory.csv",
+    "trajectory.npz",
+    "trajectory.yaml",
     "simulation.npz",
     "simulation.json",
     "simulation.png",
     "simulation.svg",
 )
 """What the command writes, besides the film."""
+
+LEAST_RATE, MOST_RATE = 0.5, 2000.0
+"""Least and largest number of samples a second of a trajectory's files [Hz]."""
 
 MOST_FRAMES = 5000
 """Most pictures of a film; they are kept until it is written."""
@@ -125,6 +131,13 @@ def _file_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", default="walk", metavar="FOLDER", help="where results go (default: %(default)s)"
     )
     parser.add_argument(
+        "--rate",
+        type=float,
+        default=10.0,
+        metavar="HZ",
+        help="samples a second of the trajectory's files (default: %(default)g)",
+    )
+    parser.add_argument(
         "--film", default="walk.gif", metavar="NAME", help=".gif or .mp4 (default: %(default)s)"
     )
     parser.add_argument("--no-film", action="store_true", help="do without a film")
@@ -176,14 +189,16 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
     out, setup = Path(args.out), _setup(args)
     world = plan.world
     simulation = setup.simulation(graph.grasp_map, world.robot, world.obstacles, args.seed)
-    trajectory = plan_trajectory(graph, plan, setup.timing).every(0.1)
+    trajectory = plan_trajectory(graph, plan, setup.timing, 1.0 / args.rate)
     bar = Bar("steps carried out", len(plan.steps))
     execution = execute(graph, plan, setup.timing, progress=bar.show, simulation=simulation)
     bar.close()
     _report(execution)
     make_folder(out)
     plan.save(out / "plan.json")
-    trajectory.save_csv(out / "trajectory.csv")
+    save_csv(trajectory, out / "trajectory.csv")
+    save_npz(trajectory, out / "trajectory.npz")
+    save_ros(trajectory, out / "trajectory.yaml")
     _save(execution, out)
     if not args.no_film:
         _film(args, graph, execution, out / args.film)
@@ -192,6 +207,10 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
 
 def _setup(args: argparse.Namespace) -> Setup:
     """How the plan is carried out."""
+    if not LEAST_RATE <= args.rate <= MOST_RATE:
+        raise SettingError(
+            f"--rate is {args.rate:g}; it must be {LEAST_RATE:g} to {MOST_RATE:g} Hz"
+        )
     from mlivr_gym.motion.clocks import Durations
     from mlivr_gym.simulation.limits import PACES
     from mlivr_gym.simulation.setup import Setup

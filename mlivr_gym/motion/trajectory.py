@@ -6,10 +6,7 @@ at every corner of the path that was checked and the path itself is kept exactly
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,14 +14,11 @@ from scipy.interpolate import PPoly
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.errors import PlanError, SettingError, one_line
-from mlivr_gym.files import write_whole
+from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.motion.clocks import duration_of
 from mlivr_gym.motion.pieces import Piece
-from mlivr_gym.motion.regrasp import PHASES, RegraspPath
-from mlivr_gym.schema import NAME, Listed, Numbers, Place
-from mlivr_gym.values import LONGEST, MOST_POINTS
+from mlivr_gym.motion.regrasp import RegraspPath
 
 FREE = -1
 """Grasp state of a limb that holds nothing."""
@@ -97,13 +91,13 @@ class Trajectory:
         )
         joined: dict[str, Any] = {
             name: np.concatenate([getattr(other, name)[:-1], getattr(late, name)])
-            for name in _ARRAYS
+            for name in ARRAYS
         }  # fmt: skip
         return replace(self, **joined)
 
     def at(self, places: IntArray) -> Trajectory:
         """The samples at some places, one period apart."""
-        kept: dict[str, Any] = {name: getattr(self, name)[places] for name in _ARRAYS}
+        kept: dict[str, Any] = {name: getattr(self, name)[places] for name in ARRAYS}
         kept["times"] = self.period * np.arange(len(places), dtype=np.float64)
         return replace(self, **kept)
 
@@ -111,108 +105,12 @@ class Trajectory:
         """The samples nearest to a coarser grid of about `period` seconds, with the last one."""
         stride = max(round(period / self.period), 1)
         chosen = np.unique(np.append(np.arange(0, len(self.times), stride), len(self.times) - 1))
-        kept: dict[str, Any] = {name: getattr(self, name)[chosen] for name in _ARRAYS}
+        kept: dict[str, Any] = {name: getattr(self, name)[chosen] for name in ARRAYS}
         return replace(self, **kept)
 
-    def save_npz(self, path: str | Path) -> None:
-        """Write the arrays as a NumPy archive, whole or not at all.
 
-        Raises:
-            FileError: If the file cannot be written.
-        """
-        stream = io.BytesIO()
-        np.savez_compressed(
-            stream, points=np.array(self.points), **{name: getattr(self, name) for name in _ARRAYS}
-        )
-        write_whole(path, stream.getvalue())
-
-    @classmethod
-    def load_npz(cls, path: str | Path) -> Trajectory:
-        """Read what `save_npz` wrote.
-
-        Raises:
-            PlanError: If the file cannot be read or is not a trajectory.
-        """
-        try:
-            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
-                arrays = {name: data[name] for name in (*_ARRAYS, "points")}
-            return cls(**_checked(arrays))
-        except Exception as error:  # NumPy, zipfile and zlib raise many kinds
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise PlanError(f"cannot read trajectory {str(path)!r}: {one_line(reason)}") from None
-
-    def save_csv(self, path: str | Path) -> None:
-        """Write one line a sample.
-
-        Its columns are time, step, phase, base pose, joint positions and velocities, and the point
-        that each limb grasps.
-
-        Raises:
-            FileError: If the file cannot be written.
-        """
-        limbs = self.grasps.shape[1]
-        joints = [f"limb{i}_joint{k}" for i in range(limbs) for k in range(1, 7)]
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(
-            [
-                "time_s",
-                "step",
-                "phase",
-                "base_x_m",
-                "base_y_m",
-                "base_z_m",
-                "base_qw",
-                "base_qx",
-                "base_qy",
-                "base_qz",
-            ]
-            + [f"{name}_rad" for name in joints]
-            + [f"{name}_rad_s" for name in joints]
-            + [f"limb{i}_grasp" for i in range(limbs)]
-        )
-        numbers = np.column_stack(
-            [
-                self.base_positions, self.base_quaternions,
-                self.joint_positions.reshape(len(self.times), -1),
-                self.joint_velocities.reshape(len(self.times), -1),
-            ]
-        )  # fmt: skip
-        for k, row in enumerate(numbers):
-            held = ["" if point == FREE else self.points[point] for point in self.grasps[k]]
-            head = [f"{self.times[k]:.6f}", int(self.step[k]), PHASES[self.phase[k]]]
-            writer.writerow([*head, *(f"{value:.9g}" for value in row), *held])
-        write_whole(path, stream.getvalue())
-
-
-_ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "points")
-
-
-def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
-    """The arrays of a file of one shape of k samples and N limbs, and the ids as a tuple."""
-    points = Listed(NAME, 1, MOST_POINTS).read(arrays.pop("points"), Place("points", PlanError))
-    shape = arrays["joint_positions"].shape
-    k, limbs = (shape[0], shape[1]) if len(shape) == 3 else (0, 0)
-    kinds = {
-        "times": Numbers((k,), 0.0, unit="s"),
-        "step": Numbers((k,), 0.0),
-        "phase": Numbers((k,), 0.0, len(PHASES) - 1.0),
-        "joint_positions": Numbers((k, limbs, 6)),
-        "joint_velocities": Numbers((k, limbs, 6)),
-        "joint_accelerations": Numbers((k, limbs, 6)),
-        "base_positions": Numbers((k, 3), most=LONGEST, unit="m"),
-        "base_quaternions": Numbers((k, 4), -1.001, 1.001),
-        "base_velocities": Numbers((k, 6)),
-        "base_accelerations": Numbers((k, 6)),
-        "grasps": Numbers((k, limbs), float(FREE), len(points) - 1.0),
-    }
-    if k < 2:
-        raise PlanError("it must hold joint_positions of shape (k, N, 6), k two or more")
-    found: dict[str, Any] = {
-        name: kind.read(arrays[name], Place(name, PlanError)).astype(arrays[name].dtype)
-        for name, kind in kinds.items()
-    }
-    return found | {"points": points}
+ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "points")
+"""Names of the arrays."""
 
 
 def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:

@@ -123,7 +123,7 @@ def plan_trajectory(
         TimingError: If durations break a limit.
 
     Example:
-        >>> plan_trajectory(graph, plan).every(0.1).save_csv("walk.csv")
+        >>> save_csv(plan_trajectory(graph, plan, period=0.1), "walk.csv")
     """
     if not plan.steps:
         raise PlanError("the plan has no step: it starts at its goal")

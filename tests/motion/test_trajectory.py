@@ -4,6 +4,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+import yaml
 from fuzz import damaged, few, loaded
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.motion.clocks import Durations, quintic
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
-from mlivr_gym.motion.trajectory import FREE, Trajectory
+from mlivr_gym.motion.trajectory import FREE
+from mlivr_gym.motion.trajectory_files import load_npz, save_csv, save_npz, save_ros
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
 from mlivr_gym.simulation.timing import plan_trajectory, step_trajectory
@@ -196,27 +198,70 @@ def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
 
 def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
     coarse = walk.every(1.0)
-    coarse.save_npz(tmp_path / "walk.npz")
-    loaded = Trajectory.load_npz(tmp_path / "walk.npz")
+    save_npz(coarse, tmp_path / "walk.npz")
+    loaded = load_npz(tmp_path / "walk.npz")
     assert np.array_equal(loaded.joint_positions, coarse.joint_positions)
     assert loaded.points == coarse.points
-    coarse.save_csv(tmp_path / "walk.csv")
+    save_csv(coarse, tmp_path / "walk.csv")
     with (tmp_path / "walk.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == len(coarse.times) == 251
     k = 77
     assert float(rows[k]["time_s"]) == pytest.approx(coarse.times[k])
     assert rows[k]["phase"] == PHASES[coarse.phase[k]]
-    assert float(rows[k]["limb1_joint3_rad"]) == pytest.approx(
-        coarse.joint_positions[k, 1, 2], abs=1e-7
-    )
-    assert float(rows[k]["limb0_joint6_rad_s"]) == pytest.approx(
-        coarse.joint_velocities[k, 0, 5], abs=1e-7
-    )
+    for name, value in (
+        ("limb1/joint3/position_rad", coarse.joint_positions[k, 1, 2]),
+        ("limb0/joint6/velocity_rad_s", coarse.joint_velocities[k, 0, 5]),
+        ("limb1/joint1/acceleration_rad_s2", coarse.joint_accelerations[k, 1, 0]),
+        ("base_y_m", coarse.base_positions[k, 1]), ("base_vz_m_s", coarse.base_velocities[k, 2]),
+        ("base_wx_rad_s", coarse.base_velocities[k, 3]),
+    ):  # fmt: skip
+        assert float(rows[k][name]) == pytest.approx(value, abs=1e-7)
     held = ["" if point == FREE else coarse.points[point] for point in coarse.grasps[k]]
-    assert [rows[k]["limb0_grasp"], rows[k]["limb1_grasp"]] == held
+    assert [rows[k]["limb0/grasp"], rows[k]["limb1/grasp"]] == held
     with pytest.raises(PlanError, match="cannot read"):
-        Trajectory.load_npz(tmp_path / "walk.csv")
+        load_npz(tmp_path / "walk.csv")
+
+
+def test_a_table_tells_each_grasp_and_release_once(tmp_path, plan, walk):
+    save_csv(walk.every(1.0), tmp_path / "walk.csv")
+    with (tmp_path / "walk.csv").open() as stream:
+        events = "; ".join(row["event"] for row in csv.DictReader(stream) if row["event"])
+    told = []
+    for step in plan.steps:
+        told.append(f"limb{step.limb} releases {step.from_point}")
+        told.append(f"limb{step.limb} grasps {step.to_point}")
+    assert events.split("; ") == told
+
+
+def test_a_message_of_ros_2_has_its_fields(tmp_path, walk):
+    """trajectory_msgs/msg/JointTrajectory: header, joint_names, points of equal length."""
+    coarse = walk.every(2.5)
+    save_ros(coarse, tmp_path / "walk.yaml")
+    message = yaml.safe_load((tmp_path / "walk.yaml").read_text())
+    assert list(message) == ["header", "joint_names", "points"]
+    assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    assert message["joint_names"][7] == "limb1/joint2"
+    assert len(message["points"]) == len(coarse.times)
+    for k in (0, 33, len(coarse.times) - 1):
+        point = message["points"][k]
+        start = point["time_from_start"]
+        assert start["sec"] + 1e-9 * start["nanosec"] == pytest.approx(coarse.times[k])
+        for kind in ("positions", "velocities", "accelerations"):
+            found = getattr(coarse, f"joint_{kind}")[k].ravel()
+            np.testing.assert_allclose(point[kind], found, atol=1e-7)
+        assert point["effort"] == []
+
+
+def test_accelerations_are_those_of_finite_differences(walk):
+    for speeds, changes in (
+        (walk.joint_velocities, walk.joint_accelerations),
+        (walk.base_velocities[:, :3], walk.base_accelerations[:, :3]),
+        (walk.joint_positions, walk.joint_velocities),
+        (walk.base_positions, walk.base_velocities[:, :3]),
+    ):
+        found = (speeds[2:] - speeds[:-2]) / (2.0 * walk.period)
+        np.testing.assert_allclose(changes[1:-1], found, atol=5e-3 * np.abs(changes).max())
 
 
 @pytest.mark.parametrize(
@@ -234,15 +279,13 @@ def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
 )
 def test_a_faulty_trajectory_is_named(tmp_path, walk, change, words):
     path = tmp_path / "walk.npz"
-    replace(walk, **{
-        name: getattr(walk, name)[:3] for name in walk.__dataclass_fields__ if name != "points"
-    }).save_npz(path)  # fmt: skip
-    assert len(Trajectory.load_npz(path).times) == 3
+    save_npz(walk.at(np.arange(3)), path)
+    assert len(load_npz(path).times) == 3
     with np.load(path) as data:
         arrays = dict(data) | change
     np.savez(path, **{name: value for name, value in arrays.items() if value is not None})
     with pytest.raises(PlanError, match=rf"^cannot read trajectory '.*walk\.npz': .*{words}"):
-        Trajectory.load_npz(path)
+        load_npz(path)
 
 
 @given(st.data())
@@ -250,9 +293,9 @@ def test_a_faulty_trajectory_is_named(tmp_path, walk, change, words):
 def test_a_damaged_trajectory_is_one_error_at_most(tmp_path, walk, data):
     path = tmp_path / "walk.npz"
     if not path.exists():
-        walk.every(1.0).save_npz(path)
+        save_npz(walk.every(1.0), path)
     content = data.draw(damaged(path.read_bytes()))
-    loaded(Trajectory.load_npz, tmp_path / "torn.npz", content)
+    loaded(load_npz, tmp_path / "torn.npz", content)
 
 
 def test_the_windings_of_a_plan_leave_room_for_departure_and_approach(checked_graph):

@@ -1,0 +1,179 @@
+"""Files of trajectories: NumPy archives, tables, and messages of ROS 2.
+
+Joints are called as in the MuJoCo scene, `limb0/joint1` and so on.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.errors import PlanError, one_line
+from mlivr_gym.files import write_whole
+from mlivr_gym.motion.regrasp import PHASES
+from mlivr_gym.motion.trajectory import ARRAYS, FREE, Trajectory
+from mlivr_gym.schema import NAME, Listed, Numbers, Place
+from mlivr_gym.values import LONGEST, MOST_POINTS
+
+BASE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+RATES = ("vx", "vy", "vz", "wx", "wy", "wz")
+"""Components of the base: pose; velocity in the world and angular velocity in the base's axes."""
+
+
+def joint_names(trajectory: Trajectory) -> list[str]:
+    """Names of all joints, limb by limb."""
+    limbs = trajectory.grasps.shape[1]
+    return [f"limb{i}/joint{k}" for i in range(limbs) for k in range(1, 7)]
+
+
+def save_npz(trajectory: Trajectory, path: str | Path) -> None:
+    """Write the arrays as a NumPy archive, whole or not at all.
+
+    Besides the fields of `Trajectory` it holds `joint_names` and `phases`, the names of the phases.
+
+    Raises:
+        FileError: If the file cannot be written.
+    """
+    stream = io.BytesIO()
+    np.savez_compressed(
+        stream,
+        points=np.array(trajectory.points),
+        joint_names=np.array(joint_names(trajectory)),
+        phases=np.array(PHASES),
+        **{name: getattr(trajectory, name) for name in ARRAYS},
+    )
+    write_whole(path, stream.getvalue())
+
+
+def load_npz(path: str | Path) -> Trajectory:
+    """Read what `save_npz` wrote.
+
+    Raises:
+        PlanError: If the file cannot be read or is not a trajectory.
+    """
+    try:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
+            arrays = {name: data[name] for name in (*ARRAYS, "points")}
+        return Trajectory(**_checked(arrays))
+    except Exception as error:  # NumPy, zipfile and zlib raise many kinds
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise PlanError(f"cannot read trajectory {str(path)!r}: {one_line(reason)}") from None
+
+
+def save_csv(trajectory: Trajectory, path: str | Path) -> None:
+    """Write one line a sample, units in the names of the columns.
+
+    Its columns are time, step, phase, base pose and velocity, position, velocity and acceleration
+    of each joint, the point that each limb holds, and `event`: which limb released or grasped what
+    since the line before.
+
+    Raises:
+        FileError: If the file cannot be written.
+    """
+    names, count = joint_names(trajectory), len(trajectory.times)
+    limbs = trajectory.grasps.shape[1]
+    units = {"x": "m", "y": "m", "z": "m"}
+    head = ["time_s", "step", "phase"]
+    head += [f"base_{name}" + (f"_{units[name]}" if name in units else "") for name in BASE]
+    head += [f"base_{name}_{'m' if name[0] == 'v' else 'rad'}_s" for name in RATES]
+    for what in ("position_rad", "velocity_rad_s", "acceleration_rad_s2"):
+        head += [f"{name}/{what}" for name in names]
+    head += [f"limb{i}/grasp" for i in range(limbs)] + ["event"]
+    numbers = np.column_stack(
+        [
+            trajectory.base_positions, trajectory.base_quaternions, trajectory.base_velocities,
+            trajectory.joint_positions.reshape(count, -1),
+            trajectory.joint_velocities.reshape(count, -1),
+            trajectory.joint_accelerations.reshape(count, -1),
+        ]
+    )  # fmt: skip
+    stream, held = io.StringIO(), _held(trajectory)
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(head)
+    for k, row in enumerate(numbers):
+        told = [f"{trajectory.times[k]:.6f}", int(trajectory.step[k]), PHASES[trajectory.phase[k]]]
+        event = _event(held[max(k - 1, 0)], held[k])
+        writer.writerow([*told, *(f"{value:.9g}" for value in row), *held[k], event])
+    write_whole(path, stream.getvalue())
+
+
+def save_ros(trajectory: Trajectory, path: str | Path) -> None:
+    """Write a message `trajectory_msgs/msg/JointTrajectory` of ROS 2 as YAML.
+
+    It has positions, velocities and accelerations of all joints. Grasps stand in comments: the
+    message has no place for them.
+
+    Raises:
+        FileError: If the file cannot be written.
+    """
+    count, held = len(trajectory.times), _held(trajectory)
+    lines = [
+        "# trajectory_msgs/msg/JointTrajectory",
+        "header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}",
+        "joint_names:",
+        *(f"- {name}" for name in joint_names(trajectory)),
+        "points:",
+    ]
+    kinds = ("positions", "velocities", "accelerations")
+    for k in range(count):
+        event = _event(held[max(k - 1, 0)], held[k])
+        if event:
+            lines.append(f"# {event}")
+        for place, kind in enumerate(kinds):
+            values = getattr(trajectory, f"joint_{kind}")[k].ravel()
+            told = ", ".join(f"{value:.9g}" for value in values)
+            lines.append(f"{'-' if place == 0 else ' '} {kind}: [{told}]")
+        nanoseconds = round(1e9 * float(trajectory.times[k]))
+        seconds, rest = divmod(nanoseconds, 10**9)
+        lines.append("  effort: []")
+        lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
+    write_whole(path, "\n".join(lines) + "\n")
+
+
+def _held(trajectory: Trajectory) -> list[list[str]]:
+    """Id of the point that each limb holds at each time, empty for none."""
+    return [
+        ["" if point == FREE else trajectory.points[point] for point in row]
+        for row in trajectory.grasps
+    ]
+
+
+def _event(before: list[str], after: list[str]) -> str:
+    """Which limbs released or grasped what."""
+    told = []
+    for limb, (was, now) in enumerate(zip(before, after, strict=True)):
+        if was != now:
+            told += [f"limb{limb} releases {was}"] if was else []
+            told += [f"limb{limb} grasps {now}"] if now else []
+    return "; ".join(told)
+
+
+def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
+    """The arrays of a file of one shape of k samples and N limbs, and the ids as a tuple."""
+    points = Listed(NAME, 1, MOST_POINTS).read(arrays.pop("points"), Place("points", PlanError))
+    shape = arrays["joint_positions"].shape
+    k, limbs = (shape[0], shape[1]) if len(shape) == 3 else (0, 0)
+    kinds = {
+        "times": Numbers((k,), 0.0, unit="s"),
+        "step": Numbers((k,), 0.0),
+        "phase": Numbers((k,), 0.0, len(PHASES) - 1.0),
+        "joint_positions": Numbers((k, limbs, 6)),
+        "joint_velocities": Numbers((k, limbs, 6)),
+        "joint_accelerations": Numbers((k, limbs, 6)),
+        "base_positions": Numbers((k, 3), most=LONGEST, unit="m"),
+        "base_quaternions": Numbers((k, 4), -1.001, 1.001),
+        "base_velocities": Numbers((k, 6)),
+        "base_accelerations": Numbers((k, 6)),
+        "grasps": Numbers((k, limbs), float(FREE), len(points) - 1.0),
+    }
+    if k < 2:
+        raise PlanError("it must hold joint_positions of shape (k, N, 6), k two or more")
+    found: dict[str, Any] = {
+        name: kind.read(arrays[name], Place(name, PlanError)).astype(arrays[name].dtype)
+        for name, kind in kinds.items()
+    }
+    return found | {"points": points}

@@ -1,0 +1,153 @@
+"""Robots and modules that the controller does not know."""
+
+from dataclasses import fields, replace
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from mlivr_gym.errors import SettingError
+from mlivr_gym.motion.trajectory import FREE
+from mlivr_gym.simulation.controller import FEEDFORWARD, Controller
+from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances, parts_of_robot
+from mlivr_gym.simulation.execution import carry_out, timed_walk
+from mlivr_gym.simulation.limits import GENTLE
+from mlivr_gym.simulation.monte_carlo import execute_many, interval, success
+from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.simulator import Simulation
+
+
+def test_draws_stay_within_their_sizes_and_fill_them():
+    drawn = [ALL.draw(seed, 17, 2, 50) for seed in range(1, 80)]
+    for name, size, least in (
+        ("friction", ALL.friction, 0.0), ("damping", ALL.damping, 0.0),
+        ("encoder_bias", ALL.encoder_bias, -ALL.encoder_bias), ("payload", ALL.payload, 0.0),
+        ("masses", 1.2, 0.8), ("stiffness", 3.0, 1.0 / 3.0),
+    ):  # fmt: skip
+        values = np.concatenate([np.ravel(getattr(one, name)) for one in drawn])
+        assert values.min() >= least - 1e-12
+        assert values.max() <= size + 1e-12
+        assert values.max() - values.min() > 0.9 * (size - least)
+    gravity = np.linalg.norm([one.gravity for one in drawn], axis=1)
+    np.testing.assert_allclose(gravity, 9.80665e-3)
+    offsets = np.concatenate([one.point_offsets for one in drawn])
+    assert np.linalg.norm(offsets, axis=1).max() <= 0.005
+    # Half the volume of a ball lies beyond 0.794 of its radius.
+    assert np.median(np.linalg.norm(offsets, axis=1)) == pytest.approx(0.794 * 0.005, rel=0.02)
+    assert np.abs(offsets.mean(axis=0)).max() < 3e-4
+
+
+def test_one_disturbance_does_not_move_the_others():
+    whole = ALL.draw(3, 17, 2, 50)
+    for field in fields(Disturbances):
+        alone = ALL.only(field.name).draw(3, 17, 2, 50)
+        if hasattr(whole, field.name):
+            np.testing.assert_array_equal(getattr(alone, field.name), getattr(whole, field.name))
+    np.testing.assert_array_equal(
+        ALL.only("point_angle").draw(3, 17, 2, 50).point_turns, whole.point_turns
+    )
+
+
+def test_a_disturbance_changes_the_model_as_it_says(jem, plan):
+    setup = Setup(disturbances=ALL)
+    simulation = setup.simulation(jem, plan.world.robot, seed=5)
+    known = Setup().simulation(jem, plan.world.robot)
+    drawn, model, plain = simulation.disturbance, simulation.model, known.model
+    parts = parts_of_robot(model)
+    expected = plain.body_mass[parts] * drawn.masses
+    expected[0] += drawn.payload
+    np.testing.assert_allclose(model.body_mass[parts], expected)
+    np.testing.assert_allclose(model.opt.gravity, drawn.gravity)
+    np.testing.assert_allclose(model.dof_frictionloss[6:], drawn.friction.ravel())
+    for limb in range(2):
+        name = f"limb{limb}/grasp/x"
+        ratio = model.actuator(name).biasprm[1:3] / plain.actuator(name).biasprm[1:3]
+        np.testing.assert_allclose(ratio, drawn.stiffness[limb])
+    # MuJoCo's inverse weights follow the masses.
+    assert not np.allclose(model.dof_invweight0, plain.dof_invweight0)
+
+
+def test_friction_holds_a_joint_up_to_its_torque(jem, plan):
+    """A torque below the friction does not turn the joint, one above does."""
+    for torque, turns in ((2.0, False), (4.0, True)):
+        sizes = Disturbances(friction=3.0)
+        drawn = replace(sizes.draw(1, 17, 2, len(jem)), friction=np.full((2, 6), 3.0))
+        simulation = replace_disturbance(jem, plan, drawn)
+        simulation.reset(*plan.configuration(0), [FREE, FREE])
+        data = simulation.data
+        before = data.qpos[7 + 5]
+        for _ in range(100):
+            data.ctrl[5] = torque
+            mujoco.mj_step(simulation.model, data)
+        assert (abs(data.qpos[7 + 5] - before) > 0.01) == turns
+
+
+def replace_disturbance(jem, plan, drawn):
+    return Simulation(jem, plan.world.robot, controller=FEEDFORWARD, disturbance=drawn)
+
+
+def test_points_that_are_off_are_found_by_the_guided_limb_alone(checked_graph, plan):
+    """5 mm off, every point: a limb that follows the map comes to rest as far from its point."""
+    walk = timed_walk(checked_graph, plan, GENTLE, 0.002)
+    robot, points = plan.world.robot, len(checked_graph.grasp_map)
+    drawn = Disturbances(point_position=0.005).draw(2, 17, 2, points)
+    away = drawn.point_offsets / np.linalg.norm(drawn.point_offsets, axis=1, keepdims=True)
+    drawn = replace(drawn, point_offsets=0.005 * away)
+    found = {}
+    for name, controller in (("guided", Controller()), ("blind", FEEDFORWARD)):
+        simulation = Simulation(
+            checked_graph.grasp_map, robot, controller=controller, disturbance=drawn
+        )
+        done = carry_out(simulation, walk)
+        assert done[-1].failure is None
+        found[name] = done[0].capture.distance
+    assert found["blind"] == pytest.approx(0.005, abs=5e-4)
+    assert found["guided"] < 0.0015
+
+
+def test_a_grasp_that_misses_is_tried_again(checked_graph, plan):
+    """Without a sensor every try misses in the same way, and each is an approach of its own."""
+    walk = timed_walk(checked_graph, plan, GENTLE, 0.002)
+    times = []
+    for tries in (1, 2, 3):
+        controller = replace(FEEDFORWARD, tries=tries)
+        setup = Setup.of(controller=controller, physics={"capture_distance": 1e-9})
+        simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot)
+        done = carry_out(simulation, walk)
+        assert done[-1].failure.kind == "missed grasp"
+        times.append(simulation.time)
+    approach = (walk.steps[0].phase == 2).sum() * 0.002
+    np.testing.assert_allclose(np.diff(times), 2.0 * approach, atol=0.01)
+
+
+def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph, plan):
+    setup = Setup(GENTLE, disturbances=ALL)
+    alone = list(execute_many(checked_graph, [plan, plan], setup, 2, seed=9, workers=1))
+    spread = list(execute_many(checked_graph, [plan, plan], setup, 2, seed=9, workers=2))
+    assert alone == spread
+    assert [(one.plan, one.seed) for one in alone] == [(0, 9), (0, 10), (1, 11), (1, 12)]
+    assert len({one.base_error for one in alone}) == 4
+    told = success(alone)
+    assert told["walks"] == 4
+    assert told["carried_out"] + sum(told["failures"].values()) == 4
+    for bad in ({"samples": 0}, {"seed": 0}, {"workers": 0}):
+        with pytest.raises(SettingError, match=f"{next(iter(bad))} is 0"):
+            list(execute_many(checked_graph, [plan], **bad))
+
+
+def test_intervals_are_wilsons():
+    for done, count in ((0, 10), (5, 10), (10, 10), (199, 200)):
+        truth = binomtest(done, count).proportion_ci(method="wilson")
+        np.testing.assert_allclose(interval(done, count), (truth.low, truth.high), atol=1e-6)
+    assert interval(0, 0) == (0.0, 1.0)
+
+
+def test_no_disturbance_is_the_robot_that_the_controller_knows(jem, plan):
+    drawn = NONE.draw(11, 17, 2, len(jem))
+    assert not np.any([drawn.friction, drawn.damping, drawn.encoder_bias])
+    assert not np.any(drawn.gravity)
+    np.testing.assert_array_equal(drawn.masses, 1.0)
+    np.testing.assert_array_equal(drawn.stiffness, 1.0)
+    with pytest.raises(SettingError, match=r"disturbances.friction is -1.*from 0 to 1000 N m"):
+        Disturbances(friction=-1.0)

@@ -1,0 +1,176 @@
+"""What a piece asks for, and how long it takes, against a simulation and by brute force."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlivr_gym.errors import TimingError
+from mlivr_gym.motion.clocks import Durations, duration_of, quintic, stretched
+from mlivr_gym.motion.pieces import path_pieces
+from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.controller import FEEDFORWARD
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.path_dynamics import TIMES, piece_rows
+from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.time_optimal import fastest_clock, fastest_squares
+from mlivr_gym.simulation.timing import bindings, step_trajectory, timed_path
+
+
+@pytest.fixture(scope="module")
+def walk(checked_graph):
+    """The README's plan."""
+    return Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap()
+
+
+@pytest.fixture(scope="module")
+def paths(checked_graph, walk):
+    return [
+        RegraspPath(checked_graph, planned_regrasp(checked_graph, walk, index))
+        for index in range(len(walk.steps))
+    ]
+
+
+def rows_of(path, limits):
+    pieces = path_pieces(path)
+    return [piece_rows(path.graph.robot, path.regrasp, piece, limits) for piece in pieces]
+
+
+def test_derivatives_of_a_piece_are_those_of_finite_differences(paths):
+    for path in paths[:2]:
+        for coarse, fine in zip(path_pieces(path), path_pieces(path, 385), strict=True):
+            step = fine.shares[1]
+            joints = fine.joints.reshape(len(fine.shares), -1)
+            first = (joints[2:] - joints[:-2]) / (2.0 * step)
+            second = (joints[2:] - 2.0 * joints[1:-1] + joints[:-2]) / step**2
+            inner = slice(8, -8)
+            at = fine.shares[1:-1][inner]
+            scale = np.abs(first).max() + 1e-9
+            np.testing.assert_allclose(coarse.curve(at, 1)[:, 6:], first[inner], atol=2e-3 * scale)
+            np.testing.assert_allclose(
+                coarse.curve(at, 2)[:, 6:], second[inner], atol=2e-2 * np.abs(second).max() + 1e-6
+            )
+
+
+def test_the_simulation_asks_for_what_the_rows_say(checked_graph, walk, paths):
+    """The largest torque, force and speed of each step, as MuJoCo measures them."""
+    limits = Limits(profile="quintic")
+    simulation = Setup(limits, FEEDFORWARD).simulation(checked_graph.grasp_map, checked_graph.robot)
+    execution = execute(checked_graph, walk, limits, simulation=simulation)
+    assert execution.failure is None
+    most = {"torque": 0.0, "grasp_force": 0.0, "grasp_torque": 0.0}
+    for path in paths:
+        for rows in rows_of(path, limits):
+            loads, _ = rows.asked(quintic(rows.binding(quintic(1.0)).duration))
+            most["torque"] = max(most["torque"], loads[:, :12].max())
+            most["grasp_force"] = max(most["grasp_force"], loads[:, 12].max())
+            most["grasp_torque"] = max(most["grasp_torque"], loads[:, 13].max())
+    torque = execution.peaks.joint_torque / (0.8 * np.array([150.0] * 3 + [28.0] * 3))
+    assert torque.max() == pytest.approx(most["torque"], rel=0.05)
+    assert execution.peaks.grasp_force.max() / 60.0 == pytest.approx(most["grasp_force"], rel=0.1)
+    assert execution.peaks.grasp_torque.max() / 30.0 == pytest.approx(most["grasp_torque"], rel=0.1)
+
+
+@pytest.mark.parametrize("profile", ["quintic", "fastest"])
+def test_clocks_are_as_short_as_the_limits_allow_and_no_shorter(paths, profile):
+    limits = Limits(profile=profile)
+    for path in paths:
+        timed = timed_path(path, limits)
+        for rows, clock in zip(rows_of(path, limits), timed.clocks, strict=True):
+            loads, speeds = rows.asked(clock)
+            assert max(loads.max(), speeds.max()) == pytest.approx(1.0, abs=1e-6)
+            times = np.linspace(0.0, duration_of(clock), 500)
+            assert (np.diff(clock(times)) > -1e-9).all()
+            ends = np.array([0.0, duration_of(clock)])
+            np.testing.assert_allclose(clock(ends), [0.0, 1.0], atol=1e-9)
+            np.testing.assert_allclose(clock(ends, 1), 0.0, atol=1e-6)
+            slower, faster = stretched(clock, 2.0), stretched(clock, 0.5)
+            np.testing.assert_allclose(rows.asked(slower)[0], loads / 4.0, atol=1e-9)
+            np.testing.assert_allclose(rows.asked(faster)[1], 2.0 * speeds, atol=1e-9)
+
+
+def test_the_fastest_squares_are_those_of_brute_force(paths):
+    """Dynamic programming over a grid of speeds finds no shorter time, and hardly a longer one."""
+    rows = rows_of(paths[2], Limits())[1]
+    nodes = np.arange(0, len(rows.shares), 4)
+    coarse = replace_rows(rows, nodes)
+    squares = fastest_squares(coarse)
+    step = np.diff(coarse.shares)
+    time = float((2.0 * step / (np.sqrt(squares[:-1]) + np.sqrt(squares[1:]))).sum())
+    levels = np.linspace(0.0, 1.1 * np.sqrt(squares.max()), 180)
+    best = np.where(levels == 0.0, 0.0, np.inf)
+    for k in range(len(step)):
+        before, after = np.meshgrid(levels, levels, indexing="ij")
+        change = (after**2 - before**2) / (2.0 * step[k])
+        torque = np.abs(
+            change[..., None] * coarse.torques[k, 0] + before[..., None] ** 2 * coarse.torques[k, 1]
+        ).max(axis=2)
+        wrench = np.linalg.norm(
+            change[..., None, None] * coarse.wrenches[k, 0]
+            + before[..., None, None] ** 2 * coarse.wrenches[k, 1],
+            axis=3,
+        ).max(axis=2)
+        speed = after * np.abs(coarse.speeds[k + 1]).max()
+        with np.errstate(divide="ignore"):
+            cost = 2.0 * step[k] / (before + after)
+        cost[(torque > 1.0) | (wrench > 1.0) | (speed > 1.0)] = np.inf
+        best = (best[:, None] + cost).min(axis=0)
+    assert time <= best[0] * 1.001
+    assert time >= 0.93 * best[0]
+
+
+def replace_rows(rows, nodes):
+    return rows._replace(
+        shares=rows.shares[nodes], torques=rows.torques[nodes], wrenches=rows.wrenches[nodes],
+        speeds=rows.speeds[nodes],
+    )  # fmt: skip
+
+
+def test_the_fastest_clock_is_shorter_than_the_quintic_and_its_jerk_goes_with_the_rise(paths):
+    limits = Limits()
+    total = {0.1: 0.0, 0.2: 0.0, 0.4: 0.0, "quintic": 0.0}
+    for path in paths:
+        for rows in rows_of(path, limits):
+            total["quintic"] += rows.binding(quintic(1.0)).duration
+            for rise in (0.1, 0.2, 0.4):
+                total[rise] += duration_of(fastest_clock(rows, rise))
+    assert total[0.1] < total[0.2] < total[0.4]
+    assert total[0.2] < 0.85 * total["quintic"]
+
+
+def test_a_duration_that_breaks_a_limit_is_refused_with_the_shortest(checked_graph, walk, paths):
+    with pytest.raises(TimingError, match=r"a step of 3 s breaks the limit \w+ of .*limb \d") as no:
+        timed_path(paths[0], Limits(step_duration=3.0))
+    shortest = no.value.shortest
+    assert timed_path(paths[0], Limits()).duration == pytest.approx(shortest)
+    exact = timed_path(paths[0], Limits(step_duration=shortest))
+    assert exact.duration == pytest.approx(shortest)
+    assert timed_path(paths[0], Limits(step_duration=50.0)).duration == pytest.approx(50.0)
+    with pytest.raises(TimingError) as no:
+        timed_path(paths[0], Durations.of_step(3.0))
+    longer = Durations.of_step(no.value.shortest * 1.0001)
+    found = bindings(timed_path(paths[0], longer))
+    assert max(entry.duration / part for entry, part in zip(
+        found, np.diff([0.0, *timed_path(paths[0], longer).ends]), strict=True
+    )) == pytest.approx(1.0, abs=1e-3)  # fmt: skip
+    assert len(step_trajectory(checked_graph, walk, 0, longer).times) > TIMES
+
+
+@pytest.mark.parametrize(
+    ("change", "limit"),
+    [
+        ({"torque": 0.02}, "torque"), ({"speed": 0.01}, "speed"), ({"grasp_force": 0.5},
+        "grasp_force"), ({"grasp_torque": 0.2}, "grasp_torque"),
+    ],
+)  # fmt: skip
+def test_the_limit_that_is_tightened_decides(paths, change, limit):
+    loose = Limits(1.0, 1.0, 1e5, 1e5, 10.0, profile="quintic")
+    found = bindings(timed_path(paths[0], replace(loose, **change)), replace(loose, **change))
+    assert {entry.limit for entry in found[1:-1]} == {limit}
+    surface = replace(loose, surface_speed=1e-3)
+    ends = bindings(timed_path(paths[0], surface), surface)
+    assert [ends[0].limit, ends[-1].limit] == ["surface_speed"] * 2
+    # A quintic's largest speed is 15/8 of its mean; the gripper goes 0.1 m.
+    assert ends[0].duration == pytest.approx(15.0 / 8.0 * 0.1 / 1e-3, rel=1e-3)
