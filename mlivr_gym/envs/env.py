@@ -131,6 +131,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 2}  # noqa: RUF012
     goal: Array
+    _state: State | None
     steps: int
     base_translation: float
 
@@ -186,8 +187,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             controller: `"full"`, `"feedforward"`, `"paper"`.
             disturbances: `"none"`, `"all"`; each episode draws anew.
             physics: Figures of grasps and failures.
-            grasp_failure: Mean probability that a grasp fails, or one for each point, see
-                `failure_probabilities`; kinematic only.
+            grasp_failure: Mean probability that a grasp fails, or each point's; kinematic only.
             grasp_failure_seed: Seed of the probabilities; whether an attempt fails is drawn from
                 the random numbers of the environment.
             precompute: Whether to check every step beforehand, which makes each one fast; takes
@@ -227,8 +227,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             self._walk = physical_walk(self.graph, **how, disturbances=disturbances)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         self._moves = CurrentMoves(self.graph, bool(precompute))
-        self._state: State | None = None
-        self._stream, self._seeded = Stream(0), False
+        self._state, self._stream, self._seeded = None, Stream(0), False
         self._entered, self._measures = self.graph.version, dict[str, Any]()
         self._observer = Observer(self.graph)
         self._viewer = Viewer(self.graph, int(width), int(height))

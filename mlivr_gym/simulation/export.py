@@ -53,6 +53,9 @@ def exported_model(
         anchor = simulation.model.body(f"limb{limb}/anchor")
         spec.body(f"limb{limb}/anchor").pos = anchor.pos
         spec.body(f"limb{limb}/anchor").quat = anchor.quat
+    for geom in spec.worldbody.geoms:
+        # What lies behind the points that are held does not meet the grippers that hold them.
+        geom.contype = int(simulation.model.geom(geom.name).contype[0])
     low, high = np.array(grasp_map.cabin)
     spec.worldbody.add_camera(
         name=CAMERA, pos=[0.5 * (low[0] + high[0]), 0.9 * low[1], 0.6 * high[2]],
