@@ -16,7 +16,7 @@ LAYERS = (
     {"cli"},
     {"agents"},
     {"envs"},
-    {"pictures"},
+    {"pictures", "fastest"},
     {"planners", "simulation"},
     {"motion", "paper"},
     {"stances"},

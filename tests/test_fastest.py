@@ -1,0 +1,50 @@
+"""Time as a cost: the fastest of several plans."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.errors import NoPlanError
+from mlivr_gym.fastest import COSTS, fastest_plan, step_seconds
+from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.limits import GENTLE
+
+
+@pytest.fixture(scope="module")
+def planner(checked_graph):
+    return Planner(checked_graph)
+
+
+def test_the_fastest_is_no_slower_than_the_plans_of_the_paper(planner):
+    rng, several = np.random.default_rng(1), 0
+    for _ in range(3):
+        start, goal = sample_task(planner.graph, rng, 0.2)
+        found = fastest_plan(planner, start.stance, goal)
+        times = [one.seconds for one in found]
+        assert times == sorted(times)
+        assert len({one.plan.stances for one in found}) == len(found) <= len(COSTS)
+        for cost in ("base", "steps"):
+            plan = planner.plan(start.stance, goal, cost).unwrap()
+            assert times[0] <= sum(step_seconds(planner.graph, plan)) + 1e-9
+        several += len(found) > 1
+    assert several
+
+
+def test_its_seconds_are_those_that_pass_when_it_is_carried_out(planner):
+    goal = (6.0, 0.0, 0.42)
+    best = fastest_plan(planner, ("D2a:4", "D2b:4"), goal, GENTLE)[0]
+    execution = execute(planner.graph, best.plan, GENTLE)
+    assert execution.failure is None
+    waited = execution.step_times - step_seconds(planner.graph, best.plan, GENTLE)
+    # A step takes whole periods, and a gripper may wait before its point.
+    assert (waited > -1e-9).all()
+    assert (waited < 1.0 + 0.002).all()
+    fixed = step_seconds(planner.graph, best.plan, Durations())
+    np.testing.assert_allclose(fixed, 50.0)
+
+
+def test_a_goal_that_cannot_be_reached_has_no_fastest_plan(planner):
+    with pytest.raises(NoPlanError):
+        fastest_plan(planner, ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), goal_tolerance=1e-6)
