@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.kinematics.poses import pose
-from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
 from mlivr_gym.motion.plan_motion import StepMotion
 from mlivr_gym.pictures.flat_views import TOWARD_THE_EYE, View
 from mlivr_gym.pictures.robot_shapes import Part, outline, pale

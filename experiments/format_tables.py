@@ -23,7 +23,7 @@ from mlivr_gym.schema import (
     Text,
     Whole,
 )
-from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES, BoxData, Boxes
+from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES, Boxes
 from mlivr_gym.world.map_entries import MODULE, REMARKS
 from mlivr_gym.world.rails import HANDRAIL, SEGMENT
 
