@@ -85,9 +85,10 @@ def gripper_places(graph: PairGraph, motion: StepMotion, limb: int) -> Array:
 
 def manipulability(graph: PairGraph, q: Array) -> float:
     """`w_m` of a limb at joint angles, shape (6,) [rad], by its definition."""
-    return limb_manipulability(
-        jacobian(q, graph.robot.limb.lengths), graph.robot.characteristic_length
-    )
+    frames = forward_kinematics(q, graph.robot.limb.lengths)
+    axes, origins = frames[:6, :3, 2], frames[:6, :3, 3]
+    jacobian = np.vstack([np.cross(axes, frames[6, :3, 3] - origins).T, axes.T])
+    return limb_manipulability(jacobian, graph.robot.characteristic_length)
 
 
 def angles(graph: PairGraph, limb: int, point: int, base: tuple[Array, Array]) -> Array:
