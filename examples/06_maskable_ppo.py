@@ -15,7 +15,7 @@ import mlivr_gym
 from mlivr_gym import jem_map
 from mlivr_gym.envs.tasks import Task
 
-START, GOAL, STEPS = ("D2a:4", "D2b:4"), (2.4, 0.6, 0.0), 20_000
+START, GOAL, STEPS = ("D2a:4", "D2b:4"), (2.4, 0.6, 0.0), 16_000
 
 
 class OneTask:

@@ -67,7 +67,7 @@ def study(data: dict[str, Any]) -> str:
         f"that can be, {100 * counts['extra_translation']:.2f} % longer on average. A price of "
         f"{PRICE:g} m\n"
         f"a regrasp saves {100 * saved:.0f} % of the steps for {100 * more:.1f} % more "
-        "translation \n"
+        "translation ([report](reports/table1_study.md)):\n"
     )
 
 

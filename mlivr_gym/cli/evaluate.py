@@ -93,11 +93,12 @@ def run(args: argparse.Namespace) -> int:
     arguments = environment_arguments(args)
     results = []
     for world, episodes in _worlds(args):
-        made = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **(arguments | world))
-        env = made.unwrapped
-        assert isinstance(env, MlivrEnv)
+        with Progress("making the environment", quiet=args.quiet):
+            made = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **(arguments | world))
+            env = made.unwrapped
+            assert isinstance(env, MlivrEnv)
+            policy = make_acting(args.policy, env, args.seed, args.beam)
         total = episodes if isinstance(episodes, int) else len(episodes)
-        policy = make_acting(args.policy, env, args.seed, args.beam)
         with Progress(args.policy, total, args.quiet) as progress:
             results.append(evaluate(env, policy, episodes, args.seed, progress=progress.show))
     args.result |= {"policy": args.policy} | told_of(results)

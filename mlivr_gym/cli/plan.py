@@ -118,7 +118,8 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
     if args.method in ("dijkstra", "greedy"):
         names = ("inflation",) if args.method == "greedy" else ("heuristic", "inflation")
         refuse_without_effect(args, f"with --method {args.method}", *names)
-    start, goal = chosen_task(graph, args)
+    with Progress("choosing start and goal", quiet=args.quiet):
+        start, goal = chosen_task(graph, args)
     planner = Planner(graph)
     with Progress("states explored", quiet=args.quiet) as progress:
         result = planner.plan(
