@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint types unit slow coverage mutants results compare clean
+.PHONY: demo test lint types unit test-docs slow coverage mutants results compare docs release clean
 
 demo: $(VENV)/.core
 	$(BIN)/mlivr-gym table1 --out results
@@ -23,6 +23,11 @@ types: $(VENV)/.dev
 # One worker a core; tests of one file stay together, since they share what they set up.
 unit: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto --dist loadfile
+
+# Runs every command and snippet of README, site and examples, and the tests in a browser; says what was skipped and why.
+test-docs: $(VENV)/.dev
+	$(BIN)/pytest --numprocesses auto --dist loadgroup -m docs -rs
+	$(BIN)/pytest -m browser -rs || test $$? -eq 5  # 5: there is no such test
 
 # The tests that `make test` leaves out because each takes minutes.
 slow: $(VENV)/.dev
@@ -48,6 +53,8 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/dynamic_simulation.py
 	$(BIN)/python experiments/paper_figures.py
 	$(BIN)/python experiments/overview.py
+	$(BIN)/python experiments/concept_figures.py
+	$(BIN)/python experiments/notebooks.py
 	$(BIN)/python experiments/benchmark_env.py
 	$(BIN)/python experiments/readme.py
 
@@ -57,6 +64,15 @@ compare: $(VENV)/.dev
 	$(BIN)/python experiments/planner_vs_rl.py
 	$(BIN)/python experiments/reference_curves.py
 	$(BIN)/python experiments/readme.py
+
+# The site, in docs/_build/html; a warning is an error.
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
+
+# Wheel and sdist, in dist/, with a README whose links work on a package index; see CONTRIBUTING.md.
+release: $(VENV)/bin/python
+	$(PIP) build
+	$(BIN)/python .ci/release.py --repository $(REPOSITORY)
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed"; exit 1; }
@@ -72,5 +88,9 @@ $(VENV)/.dev: $(VENV)/.core
 	$(PIP) --editable '.[agents,data,dm,dev]'
 	@touch $@
 
+$(VENV)/.docs: $(VENV)/.core
+	$(PIP) --editable '.[docs]'
+	@touch $@
+
 clean:
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build docs/_build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -301,7 +301,7 @@ def path_lines(walks: dict[str, Any]) -> list[str]:
 
 
 def readme_text(data: dict[str, Any]) -> str:
-    """What the README says of it."""
+    """What the page on simulation says of it."""
     steps, causes = data["steps"], data["causes"]
     ours, task = (largest_counts(runs_of(steps, swing, "PD"))[CAPTURE] for swing in SWINGS)
     fed = largest_counts(runs_of(steps, SWINGS[0], CONTROLLERS[1]))[CAPTURE]
@@ -311,6 +311,6 @@ def readme_text(data: dict[str, Any]) -> str:
         f"comes with the capture in {ours} of {count} steps; with swings in task space, as the\n"
         f"paper has them, in {task}, and where the grippers of those are sent 5 mm beside their "
         f"points, in {caught(causes[beside])}. With feedforward it does in {fed}.\n"
-        "[`results/paper_figures.md`](results/paper_figures.md) tells why, with planned and actual "
-        "paths and an [overview](results/overview.png).\n"
+        "The [report](../reports/paper_figures.md) tells why, with planned and actual paths and an "
+        "overview.\n"
     )

@@ -1,12 +1,12 @@
-"""Tell the figures of `results/` in its pages and between the marks of the README.
+"""Tell the figures of `results/` in its pages and between the marks of README and site.
 
     python experiments/readme.py
 
 Each experiment writes its figures as JSON and its page; this script tells all pages anew from the
-JSON, and copies what the README shows of them: Table I and its study, the promises against truth,
-what the simulation measured, the paper's torques, the benchmark's targets, and the comparison of
-planners and policies.
-`make test` fails when a page says something else.
+JSON, and what README and the pages of `docs/` show of them. A place for figures is marked in a page
+by `<!-- NAME -->` and `<!-- end of NAME -->`; `parts` has the names. The tables of fields in
+`docs/formats.md` come from the schemas in the same way. `make test` fails when a page says
+something else.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Any
 
 import comparison_report
 import dynamic_report
+import format_tables
 import paper_figures_report
 import planning_report
 import reference_curves
@@ -47,7 +48,7 @@ def table1(data: dict[str, Any]) -> str:
 
 
 PRICE = 0.05
-"""Price of a regrasp whose effect the README tells [m]."""
+"""Price of a regrasp whose effect is told [m]."""
 
 
 def study(data: dict[str, Any]) -> str:
@@ -66,7 +67,7 @@ def study(data: dict[str, Any]) -> str:
         f"that can be, {100 * counts['extra_translation']:.2f} % longer on average. A price of "
         f"{PRICE:g} m\n"
         f"a regrasp saves {100 * saved:.0f} % of the steps for {100 * more:.1f} % more "
-        "translation ([`results/table1_study.md`](results/table1_study.md)):\n"
+        "translation ([report](reports/table1_study.md)):\n"
     )
 
 
@@ -118,13 +119,75 @@ def targets(report: str) -> str:
     return "\n".join(lines[first : lines.index("", first)]) + "\n"
 
 
-def filled(text: str, results: Path) -> str:
-    """The README with the figures of a folder of results between its marks."""
+def paper(data: dict[str, Any]) -> str:
+    """Steps and base translation of the paper's cases beside those found here, in a few columns."""
+
+    def cell(row: dict[str, Any], digits: int) -> str:
+        return f"{row['steps']:.0f}, {row['base_translation']:.{digits}f} m"
+
+    modes = {"as in the paper": "faithful", "steps and collisions checked": "collisions"}
+    lines = [f"| case | paper | {' | '.join(modes)} |", "|---|---|---|---|"]
+    for case, title in CASES.items():
+        measured = (cell(data["measured"][mode][case], 2) for mode in modes.values())
+        lines.append(f"| {title} | {cell(data['paper'][case], 1)} | {' | '.join(measured)} |")
+    return "\n".join(lines) + "\n"
+
+
+SHOWN = ("astar-steps", "astar-base", "mcts", "local", "dagger-pointer", "random")
+"""Methods that the README shows."""
+
+
+def policies(data: dict[str, Any]) -> str:
+    """Success and steps of some methods, on the map that is known and on halves of its points."""
+    names, splits = comparison_report.NAMES, ("same", "half")
+    found = [dict(comparison_report.table_rows(data, split)) for split in splits]
+    lines = ["| method | same map | half the points | an action [ms] |", "|---|---|---|---|"]
+    for name in SHOWN:
+        cells = [
+            f"{rows[name][0].split(' [')[0]}, {rows[name][2].split(' [')[0]}" for rows in found
+        ]
+        lines.append(f"| {names[name]} | {' | '.join(cells)} | {found[0][name][6]} |")
+    return "\n".join(lines) + "\n"
+
+
+QUICK = {
+    "stance set of the map [s]": "all stances of the map [s]",
+    "query, steps cost, new goal, cold, median [ms]": "a plan with the fewest steps, median [ms]",
+    "query, base cost, new goal, cold, median [ms]": "a plan with least translation, median [ms]",
+    "first plan in a new process, filled kernel cache [s]": "first plan of a new process [s]",
+    "first plan in a new process, empty kernel cache [s]": "the same where all is compiled [s]",
+}
+"""Figures of the benchmark that the README shows, and what it calls them."""
+
+QUICK_STEPS = {
+    "MLIVR-JEM-v0, kinematic, exact tables": "environment steps a second",
+    "MLIVR-JEM-v0, native vector, 1024 copies": "the same, vector environment of 1024 copies",
+}
+"""The same of the environment's benchmark."""
+
+
+def speed(planning: dict[str, Any], steps: dict[str, Any]) -> str:
+    """How quick planner and environment are, in a few figures."""
+    measured = {name: value for name, _, value, _ in planning_report.targets(planning)}
+    counted = {row["what"]: row["wall"] for row in steps["rows"]}
+    lines = ["| what | measured |", "|---|---|"]
+    lines += [f"| {shown} | {measured[name]} |" for name, shown in QUICK.items()]
+    lines += [
+        f"| {shown} | {float(f'{counted[name]:.3g}'):,.0f} |" for name, shown in QUICK_STEPS.items()
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def parts(results: Path) -> dict[str, str]:
+    """What stands between the marks of pages, by the names of the marks."""
 
     def data(name: str) -> Any:
         return json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
 
-    parts = {
+    return {
+        "paper": paper(data("table1")),
+        "policies": policies(data("planner_vs_rl")),
+        "speed": speed(data("benchmark_planning"), data("benchmark_env")),
         "table1": table1(data("table1")),
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
@@ -132,12 +195,27 @@ def filled(text: str, results: Path) -> str:
         "paper_figures": paper_figures_report.readme_text(data("paper_figures")),
         "benchmark_planning": targets(planning_report.report(data("benchmark_planning"))),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
+        **format_tables.tables(),
     }
-    for name, part in parts.items():
-        first, last = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
-        before, rest = text.split(first, 1)
-        text = before + first + part + last + rest.split(last, 1)[1]
-    return text
+
+
+MARK = re.compile(r"^<!-- (\w+) -->\n(?:.*\n)*?<!-- end of \1 -->\n", re.MULTILINE)
+"""A marked place, with what stands in it."""
+
+
+def filled(text: str, told: dict[str, str]) -> str:
+    """A page with what belongs between its marks."""
+
+    def part(match: re.Match[str]) -> str:
+        name = match[1]
+        return f"<!-- {name} -->\n{told[name]}<!-- end of {name} -->\n"
+
+    return MARK.sub(part, text)
+
+
+def pages() -> list[Path]:
+    """The README and the pages of the site, which may have marks."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 REPORTS: dict[str, Callable[[Any], str]] = {
@@ -156,14 +234,15 @@ REPORTS: dict[str, Callable[[Any], str]] = {
 
 def texts() -> dict[Path, str]:
     """What each page that carries figures must say."""
-    results, readme = ROOT / "results", ROOT / "README.md"
-    pages = {
+    results = ROOT / "results"
+    reports = {
         results / f"{name}.md": tell(
             json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
         )
         for name, tell in REPORTS.items()
     }
-    return pages | {readme: filled(readme.read_text(encoding="utf-8"), results)}
+    told = parts(results)
+    return reports | {page: filled(page.read_text(encoding="utf-8"), told) for page in pages()}
 
 
 TIMES = re.compile(r"[\d.]+ \+ [\d.]+ \|$", re.MULTILINE)

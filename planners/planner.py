@@ -33,7 +33,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlanningResult:
     """Outcome of a query.
 
@@ -57,6 +57,10 @@ class PlanningResult:
     feasibility_time: float
     search_time: float
     tree: Array
+
+    def __repr__(self) -> str:
+        """The message, in one line."""
+        return f"<PlanningResult: {self.message}>"
 
     def __bool__(self) -> bool:
         """Whether there is a plan."""

@@ -1,6 +1,7 @@
 """Pages that carry figures say what the results say."""
 
 import importlib
+import re
 import sys
 from pathlib import Path
 
@@ -33,10 +34,25 @@ def test_readme_and_reports_say_what_the_results_say(pages):
 
 
 def test_a_figure_that_was_typed_is_noticed(pages):
-    text = (pages.ROOT / "README.md").read_text(encoding="utf-8")
-    mark = "<!-- table1 -->\n"
-    typed = text.replace(mark, f"{mark}| 1 | typed | 42 |\n")
-    assert pages.filled(typed, pages.ROOT / "results") != typed
+    told = pages.parts(pages.ROOT / "results")
+    for page, mark in (
+        ("README.md", "<!-- paper -->\n"),
+        ("docs/results.md", "<!-- table1 -->\n"),
+        ("docs/formats.md", "<!-- fields_map -->\n"),
+    ):
+        text = (pages.ROOT / page).read_text(encoding="utf-8")
+        assert pages.filled(text, told) == text
+        typed = text.replace(mark, f"{mark}| 1 | typed | 42 |\n")
+        assert typed != text
+        assert pages.filled(typed, told) == text
+
+
+def test_every_part_is_shown_and_every_mark_is_of_a_part(pages):
+    """A mark that lost its end, or its part, would never be filled again."""
+    texts = [page.read_text(encoding="utf-8") for page in pages.pages()]
+    begun = [name for text in texts for name in re.findall(r"<!-- end of (\w+) -->", text)]
+    shown = [match[1] for text in texts for match in pages.MARK.finditer(text)]
+    assert sorted(begun) == sorted(shown) == sorted(pages.parts(pages.ROOT / "results"))
 
 
 def test_times_may_be_those_of_another_machine_and_nothing_else(pages):

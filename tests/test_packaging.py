@@ -4,6 +4,7 @@ Symlinked folders make this worth guarding.
 """
 
 import ast
+import importlib.util
 import subprocess
 import sys
 import tarfile
@@ -14,6 +15,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 from packaging.version import Version
+
+from mlivr_gym import __version__
 
 ROOT = Path(__file__).parent.parent
 
@@ -173,3 +176,40 @@ def test_everything_imports_plans_and_simulates_without_the_truth():
         [sys.executable, "-c", EVERYTHING], cwd=ROOT, capture_output=True, text=True, check=False
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="module")
+def release():
+    spec = importlib.util.spec_from_file_location("release", ROOT / ".ci" / "release.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_version_stands_in_one_place(release):
+    assert release.version() == __version__
+    assert f"\nversion: {__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+
+
+def test_what_readme_links_to_is_there_and_absolute_in_a_release(release):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 120
+    targets = [path.split("#")[0] for _, _, path in release.LINK.findall(text)]
+    assert len(targets) > 10
+    assert not [path for path in targets if not (ROOT / path).exists()]
+    made = release.absolute(text, "https://example.org/o/mlivr-gym", "v1.2.3")
+    assert not release.LINK.findall(made)
+    base = "https://example.org/o/mlivr-gym"
+    assert f"]({base}/raw/v1.2.3/results/walk/walk.gif)" in made
+    assert f"]({base}/blob/v1.2.3/docs/tour.md)" in made
+
+
+@pytest.mark.slow
+def test_a_release_has_links_that_work_on_an_index(release, tmp_path):
+    release.build("https://example.org/o/mlivr-gym", "9.9", tmp_path)
+    with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as archive:
+        name = next(name for name in archive.namelist() if name.endswith("/METADATA"))
+        told = archive.read(name).decode()
+    assert "Project-URL: Repository, https://example.org/o/mlivr-gym\n" in told
+    assert "](https://example.org/o/mlivr-gym/blob/v9.9/docs/tour.md)" in told
+    assert not release.LINK.findall(told.split("\n\n", 1)[1])

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "mlivr_gym"
 
 LAYERS = (
-    {"experiments"},
+    {"experiments", "__main__"},
     {"cli"},
     {"agents"},
     {"envs"},

@@ -19,26 +19,14 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.boxes import Box, load_obstacles
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
-EXAMPLES = """examples:
-  mlivr-gym plan
-  mlivr-gym plan --start D2a:4 D2b:4 --goal 6.0 0 0.42 --cost steps \
---out plan.json --picture plan.png
-  mlivr-gym plan --cost weighted --regrasp-price 0.1 --no-manipulability
-  mlivr-gym plan --robot mlivr3 --goal 2.5 -0.4 -0.3 --cost weighted --regrasp-price 0.1
-  mlivr-gym plan --box 3.2 -1.0 -1.0 3.5 1.0 0.3 --occupied D3a:3 D3a:4
-  mlivr-gym table1 --out results
-  mlivr-gym info --map my_map.json
-  mlivr-gym render --start D2a:4 D2b:4 --out start.png
-  mlivr-gym simulate --case 3 --out walk
-  mlivr-gym evaluate --policy pretrained
-  mlivr-gym train --method dagger --out my_policy
-"""
-
 LARGEST_SEED = 2**31
 """Largest seed; each episode takes the next, and NumPy's old generator takes 32 bits."""
 
 MOST_EPISODES = 10**6
 """Most episodes of one command."""
+
+MOST_THREADS = 1024
+"""Most threads of PyTorch."""
 
 WIDEST_BEAM = 1000
 """Most walks that a beam search keeps."""
@@ -83,6 +71,20 @@ def world_arguments() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--base-threshold", type=float, metavar="W", help="least w_b (default: 0.001 (2/N)^3)"
+    )
+    return parser
+
+
+def output_arguments() -> argparse.ArgumentParser:
+    """The arguments of what is printed, for `parents`."""
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print the result as one JSON object in place of text, also where the command fails",
+    )
+    parser.add_argument(
+        "-q", "--quiet", action="store_true", help="print neither text nor progress"
     )
     return parser
 
@@ -176,6 +178,7 @@ def chosen_map(args: argparse.Namespace) -> GraspMap:
 
 def chosen_graph(args: argparse.Namespace) -> PairGraph | LazyGraph:
     """The stance graph of the arguments, with the obstacles of commands that take some."""
+    _check_world(args)
     settings = Settings(
         manipulability=not args.no_manipulability,
         transitions=not args.no_transitions,
@@ -240,21 +243,39 @@ def refuse_ignored(args: argparse.Namespace, chosen: str, taken: tuple[str, ...]
     Raises:
         SettingError: naming one that would have no effect.
     """
-    for parser in (world_arguments(), obstacle_arguments(), query_arguments()):
-        for name, default in vars(parser.parse_args([])).items():
-            if name not in taken and getattr(args, name, default) != default:
-                raise SettingError(
-                    f"--{name.replace('_', '-')} has no effect beside --{chosen}, "
-                    "which decides it; leave it out"
-                )
+    parsers = (world_arguments(), obstacle_arguments(), query_arguments())
+    decided = {name for parser in parsers for name in vars(parser.parse_args([]))} - {*taken}
+    refuse_without_effect(
+        args, f"beside --{chosen}, which decides it", *(name for name in decided if name in args)
+    )
+
+
+def refuse_without_effect(args: argparse.Namespace, why: str, *names: str) -> None:
+    """Refuse arguments that have no effect where they are given, for a reason.
+
+    Raises:
+        SettingError: naming the first of them.
+    """
+    for name in sorted(names):
+        if getattr(args, name) != args.default(name):
+            raise SettingError(f"--{name.replace('_', '-')} has no effect {why}; leave it out")
+
+
+def _check_world(args: argparse.Namespace) -> None:
+    """Refuse thresholds and a clearance that nothing is compared with."""
+    if args.no_manipulability:
+        refuse_without_effect(args, "with --no-manipulability", "limb_threshold", "base_threshold")
+    if args.no_collisions:
+        refuse_without_effect(args, "with --no-collisions", "clearance")
 
 
 def check_counts(args: argparse.Namespace) -> None:
-    """Refuse a seed, a number of episodes or a width of a beam that cannot be."""
+    """Refuse a seed, a number of episodes or threads, or a width of a beam that cannot be."""
     for name, least, most in (
         ("seed", 0, LARGEST_SEED),
         ("episodes", 1, MOST_EPISODES),
         ("beam", 1, WIDEST_BEAM),
+        ("threads", 1, MOST_THREADS),
     ):
         value = getattr(args, name, None)
         if value is not None:
@@ -263,6 +284,7 @@ def check_counts(args: argparse.Namespace) -> None:
 
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
     """Arguments of `MlivrEnv` from the command line, without defaults."""
+    _check_world(args)
     given: dict[str, Any] = {
         "robot": args.robot if args.robot != "mlivr2" else None,
         "map": args.map,

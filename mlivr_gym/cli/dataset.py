@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import argparse
 
-from mlivr_gym.cli.arguments import check_counts, environment_arguments, world_arguments
+from mlivr_gym.cli.arguments import (
+    check_counts,
+    environment_arguments,
+    output_arguments,
+    world_arguments,
+)
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.extras import need
-from mlivr_gym.cli.progress import timed_bar
+from mlivr_gym.cli.progress import Progress
 
 
 def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "dataset",
-        parents=[world_arguments()],
+        parents=[world_arguments(), output_arguments()],
         help="write planner episodes as a Minari data set",
         description="Episodes of the A* expert with action masks as a Minari data set; "
         "needs minari[create,hdf5].",
@@ -36,14 +41,19 @@ def run(args: argparse.Namespace) -> int:
     need("minari", extra="data")
     from mlivr_gym.agents.dataset import write_dataset
 
-    show = timed_bar("episodes")
-    dataset = write_dataset(
-        args.id,
-        args.episodes,
-        args.seed,
-        environment_arguments(args),
-        progress=lambda k: show(k, args.episodes, ""),
-    )
+    with Progress("episodes", args.episodes, args.quiet) as progress:
+        dataset = write_dataset(
+            args.id,
+            args.episodes,
+            args.seed,
+            environment_arguments(args),
+            progress=progress.show,
+        )
+    args.result |= {
+        "id": args.id,
+        "episodes": int(dataset.total_episodes),
+        "steps": int(dataset.total_steps),
+    }
     print(
         f"{args.id}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; "
         f"load with mlivr_gym.agents.dataset.load_dataset({args.id!r})"

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Sized
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
+import numpy as np
 
-from mlivr_gym.cli.arguments import check_counts, environment_arguments, world_arguments
+from mlivr_gym.cli.arguments import (
+    check_counts,
+    environment_arguments,
+    output_arguments,
+    refuse_without_effect,
+    world_arguments,
+)
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.extras import need
-from mlivr_gym.cli.progress import timed_bar
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError, choice, shown
 
 if TYPE_CHECKING:  # agents and environment import MuJoCo, which loads a GL library
@@ -39,7 +45,7 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "evaluate",
-        parents=[world_arguments()],
+        parents=[world_arguments(), output_arguments()],
         help="measure a policy or planner",
         description="Success, steps and base translation over seeded episodes, "
         "or over the frozen test set.",
@@ -67,7 +73,9 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         help="let the pointer policy guide a beam search of this width",
     )
     parser.add_argument(
-        "--split", help="a split of the frozen test set in place of seeded episodes"
+        "--split",
+        help="same, half, dense or occupied: a split of the frozen test set in place of seeded "
+        "episodes",
     )
     parser.set_defaults(run=run)
 
@@ -78,16 +86,23 @@ def run(args: argparse.Namespace) -> int:
     from mlivr_gym.envs.env import MlivrEnv
 
     check_counts(args)
+    if args.split is not None:
+        refuse_without_effect(args, "with --split, which has its own tasks", "episodes", "map")
+    if args.policy in PLANNERS:
+        refuse_without_effect(args, f"with --policy {args.policy}", "beam")
     arguments = environment_arguments(args)
     results = []
     for world, episodes in _worlds(args):
-        made = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **(arguments | world))
-        env = made.unwrapped
-        assert isinstance(env, MlivrEnv)
-        progress = _progress(args.policy, episodes)
-        policy = make_acting(args.policy, env, args.seed, args.beam)
-        results.append(evaluate(env, policy, episodes, args.seed, progress=progress))
-    _report(args.policy, results)
+        with Progress("making the environment", quiet=args.quiet):
+            made = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **(arguments | world))
+            env = made.unwrapped
+            assert isinstance(env, MlivrEnv)
+            policy = make_acting(args.policy, env, args.seed, args.beam)
+        total = episodes if isinstance(episodes, int) else len(episodes)
+        with Progress(args.policy, total, args.quiet) as progress:
+            results.append(evaluate(env, policy, episodes, args.seed, progress=progress.show))
+    args.result |= {"policy": args.policy} | told_of(results)
+    _report(args.policy, args.result)
     return SUCCESS
 
 
@@ -101,30 +116,35 @@ def _worlds(args: argparse.Namespace) -> list[tuple[dict[str, Any], Any]]:
     return [({"map": w.map()}, w.tasks) for w in load_test_set() if w.split == args.split]
 
 
-def _progress(name: str, episodes: int | Sized) -> Callable[[int], None]:
-    """A bar over episodes or tasks, called with the number that is done."""
-    show, total = timed_bar(name), episodes if isinstance(episodes, int) else len(episodes)
-    return lambda done: show(done, total, "")
+def told_of(results: list[Evaluation]) -> dict[str, Any]:
+    """Means over the episodes of all worlds, as `--json` tells them.
+
+    Steps and base translation [m] are those of the episodes that reach the goal, and None if none
+    does; the time of the first action [s] is that of all.
+    """
+    success = np.concatenate([result.success for result in results])
+    steps = np.concatenate([result.steps for result in results])[success]
+    metres = np.concatenate([result.base_translation for result in results])[success]
+    first = np.concatenate([result.first_decision for result in results])
+    return {
+        "episodes": len(success),
+        "successes": int(success.sum()),
+        "mean_steps": float(steps.mean()) if len(steps) else None,
+        "mean_base_translation": float(metres.mean()) if len(metres) else None,
+        "mean_first_action_time": float(first.mean()),
+    }
 
 
-def _report(name: str, results: list[Evaluation]) -> None:
+def _report(name: str, told: dict[str, Any]) -> None:
     """Print success, steps, base translation and the time of the first action."""
-    success = [bool(value) for result in results for value in result.success]
-    steps = [int(s) for r in results for s, good in zip(r.steps, r.success, strict=True) if good]
-    metres = [
-        float(t)
-        for r in results
-        for t, good in zip(r.base_translation, r.success, strict=True)
-        if good
-    ]
-    first = [float(t) for r in results for t in r.first_decision]
-    print(f"{name}: {sum(success)} of {len(success)} episodes reach the goal")
-    if steps:
+    print(f"{name}: {told['successes']} of {told['episodes']} episodes reach the goal")
+    if told["successes"]:
         print(
-            f"  where it is reached: {sum(steps) / len(steps):.2f} steps, "
-            f"{sum(metres) / len(metres):.3f} m of base translation"
+            f"  where it is reached: {told['mean_steps']:.2f} steps, "
+            f"{told['mean_base_translation']:.3f} m of base translation"
         )
-    print(f"  first action after {1e3 * sum(first) / len(first):.1f} ms on average, world included")
+    first = 1e3 * told["mean_first_action_time"]
+    print(f"  first action after {first:.1f} ms on average, world included")
 
 
 def make_acting(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None) -> Policy:

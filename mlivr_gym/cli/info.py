@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
-from mlivr_gym.cli.arguments import EXAMPLES, chosen_graph, obstacle_arguments, world_arguments
+from mlivr_gym.cli.arguments import (
+    chosen_graph,
+    obstacle_arguments,
+    output_arguments,
+    world_arguments,
+)
 from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.grasp_map import GraspMap
 
 
@@ -19,17 +28,17 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "info",
-        parents=[world_arguments(), obstacle_arguments()],
+        parents=[world_arguments(), obstacle_arguments(), output_arguments()],
         help="what map, robot and stance graph hold",
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Describe map, robot, thresholds and stance graph."""
-    graph = chosen_graph(args)
+    with Progress("making the stance graph", quiet=args.quiet):
+        graph = chosen_graph(args)
+    args.result |= told_of(graph)
     _describe_map(graph.grasp_map)
     _describe_robot(graph.robot, graph.grasp_map, graph.settings)
     print(
@@ -43,6 +52,39 @@ def run(args: argparse.Namespace) -> int:
     else:
         print("stance graph: worked out as it is searched (more than two limbs)")
     return SUCCESS
+
+
+def told_of(graph: StanceGraph) -> dict[str, Any]:
+    """A stance graph as `--json` tells it: lengths in metres."""
+    grasp_map, robot = graph.grasp_map, graph.robot
+    told: dict[str, Any] = {
+        "map": {
+            "name": grasp_map.name,
+            "fingerprint": grasp_map.fingerprint,
+            "points": len(grasp_map),
+            "points_by_face": Counter(grasp_map.faces),
+            "segments": len(grasp_map.segments),
+            "handrails": len(grasp_map.handrails),
+            "boxes_by_kind": Counter(box.kind for box in grasp_map.boxes),
+            "cabin": grasp_map.cabin,
+        },
+        "robot": {
+            "name": robot.name,
+            "fingerprint": robot.fingerprint,
+            "limbs": robot.limbs,
+            "span": robot.span,
+            "characteristic_length": robot.characteristic_length,
+        },
+        "settings": asdict(graph.settings) | {"base_threshold": graph.base_threshold},
+        "obstacles": len(graph.obstacles),
+        "occupied": len(graph.occupied),
+    }
+    if isinstance(graph, PairGraph):
+        told["stances"] = len(graph)
+        told["stances_reachable"] = graph.reachable
+        told["stances_now"] = int((graph.mask > 0).all(axis=1).sum())
+        told["longest_step"] = graph.max_step
+    return told
 
 
 def _describe_map(grasp_map: GraspMap) -> None:

@@ -4,13 +4,27 @@ from __future__ import annotations
 
 import argparse
 import io
+import json
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from contextlib import redirect_stdout
+from typing import Any, NoReturn
 
 from mlivr_gym import __version__
-from mlivr_gym.cli import dataset, evaluate, info, plan, render, simulate, table1, train, warmup
-from mlivr_gym.cli.arguments import EXAMPLES
+from mlivr_gym.cli import (
+    completion,
+    dataset,
+    doctor,
+    evaluate,
+    info,
+    plan,
+    render,
+    simulate,
+    table1,
+    train,
+    warmup,
+)
+from mlivr_gym.cli.examples import examples
 from mlivr_gym.cli.exits import (
     EXIT_CODES,
     FAILED,
@@ -22,6 +36,21 @@ from mlivr_gym.cli.exits import (
     say_interrupted,
 )
 from mlivr_gym.errors import MlivrError, NoPlanError, one_line
+
+COMMANDS = (
+    plan,
+    simulate,
+    table1,
+    info,
+    render,
+    train,
+    evaluate,
+    dataset,
+    warmup,
+    doctor,
+    completion,
+)
+"""The module of each command, in the order of the help."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -36,14 +65,18 @@ def _parser() -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = _Parser(
         prog="mlivr-gym",
         description="Plan hand-over-hand motion through a space station module.",
-        epilog=f"{EXAMPLES}\n{EXIT_CODES}",
+        epilog=f"{examples('plan', 'render', 'simulate', 'evaluate')}\n{EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.set_defaults(grace=GRACE)
+    parser.set_defaults(grace=GRACE, json=False, quiet=False)
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for command in (plan, simulate, table1, info, render, train, evaluate, dataset, warmup):
+    for command in COMMANDS:
         command.add_command(commands)
+    for name, added in commands.choices.items():
+        added.epilog = examples(name)
+        added.formatter_class = argparse.RawDescriptionHelpFormatter
+        added.set_defaults(default=added.get_default, parser=parser)
     return parser
 
 
@@ -52,18 +85,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):  # a file's name need not be text
         sys.stdout.reconfigure(errors="backslashreplace")
     args = _parser().parse_args(arguments)
+    args.result = {}
     try:
-        with prompt_interrupts(args.grace):
-            code: int = args.run(args)
-    except MlivrError as error:
-        print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
-        return NO_PLAN if isinstance(error, NoPlanError) else REFUSED
-    except KeyboardInterrupt as stop:
-        say_interrupted(str(stop))
-        return INTERRUPTED
+        with redirect_stdout(io.StringIO() if args.json or args.quiet else sys.stdout):
+            code, error = _run(args)
+        if args.json:
+            told = {"exit_code": code} | ({"error": error} if error else {}) | args.result
+            print(json.dumps(told, indent=1, default=_plain, allow_nan=False), flush=True)
     except BrokenPipeError:
         return FAILED
     return code
+
+
+def _run(args: argparse.Namespace) -> tuple[int, str]:
+    """Run the command; its exit code, and the error that was told if there was one."""
+    try:
+        with prompt_interrupts(args.grace):
+            return args.run(args), ""
+    except MlivrError as error:
+        print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
+        return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, one_line(str(error))
+    except KeyboardInterrupt as stop:
+        say_interrupted(str(stop))
+        return INTERRUPTED, str(stop) or "interrupted"
+
+
+def _plain(value: Any) -> Any:
+    """What is no plain data, for JSON: arrays and numbers of NumPy, and paths."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ everything out, and writes in the end. What is refused or fails leaves nothing b
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 from mlivr_gym.files import FileError
@@ -14,6 +15,9 @@ from mlivr_gym.files import FileError
 
 def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
     """Refuse files that could not be written, and say which earlier ones will be replaced.
+
+    That is said on standard error, also with `--quiet`, and before anything is worked out, so that
+    an interruption still keeps them.
 
     Args:
         files: The files; None for those that were not asked for.
@@ -39,7 +43,7 @@ def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
             raise FileError(f"cannot write {str(file)!r}: it would be written twice")
         seen.add(place)
     for name in replaced:
-        print(f"will be replaced: {name}", flush=True)
+        print(f"mlivr-gym: will be replaced: {name}", file=sys.stderr, flush=True)
 
 
 def make_folder(folder: str | Path) -> Path:

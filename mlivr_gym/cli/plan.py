@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from mlivr_gym.cli.arguments import (
-    EXAMPLES,
     chosen_graph,
     chosen_task,
     obstacle_arguments,
+    output_arguments,
     query_arguments,
+    refuse_without_effect,
     world_arguments,
 )
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
-from mlivr_gym.cli.progress import counter
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.pictures.plan_figure import plan_figure
-from mlivr_gym.planners import Planner, PlanningResult
+from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
 
@@ -27,10 +29,13 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "plan",
-        parents=[world_arguments(), obstacle_arguments(), query_arguments()],
+        parents=[
+            world_arguments(),
+            obstacle_arguments(),
+            query_arguments(),
+            output_arguments(),
+        ],
         help="plan from a stance to a goal",
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Plan from a start stance to a goal position of the base. "
         "Start and goal have defaults.",
     )
@@ -50,13 +55,16 @@ def run(args: argparse.Namespace) -> int:
     """Plan, describe the plan, and write what is asked for."""
     pictures = figure_files(args.picture) if args.picture is not None else ()
     claim(args.out, *pictures)
-    graph = chosen_graph(args)
+    with Progress("making the stance graph", quiet=args.quiet):
+        graph = chosen_graph(args)
     result = find_plan(graph, args)
     plan = result.unwrap()
     if args.refined:
-        before, plan = plan.base_translation, Planner(graph).refined(plan)
+        with Progress("refining the plan", quiet=args.quiet):
+            before, plan = plan.base_translation, Planner(graph).refined(plan)
         saved = 100.0 * (1.0 - plan.base_translation / before)
         print(f"refined: {plan.base_translation:.3f} m, {saved:.1f} % less translation")
+    args.result |= told_of(plan) | {"files": [f for f in (args.out, *pictures) if f]}
     if args.out:
         plan.save(args.out)
         print(f"plan: {args.out}")
@@ -65,6 +73,36 @@ def run(args: argparse.Namespace) -> int:
         plan_figure(graph.grasp_map, plan, args.picture, result.tree, title)
         print(f"picture: {pictures[0]}, {pictures[1]}")
     return SUCCESS
+
+
+def told_of(plan: Plan) -> dict[str, Any]:
+    """A plan as `--json` tells it: lengths in metres, times in seconds."""
+    spent = plan.statistics
+    return {
+        "robot": plan.world.robot.name,
+        "map": plan.world.map_name,
+        "start": plan.stances[0],
+        "goal": plan.query.goal,
+        "cost_name": plan.query.cost_name,
+        "cost": plan.cost,
+        "base_translation": plan.base_translation,
+        "w_m_min": plan.w_m_min,
+        "w_b_min": plan.w_b_min,
+        "steps": [
+            {
+                "limb": step.limb,
+                "from_point": step.from_point,
+                "to_point": step.to_point,
+                "displacement": step.displacement,
+                "path": step.path,
+                "swing": step.swing,
+            }
+            for step in plan.steps
+        ],
+        "expanded": spent.expanded,
+        "generated": spent.generated,
+        "query_time": spent.feasibility_time + spent.search_time,
+    }
 
 
 CUT_OFF = ("goal outside the reachable set", "search exhausted")
@@ -77,28 +115,32 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
     Raises:
         NoPlanError: If there is no plan.
     """
-    start, goal = chosen_task(graph, args)
-    progress = counter("states explored")
+    if args.method in ("dijkstra", "greedy"):
+        names = ("inflation",) if args.method == "greedy" else ("heuristic", "inflation")
+        refuse_without_effect(args, f"with --method {args.method}", *names)
+    with Progress("choosing start and goal", quiet=args.quiet):
+        start, goal = chosen_task(graph, args)
     planner = Planner(graph)
-    result = planner.plan(
-        start,
-        goal,
-        args.cost,
-        regrasp_price=args.regrasp_price,
-        method=args.method,
-        heuristic=args.heuristic,
-        inflation=args.inflation,
-        goal_tolerance=args.tolerance,
-        goal_face=args.goal_face,
-        start_pose=args.start_pose,
-        start_joints=args.start_joints,
-        limit=args.limit,
-        progress=progress,
-    )
-    progress(-1)
+    with Progress("states explored", quiet=args.quiet) as progress:
+        result = planner.plan(
+            start,
+            goal,
+            args.cost,
+            regrasp_price=args.regrasp_price,
+            method=args.method,
+            heuristic=args.heuristic,
+            inflation=args.inflation,
+            goal_tolerance=args.tolerance,
+            goal_face=args.goal_face,
+            start_pose=args.start_pose,
+            start_joints=args.start_joints,
+            limit=args.limit,
+            progress=progress.show,
+        )
     if result.reason in CUT_OFF:
         how = {name: getattr(args, name) for name in ("goal_face", "start_pose", "start_joints")}
-        cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **how)
+        with Progress("looking for the cause", quiet=args.quiet):
+            cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **how)
         raise NoPlanError(f"{result.message}; {cause.message}")
     plan = result.unwrap()
     print(

@@ -1,57 +1,125 @@
-"""Progress on a terminal; nothing is shown elsewhere."""
+"""How far a command is, told on standard error.
+
+On a terminal one line is drawn anew; elsewhere, as in a log, a line is written now and then. What
+takes less than two seconds says nothing.
+"""
 
 from __future__ import annotations
 
 import sys
+import threading
 import time
-from collections.abc import Callable
+from types import TracebackType
+
+from mlivr_gym.compiled.warming import is_showing
+
+PATIENCE = 2.0
+"""What takes less says nothing [s]."""
+
+LONGEST_SILENCE = 60.0
+"""How long a log hears nothing at most [s]; at first the time doubles from line to line."""
+
+REDRAWN = 0.2
+"""How often a line on a terminal is drawn anew at most [s]."""
+
+WIDTH = 24
+"""Characters of a bar."""
 
 
-def counter(what: str) -> Callable[[int], None]:
-    """A callback that shows a count, and clears it when called with -1."""
+class Progress:
+    """What a command is doing, for how long, and how far it is.
 
-    def show(count: int) -> None:
-        if sys.stderr.isatty():
-            line = "\r\033[K" if count < 0 else f"\r{count} {what}"
-            print(line, end="", file=sys.stderr, flush=True)
+    While it is entered a thread looks at the clock, so that also what never calls `show` is told:
 
-    return show
-
-
-def timed_bar(what: str) -> Callable[[int, int, str], None]:
-    """A bar with the time spent and the time remaining [s].
-
-    Call it with what is done, all there is, and a remark.
+        with Progress("making the stance graph"):
+            graph = stance_graph()
     """
-    began = time.perf_counter()
 
-    def show(done: int, total: int, remark: str = "") -> None:
-        if sys.stderr.isatty():
-            filled, spent = int(24 * done / max(total, 1)), time.perf_counter() - began
-            remaining = spent * (total - done) / max(done, 1)
-            bar = "#" * filled + "." * (24 - filled)
-            line = f"{what} [{bar}] {done}/{total} {spent:.0f}<{remaining:.0f} s {remark}"
-            print(f"\r\033[K{line}", end="\n" if done >= total else "", file=sys.stderr, flush=True)
+    def __init__(self, what: str, total: int | None = None, quiet: bool = False) -> None:
+        """Begin.
 
-    return show
+        Args:
+            what: What is done or counted.
+            total: How many there are, if that is known.
+            quiet: Whether nothing is to be told.
+        """
+        self._quiet = quiet
+        self._line, self._told, self._ended = False, 0.0, threading.Event()
+        self._lock = threading.Lock()
+        self.begin(what, total)
 
+    def begin(self, what: str, total: int | None = None) -> None:
+        """Begin something else."""
+        self.what, self._total, self._done, self._remark = what, total, 0, ""
+        self._began = time.perf_counter()
+        self._next = PATIENCE
 
-class Bar:
-    """A bar that is cleared at the end."""
+    def show(self, done: int, remark: str = "") -> None:
+        """Tell how many are done, and something about them."""
+        self._done, self._remark = done, remark
+        self._tell()
 
-    def __init__(self, what: str, total: int) -> None:
-        """Count to `total`."""
-        self._what, self._total = what, total
-        self.show(0)
+    def say(self, line: str) -> None:
+        """Print a line on standard output, above what is drawn."""
+        with self._lock:
+            self._clear()
+            print(line, flush=True)
 
-    def show(self, done: int) -> None:
-        """Show how many are done."""
-        if sys.stderr.isatty():
-            filled = round(30 * done / self._total)
-            line = f"[{'#' * filled}{'.' * (30 - filled)}] {done}/{self._total} {self._what}"
-            print(f"\r\033[K{line}", end="", file=sys.stderr, flush=True)
+    def __enter__(self) -> Progress:
+        """Look at the clock from now on."""
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+        return self
 
-    def close(self) -> None:
-        """Clear it."""
-        if sys.stderr.isatty():
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Clear the line."""
+        self._ended.set()
+        self._thread.join()
+        with self._lock:
+            self._clear()
+
+    def _watch(self) -> None:
+        while not self._ended.wait(0.5):
+            self._tell()
+
+    def _tell(self) -> None:
+        """Draw the line, or write one, if it is time."""
+        now = time.perf_counter()
+        spent = now - self._began
+        if self._quiet or spent < PATIENCE:
+            return
+        with self._lock:
+            if sys.stderr.isatty():
+                if now - self._told >= REDRAWN and not is_showing():
+                    self._told, self._line = now, True
+                    print(f"\r\033[K{self._text(spent)}", end="", file=sys.stderr, flush=True)
+            elif spent >= self._next:
+                self._next = spent + min(spent, LONGEST_SILENCE)
+                print(self._text(spent), file=sys.stderr, flush=True)
+
+    def _text(self, spent: float) -> str:
+        """The line, with the time that remains if that can be told."""
+        if self._total is None:
+            counted = f"{self._done} {self.what}" if self._done else self.what
+            return f"{counted}, {spent:.0f} s{self._told_of()}"
+        filled = int(WIDTH * self._done / max(self._total, 1))
+        bar = "#" * filled + "." * (WIDTH - filled)
+        remains = spent * (self._total - self._done) / self._done if self._done else None
+        remaining = "" if remains is None else f", {remains:.0f} s remain"
+        return (
+            f"{self.what} [{bar}] {self._done}/{self._total}, "
+            f"{spent:.0f} s{remaining}{self._told_of()}"
+        )
+
+    def _told_of(self) -> str:
+        return f"; {self._remark}" if self._remark else ""
+
+    def _clear(self) -> None:
+        if self._line:
+            self._line = False
             print("\r\033[K", end="", file=sys.stderr, flush=True)

@@ -10,18 +10,19 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.cli.arguments import (
-    EXAMPLES,
     LARGEST_PICTURE,
     SMALLEST_PICTURE,
     chosen_graph,
     chosen_map,
     chosen_task,
     fits_a_picture,
+    output_arguments,
     refuse_ignored,
     world_arguments,
 )
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import write_whole
@@ -40,10 +41,8 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "render",
-        parents=[world_arguments()],
+        parents=[world_arguments(), output_arguments()],
         help="picture of the scene",
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Picture of the MuJoCo scene with the robot in a stance. Of a plan, "
         "one picture of its start and its goal side by side, "
         "or of the stance chosen with --stance, with its base path, its goal and its footholds.",
@@ -87,14 +86,17 @@ def run(args: argparse.Namespace) -> int:
         drawn, route = _of_plan(plan, args.stance), Route.of(grasp_map, plan)
         held = plan.configuration(args.stance or 0), plan.stances[args.stance or 0]
     else:
-        graph = chosen_graph(args)
+        with Progress("making the stance graph", quiet=args.quiet):
+            graph = chosen_graph(args)
         grasp_map, robot, obstacles = graph.grasp_map, graph.robot, graph.obstacles
         args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
         start = chosen_task(graph, args)[0] if args.start is None else args.start
         held = graph.configuration(graph.state(start)), graph.ids(graph.state(start).stance)
         drawn = [Shot(held[0])]
     scene = _exported(grasp_map, robot, obstacles, held) if args.mjcf else None
-    draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles, route)
+    with Progress("drawing", quiet=args.quiet):
+        draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles, route)
+    args.result["files"] = [file for file in (args.out, args.mjcf) if file]
     if scene is not None:
         write_whole(args.mjcf, scene)
         print(f"scene: {args.mjcf}")

@@ -11,21 +11,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
-    EXAMPLES,
     LARGEST_PICTURE,
     SMALLEST_PICTURE,
     chosen_graph,
     chosen_map,
     fits_a_picture,
     obstacle_arguments,
+    output_arguments,
     query_arguments,
     refuse_ignored,
+    refuse_without_effect,
     world_arguments,
 )
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import claim, make_folder
 from mlivr_gym.cli.plan import find_plan
-from mlivr_gym.cli.progress import Bar
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.paper import CASES, case_graph, default_setup
@@ -63,10 +64,13 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "simulate",
-        parents=[world_arguments(), obstacle_arguments(), query_arguments()],
+        parents=[
+            world_arguments(),
+            obstacle_arguments(),
+            query_arguments(),
+            output_arguments(),
+        ],
         help="execute a plan in MuJoCo",
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Execute a plan in MuJoCo: one from a file, "
         "or one that is made first as with `plan`.",
     )
@@ -190,9 +194,10 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
     world = plan.world
     simulation = setup.simulation(graph.grasp_map, world.robot, world.obstacles, args.seed)
     trajectory = plan_trajectory(graph, plan, setup.timing, 1.0 / args.rate)
-    bar = Bar("steps carried out", len(plan.steps))
-    execution = execute(graph, plan, setup.timing, progress=bar.show, simulation=simulation)
-    bar.close()
+    with Progress("steps carried out", len(plan.steps), args.quiet) as progress:
+        execution = execute(
+            graph, plan, setup.timing, progress=progress.show, simulation=simulation
+        )
     _report(execution)
     make_folder(out)
     plan.save(out / "plan.json")
@@ -200,6 +205,7 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
     save_npz(trajectory, out / "trajectory.npz")
     save_ros(trajectory, out / "trajectory.yaml")
     _save(execution, out)
+    args.result |= execution.summary() | {"folder": out, "files": FILES}
     if not args.no_film:
         _film(args, graph, execution, out / args.film)
     return SUCCESS if execution.failure is None else FAILED
@@ -236,7 +242,9 @@ def _check_film(args: argparse.Namespace) -> None:
             f"--size is {tuple(args.size)}, --frames {args.frames}; "
             f"{SMALLEST_PICTURE} to {LARGEST_PICTURE} pixels, 2 to {MOST_FRAMES} frames"
         )
-    if not args.no_film:
+    if args.no_film:
+        refuse_without_effect(args, "with --no-film", "film", "size", "frames")
+    else:
         check_kind(args.film)
 
 
@@ -283,23 +291,22 @@ def _film(
     args: argparse.Namespace, graph: PairGraph | LazyGraph, execution: Execution, path: Path
 ) -> None:
     """Render a film, or say why there is none."""
-    bar = Bar("pictures rendered", args.frames)
     plan = execution.plan
     try:
-        film(
-            graph.grasp_map,
-            plan.world.robot,
-            execution.recording,
-            path,
-            plan=plan,
-            size=tuple(args.size),
-            frames=args.frames,
-            obstacles=plan.world.obstacles,
-            progress=bar.show,
-        )
+        with Progress("pictures rendered", args.frames, args.quiet) as progress:
+            film(
+                graph.grasp_map,
+                plan.world.robot,
+                execution.recording,
+                path,
+                plan=plan,
+                size=tuple(args.size),
+                frames=args.frames,
+                obstacles=plan.world.obstacles,
+                progress=progress.show,
+            )
     except RenderError as error:
-        bar.close()
         print(f"no film: {error}")
     else:
-        bar.close()
+        args.result["files"] += (args.film,)
         print(f"film: {path}")

@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.cli.arguments import output_arguments
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import claim, make_folder
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.render import draw, shots_of
 from mlivr_gym.files import write_whole
 from mlivr_gym.kinematics.poses import quaternion
@@ -59,6 +61,7 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "table1",
+        parents=[output_arguments()],
         help="the four cases of the paper's Table I",
         description="Plan the four cases, draw and tabulate them.",
     )
@@ -77,7 +80,8 @@ def run(args: argparse.Namespace) -> int:
         "(the first run compiles the kernels) ...",
         flush=True,
     )
-    plans, data = run_cases(out, lambda line: print(line, flush=True))
+    with Progress("planning the cases", quiet=args.quiet) as progress:
+        plans, data = run_cases(out, progress.say)
     plan = plans[3]
     ends = {"start": 0, "goal": len(plan.stances) - 1}
     pictures = {out / f"scene_{name}.png": shots_of(plan, [k]) for name, k in ends.items()}
@@ -85,6 +89,8 @@ def run(args: argparse.Namespace) -> int:
     route = Route.of(grasp_map, plan)
     draw(grasp_map, plan.world.robot, pictures, (1600, 800), plan.world.obstacles, route)
     failed = impossible(data)
+    args.result |= data | {"impossible": failed}
+    args.result |= {"folder": out, "files": FILES}
     for name in failed:
         print(f"relation does not hold: {name}")
     return FAILED if failed else SUCCESS

@@ -8,11 +8,17 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from mlivr_gym.cli.arguments import check_counts, environment_arguments, world_arguments
+from mlivr_gym.cli.arguments import (
+    check_counts,
+    environment_arguments,
+    output_arguments,
+    refuse_without_effect,
+    world_arguments,
+)
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
 from mlivr_gym.cli.extras import need
 from mlivr_gym.cli.outputs import claim
-from mlivr_gym.cli.progress import timed_bar
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.files import FileError
 
 
@@ -20,7 +26,7 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "train",
-        parents=[world_arguments()],
+        parents=[world_arguments(), output_arguments()],
         help="train a policy",
         description="Train a policy for two limbs. Every step of the map is checked first, once: "
         "one to two minutes for the JEM. Ctrl-C ends it early and leaves a checkpoint of what was "
@@ -60,6 +66,14 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         metavar="PATH",
         help="checkpoint to start from, without suffix; finetune needs one",
     )
+    parser.add_argument(
+        "--threads",
+        type=int,
+        default=1,
+        metavar="N",
+        help="threads of PyTorch; these networks are small, and more are slower "
+        "(default: %(default)s)",
+    )
     parser.add_argument("--logs", metavar="FOLDER", help="write TensorBoard logs")
     parser.set_defaults(run=run, grace=LONG_GRACE)
 
@@ -68,6 +82,8 @@ def run(args: argparse.Namespace) -> int:
     """Train a policy and write its checkpoint."""
     check_counts(args)
     need("torch", "stable_baselines3", "sb3_contrib", extra="agents")
+    import torch
+
     from mlivr_gym.agents.hyperparameters import hyperparameters
     from mlivr_gym.agents.training import train
 
@@ -76,29 +92,38 @@ def run(args: argparse.Namespace) -> int:
         raise FileError(f"cannot write a checkpoint to {args.out!r}: it is a folder")
     claim(out.with_suffix(".pt"), out.with_suffix(".json"))
     settings = hyperparameters(args.method, args.hyperparameters)
-    bars: dict[str, Callable[[int, int, str], None]] = {}
-
-    def progress(phase: str, done: int, total: int, figures: dict[str, float]) -> None:
-        shown = {
-            name: figures[name]
-            for name in ("loss", "walks_that_arrive", "mean_return")
-            if name in figures
-        }
-        remark = ", ".join(f"{name} {value:.3g}" for name, value in shown.items())
-        bars.setdefault(phase, timed_bar(phase))(done, total, remark)
-
-    print("checking every step of the map, or reading what an earlier run kept ...", flush=True)
-    policy = train(
-        args.method,
-        args.network,
-        args.seed,
-        env_arguments=environment_arguments(args),
-        settings=settings,
-        init=args.init,
-        out=args.out,
-        command=shlex.join(["mlivr-gym", *sys.argv[1:]]),
-        progress=progress,
-        logs=args.logs,
-    )
+    if "ppo" not in settings:
+        refuse_without_effect(args, f"with --method {args.method}, without rewards", "shaping")
+    torch.set_num_threads(args.threads)
+    with Progress("checking every step of the map", quiet=args.quiet) as progress:
+        policy = train(
+            args.method,
+            args.network,
+            args.seed,
+            env_arguments=environment_arguments(args),
+            settings=settings,
+            init=args.init,
+            out=args.out,
+            command=shlex.join(["mlivr-gym", *sys.argv[1:]]),
+            progress=_teller(progress),
+            logs=args.logs,
+        )
+    args.result |= policy.config | {"files": [out.with_suffix(end) for end in (".pt", ".json")]}
     print(f"{out.with_suffix('.pt')} and .json: trained in {policy.config['seconds']:.0f} s")
     return SUCCESS
+
+
+def _teller(progress: Progress) -> Callable[[str, int, int, dict[str, float]], None]:
+    """Tells a phase of the training, how far it is, and its figures."""
+
+    def tell(phase: str, done: int, total: int, figures: dict[str, float]) -> None:
+        if progress.what != phase:
+            progress.begin(phase, total)
+        shown = [
+            f"{name} {figures[name]:.3g}"
+            for name in ("loss", "walks_that_arrive", "mean_return")
+            if name in figures
+        ]
+        progress.show(done, ", ".join(shown))
+
+    return tell

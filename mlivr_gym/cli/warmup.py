@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import time
 
+from mlivr_gym.cli.arguments import output_arguments
 from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.build import stance_graph
@@ -17,6 +19,7 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "warmup",
+        parents=[output_arguments()],
         help="compile for this machine what a first plan needs, and say where it is kept",
         description="Compile for this machine what a first plan needs, once for each version. "
         "The first plan does the same; an image or an installation can do it beforehand.",
@@ -27,9 +30,11 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 def run(args: argparse.Namespace) -> int:
     """Plan once, so that all is compiled."""
     began = time.perf_counter()
-    Planner(stance_graph()).plan(START, GOAL, "steps").unwrap()
-    print(f"ready after {time.perf_counter() - began:.1f} s")
+    with Progress("compiling and planning", quiet=args.quiet):
+        Planner(stance_graph()).plan(START, GOAL, "steps").unwrap()
+    seconds, tables = time.perf_counter() - began, cache_folder()
+    args.result |= {"seconds": seconds, "machine_code": kernel_root(), "step_tables": tables}
+    print(f"ready after {seconds:.1f} s")
     print(f"machine code: {kernel_root()}")
-    tables = cache_folder()
     print(f"step tables: {'not kept' if tables is None else tables}")
     return SUCCESS

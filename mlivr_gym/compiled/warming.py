@@ -35,6 +35,14 @@ QUIET = "MLIVR_GYM_COMPILING"
 _asked: set[Path] = set()
 """Marks that this process has looked for: it compiles nothing a second time."""
 
+_showing: list[object] = []
+"""The bar that is drawn on the terminal now, if there is one."""
+
+
+def is_showing() -> bool:
+    """Whether a bar is drawn on the terminal now, so that nothing else should be."""
+    return bool(_showing)
+
 
 def mark_of(source: Path) -> Path:
     """The mark that all is compiled: one for each state of a source and of what it imports."""
@@ -70,6 +78,8 @@ class _Bar(event.Listener):
             )
         filled = min(30 * self.done // EXPECTED, 29)
         if sys.stderr.isatty() and filled != self._shown:
+            if self not in _showing:
+                _showing.append(self)
             self._shown = filled
             spent = time.perf_counter() - self._began
             bar = "#" * filled + "." * (30 - filled)
@@ -79,6 +89,7 @@ class _Bar(event.Listener):
         """Clear the bar."""
         if self._shown >= 0:
             print("\r\033[K", end="", file=sys.stderr, flush=True)
+            _showing.remove(self)
 
 
 @contextmanager

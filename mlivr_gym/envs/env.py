@@ -118,6 +118,10 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     When points or obstacles of `graph` change in an episode, masks and steps are those of the new
     world. The robot stays where it is; if no step is left, every action is masked out.
 
+    ## Version History
+    * v0: first version. What an episode is also rests on the rules of the stance graph,
+      `settings.GRAPH_RULES`, whose number goes up when they change.
+
     Attributes:
         graph: The stance graph.
         reward: The whole reward, with bonus and shaping.

@@ -17,7 +17,7 @@ from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """A sequence of K stances and everything that belongs to it.
 
@@ -32,6 +32,14 @@ class Plan:
     world: World
     motion: Motion
     statistics: Statistics
+
+    def __repr__(self) -> str:
+        """Ends, steps and translation, in one line."""
+        start, end = (" ".join(stance) for stance in (self.stances[0], self.stances[-1]))
+        return (
+            f"<Plan of {self.world.robot.name!r} on {self.world.map_name!r}: {start} to {end}, "
+            f"{len(self.steps)} steps, {self.base_translation:.3f} m>"
+        )
 
     @property
     def stances(self) -> tuple[tuple[str, ...], ...]:

@@ -97,7 +97,7 @@ class World:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Motion:
     """K stances, the steps between them, and the configuration in each stance.
 
@@ -120,6 +120,10 @@ class Motion:
     branches: IntArray
     w_m: Array
     w_b: Array
+
+    def __repr__(self) -> str:
+        """How many stances and limbs there are, in one line."""
+        return f"<Motion: {len(self.stances)} stances of {len(self.stances[0])} limbs>"
 
 
 @dataclass(frozen=True)

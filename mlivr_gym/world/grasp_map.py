@@ -43,7 +43,7 @@ from mlivr_gym.world.rails import Handrail, Segment
 from mlivr_gym.world.surroundings import handrail_boxes, module_boxes, track_box
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class GraspMap:
     """Graspable points and the surroundings they belong to.
 
@@ -68,7 +68,7 @@ class GraspMap:
     name: str = "map"
     segments: tuple[Segment, ...] = ()
     handrails: tuple[Handrail, ...] = ()
-    boxes: tuple[Box, ...] = field(default=(), repr=False)
+    boxes: tuple[Box, ...] = ()
 
     def __post_init__(self) -> None:
         """Check shapes and values, and freeze the arrays."""
@@ -93,7 +93,14 @@ class GraspMap:
         if not (self.cabin[0] < self.cabin[1]).all():
             raise place.field("cabin").fault(f"{self.cabin.tolist()} must have its min below max")
 
-    _index: dict[str, int] = field(init=False, repr=False, compare=False, default_factory=dict)
+    _index: dict[str, int] = field(init=False, compare=False, default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Name and sizes, in one line."""
+        return (
+            f"<GraspMap {self.name!r}: {len(self)} points, {len(self.segments)} segments, "
+            f"{len(self.handrails)} handrails, {len(self.boxes)} boxes>"
+        )
 
     def __len__(self) -> int:
         """Number of points."""

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.test_set import SPLITS, load_test_set
-from mlivr_gym.cli.evaluate import _report, _worlds
+from mlivr_gym.cli.evaluate import _report, _worlds, told_of
 from mlivr_gym.cli.main import main
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -28,7 +29,9 @@ def test_commands_train_and_evaluate(capsys, tmp_path, short, ladder_file):
         "--out",
         str(out),
     ]
+    torch.set_num_threads(2)
     assert main(["train", *common, *arguments]) == 0
+    assert torch.get_num_threads() == 1  # these small networks lose time with more
     assert out.with_suffix(".pt").exists()
     assert out.with_suffix(".json").exists()
     for policy in (str(out), "expert", "mcts", "astar"):
@@ -47,7 +50,7 @@ def test_ctrl_c_ends_the_command_train_with_a_checkpoint_and_130(
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mlivr_gym.cli.train.timed_bar", lambda _: interrupt)
+    monkeypatch.setattr("mlivr_gym.cli.train.Progress.show", interrupt)
     code = main(
         ["train", "--map", str(ladder_file), "--no-collisions", "--method", "bc",
          "--hyperparameters", str(tmp_path / "hyper.json"), "--out", str(tmp_path / "policy")]
@@ -78,11 +81,14 @@ def test_what_is_reported_are_means_over_what_reached_the_goal(capsys):
         np.array([0.01, 0.02, 0.03]), np.zeros(3), np.zeros(3, dtype=int), np.full(3, np.nan),
     )  # fmt: skip
     none = replace(one, success=np.zeros(3, dtype=bool))
-    _report("walker", [one, replace(one, success=np.array([False, True, False])), none])
+    other = replace(one, success=np.array([False, True, False]))
+    _report("walker", told_of([one, other, none]))
     assert capsys.readouterr().out.splitlines() == [
         "walker: 3 of 9 episodes reach the goal",
         "  where it is reached: 32.33 steps, 4.167 m of base translation",
         "  first action after 20.0 ms on average, world included",
     ]
-    _report("walker", [none])
+    told = told_of([none])
+    assert told["mean_steps"] is None
+    _report("walker", told)
     assert capsys.readouterr().out.splitlines()[0] == "walker: 0 of 3 episodes reach the goal"

@@ -1,5 +1,8 @@
 """Usage, exit codes and interruptions of every command."""
 
+import json
+import runpy
+import shlex
 import signal
 import subprocess
 import sys
@@ -7,7 +10,10 @@ import time
 
 import pytest
 
-from mlivr_gym.cli.main import main
+from mlivr_gym import __version__
+from mlivr_gym.cli.examples import EXAMPLES
+from mlivr_gym.cli.main import COMMANDS, _parser, main
+from mlivr_gym.planners import Planner
 
 
 @pytest.mark.parametrize(
@@ -63,15 +69,68 @@ def test_bad_usage_gives_one_sentence_and_code_2(capsys, arguments):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-@pytest.mark.parametrize("command", [[], ["plan"], ["table1"], ["info"], ["render"]])
-def test_help(capsys, command):
+def test_every_command_has_examples_of_its_own_which_its_parser_takes(capsys):
+    """As they stand in its help, and in the help of no other command."""
+    for command, lines in EXAMPLES.items():
+        with pytest.raises(SystemExit) as stop:
+            main([command, "--help"])
+        assert stop.value.code == 0
+        shown = capsys.readouterr().out.split("examples:\n")[1]
+        assert shown == "".join(f"  {line}\n" for line in lines)
+        for line in lines:
+            bare = line.split("|")[0].split("#")[0].strip()
+            words = shlex.split(bare.removeprefix('eval "$(').removesuffix(')"'))
+            assert words[:2] == ["mlivr-gym", command]
+            _parser().parse_args(words[1:])
+    assert set(EXAMPLES) == {module.__name__.split(".")[-1] for module in COMMANDS}
+
+
+def test_the_package_is_the_command(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["mlivr-gym", "--version"])
     with pytest.raises(SystemExit) as stop:
-        main([*command, "--help"])
+        runpy.run_module("mlivr_gym", run_name="__main__")
     assert stop.value.code == 0
-    out = capsys.readouterr().out
-    assert "usage: mlivr-gym" in out
-    if command != ["table1"]:
-        assert "mlivr-gym plan --start D2a:4 D2b:4" in out
+    assert capsys.readouterr().out == f"mlivr-gym {__version__}\n"
+
+
+def test_json_is_all_that_is_printed_also_where_a_command_fails(run, checked_graph):
+    arguments = ("--start", "D2a:4", "D2b:4", "--goal", "6", "0", "0.42", "--cost", "steps")
+    code, out, err = run("plan", *arguments, "--json")
+    told = json.loads(out)
+    plan = Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap()
+    assert (code, told["exit_code"]) == (0, 0)
+    assert told["base_translation"] == plan.base_translation
+    assert [(step["limb"], step["to_point"]) for step in told["steps"]] == [*plan.actions]
+    code, out, err = run("plan", "--goal", "60", "0", "0", "--json")
+    told = json.loads(out)
+    assert (code, told["exit_code"]) == (2, 2)
+    assert "outside the cabin" in told["error"]
+    assert err.endswith(f"mlivr-gym: {told['error']}\n")
+
+
+def test_quiet_prints_errors_alone(run):
+    assert run("info", "--quiet") == (0, "", "")
+    code, out, err = run("plan", "-q", "--cost", "fast")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plan", "--no-manipulability", "--limb-threshold", "0.2"], "--limb-threshold"),
+        (["plan", "--no-collisions", "--clearance", "0.1"], "--clearance"),
+        (["plan", "--method", "dijkstra", "--heuristic", "paper"], "--heuristic"),
+        (["plan", "--method", "greedy", "--inflation", "2"], "--inflation"),
+        (["simulate", "--case", "3", "--no-film", "--frames", "7"], "--frames"),
+        (["evaluate", "--split", "same", "--episodes", "3"], "--episodes"),
+        (["evaluate", "--policy", "astar", "--beam", "3"], "--beam"),
+        (["train", "--method", "bc", "--shaping"], "--shaping"),
+    ],
+)
+def test_an_option_that_would_be_ignored_is_refused(run, arguments, words):
+    code, _, err = run(*arguments)
+    assert code == 2
+    assert f"{words} has no effect" in err
 
 
 def test_ctrl_c_ends_a_search_with_one_line_and_130(tmp_path):

@@ -28,7 +28,7 @@ def test_what_will_be_replaced_is_told(tmp_path, capsys):
     old, new = tmp_path / "old.json", tmp_path / "new.json"
     old.touch()
     claim(old, None, new)
-    assert capsys.readouterr().out == f"will be replaced: {old}\n"
+    assert capsys.readouterr() == ("", f"mlivr-gym: will be replaced: {old}\n")
     with pytest.raises(FileError, match="written twice"):
         claim(new, tmp_path / "x" / ".." / "new.json", folder=tmp_path / "x" / "..")
 
@@ -65,9 +65,9 @@ def test_both_files_of_a_picture_are_claimed(run, tmp_path):
     """The SVG beside the PNG is told before it is replaced, and may not be the plan's file."""
     old, picture = tmp_path / "plan.svg", tmp_path / "plan.png"
     old.touch()
-    code, out, _ = run("plan", "--picture", str(picture), "--limit", "1")
+    code, _, err = run("plan", "--picture", str(picture), "--limit", "1", "--quiet")
     assert code == 3
-    assert out.startswith(f"will be replaced: {old}\n")
+    assert err.startswith(f"mlivr-gym: will be replaced: {old}\n")
     assert files(tmp_path) == {"plan.svg"}
     code, _, err = run("plan", "--out", str(old), "--picture", str(picture))
     assert code == 2
@@ -139,10 +139,10 @@ def test_the_film_and_the_summary_of_an_earlier_walk_are_told(run, tmp_path, pla
     walk = tmp_path / "walk"
     walk.mkdir()
     (walk / "simulation.json").write_text(json.dumps({"earlier": True}))
-    code, out, _ = run(
+    code, _, err = run(
         "simulate", "--plan", str(plan_file), "--out", str(walk), "--duration", "0", "--no-film"
     )
     assert code == 2
-    assert f"will be replaced: {walk / 'simulation.json'}" in out
+    assert f"will be replaced: {walk / 'simulation.json'}" in err
     assert files(walk) == {"simulation.json"}
     assert json.loads((walk / "simulation.json").read_text()) == {"earlier": True}

@@ -1,14 +1,15 @@
-"""What tells how far a command is: on a terminal alone, and with the time that remains."""
+"""What tells how far a command is: a line that is drawn anew, or lines in a log."""
 
 import io
+import time
 from types import SimpleNamespace
 
 import pytest
 
 from mlivr_gym.cli import progress
-from mlivr_gym.cli.progress import Bar, counter, timed_bar
+from mlivr_gym.cli.progress import Progress
 
-LINE = "\r\x1b[K"
+CLEAR = "\r\x1b[K"
 
 
 class Stream(io.StringIO):
@@ -22,46 +23,77 @@ class Stream(io.StringIO):
         return self.terminal
 
 
-@pytest.fixture(params=[True, False], ids=["terminal", "file"])
-def stream(request, monkeypatch):
-    stream = Stream(request.param)
+@pytest.fixture
+def clock(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    return now
+
+
+def standard_error(monkeypatch, terminal):
+    stream = Stream(terminal)
     monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=stream))
     return stream
 
 
-def test_a_timed_bar_shows_share_and_remaining_time(stream, monkeypatch):
-    """Ten seconds for a quarter leave thirty for the rest; the end ends the line."""
-    clock = [100.0]
-    monkeypatch.setattr(progress.time, "perf_counter", lambda: clock[0])
-    show = timed_bar("train")
-    show(0, 8, "")
+def test_a_terminal_shows_share_and_remaining_time(clock, monkeypatch):
+    """Ten seconds for a quarter leave thirty for the rest; before two seconds there is nothing."""
+    stream = standard_error(monkeypatch, True)
+    shown = Progress("train", 8)
+    clock[0] = 101.9
+    shown.show(1)
+    assert stream.getvalue() == ""
     clock[0] = 110.0
-    show(2, 8, "loss 1")
-    show(8, 8, "")
-    show(0, 0, "")
-    shown = [
-        f"{LINE}train [{'.' * 24}] 0/8 0<0 s ",
-        f"{LINE}train [{'#' * 6}{'.' * 18}] 2/8 10<30 s loss 1",
-        f"{LINE}train [{'#' * 24}] 8/8 10<0 s \n",
-        f"{LINE}train [{'.' * 24}] 0/0 10<0 s \n",
+    shown.show(2, "loss 1")
+    clock[0] = 110.1
+    shown.show(3)  # too soon to be drawn
+    clock[0] = 112.0
+    shown.show(8)
+    assert stream.getvalue().split(CLEAR) == [
+        "",
+        f"train [{'#' * 6}{'.' * 18}] 2/8, 10 s, 30 s remain; loss 1",
+        f"train [{'#' * 24}] 8/8, 12 s, 0 s remain",
     ]
-    assert stream.getvalue() == ("".join(shown) if stream.terminal else "")
 
 
-def test_a_bar_is_cleared(stream):
-    bar = Bar("steps", 4)
-    bar.show(3)
-    bar.close()
-    shown = [
-        f"{LINE}[{'.' * 30}] 0/4 steps",
-        f"{LINE}[{'#' * 22}{'.' * 8}] 3/4 steps",
-        LINE,
-    ]
-    assert stream.getvalue() == ("".join(shown) if stream.terminal else "")
+def test_a_log_gets_a_line_now_and_then(clock, monkeypatch):
+    """After 2 s, then each time the time has doubled, and once a minute in the end."""
+    stream = standard_error(monkeypatch, False)
+    shown, told = Progress("states explored"), []
+    for second in range(400):
+        clock[0] = 100.0 + second
+        shown.show(10 * second)
+        if len(stream.getvalue().splitlines()) > len(told):
+            told.append(second)
+    assert told == [2, 4, 8, 16, 32, 64, 124, 184, 244, 304, 364]
+    assert stream.getvalue().splitlines()[1] == "40 states explored, 4 s"
+    shown.begin("pictures", 5)
+    shown.show(0)
+    assert len(stream.getvalue().splitlines()) == len(told)
 
 
-def test_a_counter_goes_away_with_a_number_below_zero(stream):
-    show = counter("states")
-    show(12)
-    show(-1)
-    assert stream.getvalue() == (f"\r12 states{LINE}" if stream.terminal else "")
+def test_what_gives_no_word_of_its_own_is_told_as_well(monkeypatch):
+    stream = standard_error(monkeypatch, True)
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    with Progress("compiling"):
+        time.sleep(0.8)
+    assert stream.getvalue().startswith(f"{CLEAR}compiling, ")
+    assert stream.getvalue().endswith(CLEAR)
+
+
+def test_quiet_tells_nothing(clock, monkeypatch):
+    stream = standard_error(monkeypatch, False)
+    shown = Progress("states", quiet=True)
+    clock[0] = 200.0
+    shown.show(1)
+    assert stream.getvalue() == ""
+
+
+def test_a_line_is_printed_above_what_is_drawn(clock, monkeypatch, capsys):
+    stream = standard_error(monkeypatch, True)
+    shown = Progress("cases", 4)
+    clock[0] = 110.0
+    shown.show(1)
+    shown.say("case 1")
+    assert stream.getvalue().endswith(f"remain{CLEAR}")
+    assert capsys.readouterr().out == "case 1\n"

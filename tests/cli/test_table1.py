@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym.cli import table1
+from mlivr_gym.cli.main import main
 from mlivr_gym.paper import CASES, CONSTRUCTION, FINDING, MODES, PAPER, case_graph, relations
 from mlivr_gym.planners import Plan
 from mlivr_gym.planners.walks import edges_along
@@ -15,9 +16,7 @@ from mlivr_gym.planners.walks import edges_along
 def made(tmp_path_factory):
     """Folder, exit code, lines and data of the command."""
     folder = tmp_path_factory.mktemp("table1") / "new" / "results"
-    parser = table1.argparse.ArgumentParser()
-    table1.add_command(parser.add_subparsers())
-    code = table1.run(parser.parse_args(["table1", "--out", str(folder)]))
+    code = main(["table1", "--out", str(folder)])
     return folder, code, json.loads((folder / "table1.json").read_text())
 
 

@@ -1,0 +1,99 @@
+"""How the site is built; `make docs` does it, with warnings as errors."""
+
+from __future__ import annotations
+
+import inspect
+import pydoc
+import re
+from typing import Any
+
+import mlivr_gym
+
+project = "mlivr-gym"
+author = "The mlivr-gym developers"
+copyright = "The mlivr-gym developers"
+release = version = mlivr_gym.__version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+]
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 3
+default_role = "code"
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_mock_imports = ["torch", "stable_baselines3", "sb3_contrib", "minari", "dm_env"]
+autoclass_content = "both"
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+# Names that two classes have, such as Task, are not linked where they stand in a signature.
+suppress_warnings = ["config.cache", "ref.python"]
+
+html_theme = "furo"
+html_title = f"mlivr-gym {version}"
+html_static_path: list[str] = []
+exclude_patterns = ["_build"]
+
+DOCSTRING = re.compile(r"^<!-- docstring ([\w.]+) -->$", re.MULTILINE)
+"""Where a page has the docstring of a class, which is Markdown with Google's sections."""
+
+SECTION = re.compile(
+    r"^(Attributes|Args|Raises|Example|Returns):\n((?:    .*\n|\n)+)", re.MULTILINE
+)
+ENTRY = re.compile(r"^    (\*{0,2}\w+): ((?:.*\n(?:        .*\n)*))", re.MULTILINE)
+
+
+def listed(text: str) -> str:
+    """Sections of a Google docstring as headings with lists."""
+
+    def section(match: re.Match[str]) -> str:
+        name = "Arguments" if match[1] == "Args" else match[1]
+        if match[1] == "Example":
+            return f"## Example\n\n```python\n{inspect.cleandoc(match[2])}\n```\n"
+        entries = [
+            f"* `{entry[1]}`: {' '.join(entry[2].split())}" for entry in ENTRY.finditer(match[2])
+        ]
+        return f"## {name}\n\n" + "\n".join(entries) + "\n"
+
+    return SECTION.sub(section, text + "\n")
+
+
+def described(name: str) -> str:
+    """The docstring of a class and of its constructor as Markdown."""
+    found: Any = pydoc.locate(name)
+    text = listed(inspect.cleandoc(found.__doc__))
+    made = inspect.cleandoc(found.__init__.__doc__ or "")
+    arguments = listed(made)
+    if "## Arguments" in arguments:
+        first = arguments.index("## Arguments")
+        last = arguments.find("\n## ", first + 1)
+        text += "\n" + arguments[first : last if last > 0 else None]
+    return text
+
+
+def with_docstrings(app: Any, docname: str, source: list[str]) -> None:
+    """Put docstrings where pages ask for them."""
+    source[0] = DOCSTRING.sub(lambda match: described(match[1]), source[0])
+
+
+PAGES = {
+    "mlivr_gym.envs.env.MlivrEnv": "MLIVR-JEM-v0",
+    "mlivr_gym.envs.vector_env.MlivrVectorEnv": "Vector environment",
+}
+"""Classes whose docstrings are pages of their own."""
+
+
+def refer(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """In the reference, name the page of a class that has one in place of its docstring."""
+    if name in PAGES:
+        lines[:] = [f"See the page *{PAGES[name]}* of the environments."]
+
+
+def setup(app: Any) -> None:
+    """Connect both."""
+    app.connect("source-read", with_docstrings)
+    app.connect("autodoc-process-docstring", refer, priority=0)

@@ -1,0 +1,53 @@
+"""Train with MaskablePPO of sb3-contrib, as its documentation shows (extra [agents]).
+
+One task on a part of the module, so that there is something to see within a minute; policies for
+any task are trained with `mlivr-gym train`, which imitates the expert first.
+"""
+
+import gymnasium
+import numpy as np
+import torch
+from sb3_contrib import MaskablePPO
+from sb3_contrib.common.maskable.evaluation import evaluate_policy
+from sb3_contrib.common.maskable.utils import get_action_masks
+
+import mlivr_gym
+from mlivr_gym import jem_map
+from mlivr_gym.envs.tasks import Task
+
+START, GOAL, STEPS = ("D2a:4", "D2b:4"), (2.4, 0.6, 0.0), 16_000
+
+
+class OneTask:
+    """Always the same task; an object with this method is all that `tasks` needs."""
+
+    def draw(self, graph, rng, tolerance, start=None):
+        """From the deck to the aft wall."""
+        return Task(graph.state(START), np.array(GOAL))
+
+
+torch.set_num_threads(1)  # small networks lose time with more
+points = jem_map()
+near = points.subset((points.positions[:, 0] > 1.0) & (points.positions[:, 0] < 3.5), "two racks")
+print(mlivr_gym.__version__, near)
+env = gymnasium.make(
+    "MLIVR-JEM-v0", map=near, tasks=OneTask(), shaping=True, precompute=True, max_episode_steps=40
+)
+
+model = MaskablePPO("MultiInputPolicy", env, n_steps=512, gamma=0.99, seed=0, device="cpu")
+for steps in (0, STEPS):
+    if steps:
+        model.learn(steps)
+    _, lengths = evaluate_policy(
+        model, env, n_eval_episodes=10, deterministic=False, return_episode_rewards=True, warn=False
+    )
+    print(f"after {steps} steps of training: {np.mean(lengths):.1f} steps an episode")
+
+observation, info = env.reset(seed=1)
+over = False
+while not over:
+    masks = get_action_masks(env)
+    action, _ = model.predict(observation, action_masks=masks, deterministic=False)
+    observation, reward, terminated, truncated, info = env.step(action)
+    over = terminated or truncated
+print("reached" if info["is_success"] else "not reached", "after", info["steps"], "steps")

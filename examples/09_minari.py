@@ -1,0 +1,31 @@
+"""Write walks of the expert as a Minari data set and read them again (extra [data]).
+
+Data sets lie where Minari keeps them: `~/.minari`, or the folder of `MINARI_DATASETS_PATH`.
+"""
+
+import minari
+import numpy as np
+
+from mlivr_gym import jem_map
+from mlivr_gym.agents.dataset import load_dataset, write_dataset
+
+NAME = "mlivr/example/expert-v0"
+
+if NAME in minari.list_local_datasets():
+    minari.delete_dataset(NAME)
+points = jem_map()
+near = points.subset((points.positions[:, 0] > 1.0) & (points.positions[:, 0] < 3.5), "two racks")
+write_dataset(NAME, episodes=20, env_arguments={"map": near})
+
+dataset = load_dataset(NAME)  # as `minari.load_dataset`, and refuses walks of other rules
+print(f"{dataset.total_episodes} episodes, {dataset.total_steps} steps")
+for episode in dataset.sample_episodes(3):
+    masks = episode.observations["action_mask"]
+    print(
+        f"episode {episode.id}: {len(episode.actions)} steps, return {episode.rewards.sum():.0f}, "
+        f"{np.mean(masks.sum(axis=1)):.0f} possible actions on average"
+    )
+
+env = dataset.recover_environment()  # the environment in which the walks were made
+print(env.spec.id, env.observation_space["action_mask"])
+minari.delete_dataset(NAME)

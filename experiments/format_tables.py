@@ -1,0 +1,198 @@
+"""Tables of the fields of files for `docs/formats.md`, made from the schemas that check them."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from mlivr_gym.motion.plan_files import FORM, FORMAT, STATISTICS, motion_fields, step_fields
+from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.specification import ROBOT
+from mlivr_gym.schema import (
+    Anything,
+    Choice,
+    Fields,
+    Flag,
+    Listed,
+    Maybe,
+    Numbers,
+    Record,
+    Rotation,
+    Text,
+    Whole,
+)
+from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES, Boxes
+from mlivr_gym.world.map_entries import MODULE, REMARKS
+from mlivr_gym.world.rails import HANDRAIL, SEGMENT
+
+LIMBS, STANCES = 13, 17
+"""Numbers that stand for N limbs and K stances in schemas that depend on them."""
+
+SYMBOLS = {LIMBS: "N", STANCES: "K", STANCES - 1: "K - 1"}
+"""What they are shown as."""
+
+MEANINGS = {
+    "name": "Short name of the map.",
+    "points": "Graspable points, see below.",
+    "segments": "Straight rails that carry points, see below.",
+    "spacing": "Distance of points along a segment.",
+    "handrails": "Handrails, which are kept clear of and take points away, see below.",
+    "clearance": "Distance of points from the footprints of handrails.",
+    "cabin": "Where the base may be, lower and upper corner; by default the box of all points, "
+    "1.5 m larger.",
+    "boxes": "Boxes that must not be touched, see *Obstacles*.",
+    "scene": "Figures of the JEM's walls and closeouts, from which its boxes are made.",
+    "racks": "Racks of the JEM, from which its boxes are made.",
+    "occupied": "Ids of points that no limb may take hold of.",
+    "id": "Name, of which no other has the same.",
+    "face": "Name of the face that it lies on.",
+    "position": "Where it is.",
+    "normal": "Outward surface normal, of length 1.",
+    "rail": "Direction of the rail, at right angles to the normal.",
+    "start": "One end, in the middle of the rail's surface.",
+    "end": "The other end.",
+    "width": "Width of the rail.",
+    "thickness": "How far the rail stands out of its face.",
+    "axis": "Axis along which the bar runs.",
+    "bar_min": "Lower corner of the bar alone, without its posts.",
+    "bar_max": "Upper corner of the bar alone.",
+    **dict.fromkeys(("d1", "a2", "a3", "d4", "d5", "d6"), "Length of the standard DH convention."),
+    "min": "Lower corner.",
+    "max": "Upper corner.",
+    "format": f"Version of the format, {FORMAT}.",
+    "rules": "Number of the rules of the stance graph.",
+    "query": "What was asked for, see below.",
+    "world": "Where the plan was made, see below.",
+    "motion": "Stances, steps and configurations, see below.",
+    "statistics": "What the search found and spent, see below.",
+} | dict.fromkeys(REMARKS, "For readers; not used.")
+"""Meaning of fields that no class describes."""
+
+
+def kind_in_words(kind: Any) -> str:
+    """What a value must be."""
+    match kind:
+        case Maybe():
+            return f"{kind_in_words(kind.kind)}, or null"
+        case Text():
+            return "text"
+        case Flag():
+            return "true or false"
+        case Choice():
+            return "one of " + ", ".join(f"`{option}`" for option in kind.options)
+        case Whole():
+            most = SYMBOLS.get(kind.most + 1)
+            top = f"{most} - 1" if most else f"{kind.most}" if kind.most < 1 << 31 else ""
+            return f"whole number from {kind.least}" + (f" to {top}" if top else "")
+        case Numbers():
+            return _numbers(kind)
+        case Rotation():
+            return "rotation matrix, 3 rows of 3"
+        case Boxes():
+            return "list of boxes"
+        case Listed():
+            return _listed(kind)
+        case Record():
+            return "object"
+        case Fields():
+            return "object with " + ", ".join(f"`{name}`" for name in kind.required)
+        case Anything():
+            return "anything"
+    raise TypeError(f"no words for {kind!r}")
+
+
+def _numbers(kind: Numbers) -> str:
+    """Numbers with shape, unit and range."""
+    unit = f" [{kind.unit}]" if kind.unit else ""
+    rows = SYMBOLS.get(kind.rows[1], "k")
+    shape = ", ".join(rows if n is None else SYMBOLS.get(n, str(n)) for n in kind.shape)
+    what = f"numbers, shape ({shape}{',' if len(kind.shape) == 1 else ''})" if shape else "number"
+    bounded = kind.least > -1e9 and (kind.least != 0.0 or kind.most > 1e9)
+    low = f", at least {kind.least:g}" if bounded and kind.most > 1e9 else ""
+    inside = f", {kind.least:g} to {kind.most:g}" if kind.least > -1e5 and kind.most < 1e9 else ""
+    return f"{what}{unit}{inside or low}"
+
+
+def _listed(kind: Listed[Any]) -> str:
+    """A list, of how many of what."""
+    exact = kind.least == kind.most
+    count = f"{SYMBOLS.get(kind.most, kind.most)} " if exact else ""
+    inner = kind.kind
+    what = {Record: "objects", Fields: "objects", Text: "texts"}.get(type(inner))
+    return f"list of {count}{what or kind_in_words(inner)}"
+
+
+def attributes(made: type) -> dict[str, str]:
+    """What a class says of its attributes in its docstring."""
+    text = inspect.cleandoc(made.__doc__ or "").partition("Attributes:\n")[2]
+    found = re.findall(r"^    (\w+): ((?:.*(?:\n        .*)*))", text, re.MULTILINE)
+    said = {name: " ".join(meaning.split()) for name, meaning in found}
+    for name, meaning in re.findall(
+        r"^    (\w+): .*\n    \"\"\"((?:.|\n)*?)\"\"\"", inspect.getsource(made), re.MULTILINE
+    ):
+        said.setdefault(name, " ".join(meaning.split()))
+    return said
+
+
+def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[str]:
+    """A row of the table for each field of an object."""
+    fields = kind.fields if isinstance(kind, Record) else kind
+    for part, needed in ((fields.required, "yes"), (fields.optional, "")):
+        for name, inner in part.items():
+            told = meanings[name].replace("|", "\\|")
+            yield f"| `{name}` | {needed} | {kind_in_words(inner)} | {told} |"
+
+
+def table(kind: Any, made: type | None = None, title: str = "") -> str:
+    """The fields of an object as a table, with a title above it."""
+    made = kind.made if made is None and isinstance(kind, Record) else made
+    meanings = MEANINGS | (attributes(made) if made is not None else {})
+    head = f"{title}\n\n" if title else ""
+    lines = ["| field | needed | value | meaning |", "|---|---|---|---|", *rows(kind, meanings)]
+    return head + "\n".join(lines) + "\n"
+
+
+def tables() -> dict[str, str]:
+    """The tables by the names of their marks."""
+    point = MODULE.optional["points"].kind  # type: ignore[attr-defined]
+    robot, capsules = ROBOT, ROBOT.kinds["capsules"].kind.kind  # type: ignore[attr-defined]
+    query, world = FORM.required["query"], FORM.required["world"]
+    step, motion = step_fields(LIMBS), motion_fields(STANCES, LIMBS)
+    return {
+        "fields_map": "\n".join(
+            (
+                table(MODULE),
+                table(point, title="A point:"),
+                table(SEGMENT, title="A segment:"),
+                table(HANDRAIL, title="A handrail:"),
+            )
+        ),
+        "fields_obstacles": table(OBSTACLES),
+        "fields_box": table(BOX_DATA),
+        "fields_robot": "\n".join(
+            (
+                table(robot),
+                table(robot.kinds["limb"], title="A limb:"),
+                table(capsules, title="A capsule:"),
+            )
+        ),
+        "fields_plan": "\n".join(
+            (
+                table(FORM),
+                table(query, title="`query`:"),
+                table(world, title="`world`; its settings are those of `Settings`:"),
+                table(motion, title="`motion`, of K stances and N limbs:"),
+                table(step, title="A step:"),
+                table(STATISTICS, title="`statistics`:"),
+            )
+        ),
+        "fields_trajectory": _trajectory(),
+    }
+
+
+def _trajectory() -> str:
+    lines = ["| field | meaning |", "|---|---|"]
+    lines += [f"| `{name}` | {told} |" for name, told in attributes(Trajectory).items()]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,8 @@
+"""`python -m mlivr_gym` is the command `mlivr-gym`."""
+
+import sys
+
+from mlivr_gym.cli.main import main
+
+if __name__ == "__main__":
+    sys.exit(main())

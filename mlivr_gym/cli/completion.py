@@ -1,0 +1,86 @@
+"""The command `mlivr-gym completion`: completion of commands, options and their values."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+
+from mlivr_gym.cli.exits import SUCCESS
+
+SCRIPT = """\
+# Completion of mlivr-gym for bash and zsh; made by `mlivr-gym completion`.
+if [ -n "${{ZSH_VERSION-}}" ]; then
+    autoload -U +X bashcompinit && bashcompinit
+fi
+_mlivr_gym() {{
+    local current="${{COMP_WORDS[COMP_CWORD]}}" before="${{COMP_WORDS[COMP_CWORD-1]}}" words=""
+    if [ "$COMP_CWORD" -eq 1 ]; then
+        words="{commands}"
+    else
+        case "${{COMP_WORDS[1]}} $before" in
+{cases}
+        esac
+    fi
+    COMPREPLY=($(compgen -W "$words" -- "$current"))
+}}
+complete -o default -F _mlivr_gym mlivr-gym
+"""
+"""What both shells take; files are completed where nothing else fits."""
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser's."""
+    parser = commands.add_parser(
+        "completion",
+        help="print a script by which bash or zsh completes commands and options",
+        description="Print a script by which a shell completes commands, options and values.",
+    )
+    parser.add_argument("shell", choices=("bash", "zsh"), help="the shell; both take one script")
+    parser.set_defaults(run=lambda _: run(commands.choices))
+
+
+def run(parsers: Mapping[str, argparse.ArgumentParser]) -> int:
+    """Print the script."""
+    print(script(parsers), end="")
+    return SUCCESS
+
+
+def script(parsers: Mapping[str, argparse.ArgumentParser]) -> str:
+    """The script for some commands."""
+    named, cases = _values(), []
+    for name, parser in parsers.items():
+        words: list[str] = []
+        for action in parser._actions:  # argparse has no public way to its options
+            values = tuple(map(str, action.choices or ()))
+            if not action.option_strings:
+                words += values
+            for option in action.option_strings:
+                values = values or named.get(f"{name} {option}") or named.get(option, ())
+                files = action.metavar in ("FILE", "FOLDER", "PATH")
+                if values or files:
+                    cases.append(f'            "{name} {option}") words="{" ".join(values)}" ;;')
+            words += action.option_strings
+        cases.append(f'            "{name} "*) words="{" ".join(words)}" ;;')
+    return SCRIPT.format(commands=" ".join(parsers), cases="\n".join(cases))
+
+
+def _values() -> dict[str, tuple[str, ...]]:
+    """Values of options that are names, of one command or whatever the command."""
+    from mlivr_gym.agents.hyperparameters import METHODS as TRAININGS
+    from mlivr_gym.agents.test_set import SPLITS
+    from mlivr_gym.cli.evaluate import PLANNERS
+    from mlivr_gym.motion.plan_parts import COSTS
+    from mlivr_gym.planners.costs import HEURISTICS
+    from mlivr_gym.planners.query import METHODS
+    from mlivr_gym.robot.specification import ROBOTS
+
+    return {
+        "--robot": tuple(ROBOTS),
+        "--cost": COSTS,
+        "--heuristic": HEURISTICS,
+        "plan --method": METHODS,
+        "simulate --method": METHODS,
+        "train --method": TRAININGS,
+        "--policy": ("pretrained", *PLANNERS),
+        "--split": SPLITS,
+    }

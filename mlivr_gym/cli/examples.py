@@ -1,0 +1,45 @@
+"""What the help of each command shows of its use."""
+
+EXAMPLES = {
+    "plan": (
+        "mlivr-gym plan",
+        "mlivr-gym plan --start D2a:4 D2b:4 --goal 6.0 0 0.42 --cost steps --out plan.json",
+        "mlivr-gym plan --cost weighted --regrasp-price 0.1 --picture plan.png",
+        "mlivr-gym plan --box 3.2 -1.0 -1.0 3.5 1.0 0.3 --occupied D3a:3 D3a:4",
+        "mlivr-gym plan --json | jq .steps",
+    ),
+    "simulate": (
+        "mlivr-gym simulate --case 3 --out walk",
+        "mlivr-gym simulate --plan plan.json --no-film --out walk",
+    ),
+    "table1": ("mlivr-gym table1 --out results",),
+    "info": ("mlivr-gym info", "mlivr-gym info --map my_map.json --robot my_robot.json --json"),
+    "render": (
+        "mlivr-gym render --start D2a:4 D2b:4 --out start.png",
+        "mlivr-gym render --plan plan.json --out walk.png",
+        "mlivr-gym render --plan plan.json --stance 2 --size 1600 800 --mjcf scene.xml",
+    ),
+    "train": (
+        "mlivr-gym train --method dagger --out my_policy",
+        "mlivr-gym train --method finetune --init my_policy --shaping --out better",
+    ),
+    "evaluate": (
+        "mlivr-gym evaluate --policy astar --episodes 10",
+        "mlivr-gym evaluate --policy pretrained --beam 8 --split same",
+        "mlivr-gym evaluate --policy my_policy --split occupied --json",
+    ),
+    "dataset": ("mlivr-gym dataset --id mlivr/jem/astar-v0 --episodes 200",),
+    "warmup": ("mlivr-gym warmup",),
+    "doctor": ("mlivr-gym doctor", "mlivr-gym doctor --json"),
+    "completion": (
+        'eval "$(mlivr-gym completion bash)"     # in ~/.bashrc',
+        'eval "$(mlivr-gym completion zsh)"      # in ~/.zshrc, after compinit',
+    ),
+}
+"""Command lines by command."""
+
+
+def examples(*commands: str) -> str:
+    """The examples of some commands as the end of a help."""
+    lines = [line for command in commands for line in EXAMPLES[command]]
+    return "examples:\n" + "".join(f"  {line}\n" for line in lines)
