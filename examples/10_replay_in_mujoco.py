@@ -1,4 +1,4 @@
-"""Replay a walk in MuJoCo alone: the scene as MJCF, the trajectory as CSV.
+"""Replay a walk in MuJoCo alone: the simulation model as MJCF, the trajectory as CSV.
 
 The first half makes the two files, as `mlivr-gym render --mjcf` and `simulate` do; the second half
 reads them without this package, as another simulator or controller would.
@@ -11,24 +11,25 @@ import mujoco
 import numpy as np
 
 from mlivr_gym import stance_graph
-from mlivr_gym.motion.plan_motion import plan_trajectory
+from mlivr_gym.motion.trajectory_files import save_csv
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.scene import scene_spec
+from mlivr_gym.simulation.export import exported_model
+from mlivr_gym.simulation.timing import plan_trajectory
 
 graph = stance_graph()
 plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap()
-plan_trajectory(graph, plan).every(0.1).save_csv("walk.csv")
-spec = scene_spec(graph.grasp_map, graph.robot)
-spec.compile()
-Path("scene.xml").write_text(spec.to_xml())
+save_csv(plan_trajectory(graph, plan, period=0.1), "walk.csv")
+points = graph.indices(plan.stances[0])
+model = exported_model(graph.grasp_map, graph.robot, plan.configuration(0), points)
+Path("scene.xml").write_text(model)
 
 # From here on MuJoCo alone.
 model = mujoco.MjModel.from_xml_path("scene.xml")
 data = mujoco.MjData(model)
 with open("walk.csv") as stream:
     rows = list(csv.DictReader(stream))
-joints = [name for name in rows[0] if name.endswith("_rad")]
-places = [model.joint(name.removesuffix("_rad").replace("_", "/")).qposadr[0] for name in joints]
+joints = [name for name in rows[0] if name.endswith("/position_rad")]
+places = [model.joint(name.removesuffix("/position_rad")).qposadr[0] for name in joints]
 base = model.joint("base").qposadr[0]
 
 deepest, farthest = 0.0, 0.0
@@ -40,8 +41,8 @@ for row in rows:
     if data.ncon:
         deepest = min(deepest, float(data.contact.dist.min()))
     for limb in (0, 1):
-        if row[f"limb{limb}_grasp"]:
-            held = data.site(f"point/{row[f'limb{limb}_grasp']}").xpos
+        if row[f"limb{limb}/grasp"]:
+            held = data.site(f"point/{row[f'limb{limb}/grasp']}").xpos
             off = np.linalg.norm(data.site(f"limb{limb}/grasp").xpos - held)
             farthest = max(farthest, float(off))
 print(f"{len(rows)} configurations, {float(rows[-1]['time_s']):.1f} s")

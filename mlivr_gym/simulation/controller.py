@@ -5,10 +5,10 @@ At every period it reads the encoders and asks each joint for
     kp (q_ref - q) + kd (qdot_ref - qdot) + ki (integral of q_ref - q) + what is fed forward,
 
 cut off at the joint's largest torque and held until the next period. `q_ref` is the trajectory's
-angle with a shift added, constant but for two occasions: when a step begins, `rebase` moves the
-references to where the encoders are, so that limbs that hold one robot do not work against each
-other; and on approach `guided` moves that of the limb that approaches by what its sensor sees of
-the point.
+angle with a shift added. When a step begins, `rebase` moves the references to where the encoders
+are, so that limbs that hold one robot do not work against each other. Departure and swing take that
+shift out again, or errors of one step after the other would add up. On approach `guided` moves the
+reference of the limb that approaches by what its sensor sees of the point.
 
 A limb that holds carries the whole robot, some 30 kg m^2 about its joints, and is damped by the
 grasp; a limb that is free ends in a wrist of hardly more than its rotor's 0.1 kg m^2. Sampled, a
@@ -40,25 +40,27 @@ class Controller:
         feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward, see
             `feedforward.feedforward`.
         rebase: Whether references move to where the encoders are when a step begins.
+        recovery: Time in which a shift falls to 1/e on departure and swing [s].
         guided: Whether a sensor on the gripper guides the approach.
         sensor_period: Time from one reading of that sensor to the next [s].
         guidance: Share of the error seen that is taken out in a second [1/s].
         patience: How long the gripper may wait before the point until the error seen is small [s].
-        tries: Approaches that are tried before a grasp counts as missed.
+        tries: Approaches that are tried, all but the last of which must come close to the point.
     """
 
-    kp_free: tuple[float, ...] = (800.0, 1200.0, 1200.0, 300.0, 300.0, 240.0)
-    kd_free: tuple[float, ...] = (40.0, 60.0, 60.0, 15.0, 15.0, 12.0)
+    kp_free: tuple[float, ...] = (800.0, 1200.0, 1200.0, 200.0, 200.0, 160.0)
+    kd_free: tuple[float, ...] = (40.0, 60.0, 60.0, 10.0, 10.0, 8.0)
     kp_hold: tuple[float, ...] = (800.0, 1200.0, 1200.0, 1000.0, 1400.0, 1200.0)
     kd_hold: tuple[float, ...] = (40.0, 60.0, 60.0, 50.0, 70.0, 60.0)
     integral: float = 0.0
     period: float = 0.002
     feedforward: bool = True
     rebase: bool = True
+    recovery: float = 1.0
     guided: bool = True
     sensor_period: float = 0.02
-    guidance: float = 5.0
-    patience: float = 1.0
+    guidance: float = 1.0
+    patience: float = 3.0
     tries: int = 2
 
     def __post_init__(self) -> None:
@@ -88,6 +90,7 @@ CONTROLLER = Record(
         "period": Tuples((), 1e-5, 0.1, "s"),
         "feedforward": Flag(),
         "rebase": Flag(),
+        "recovery": Tuples((), 1e-3, 1e6, "s"),
         "guided": Flag(),
         "sensor_period": Tuples((), 1e-4, 1.0, "s"),
         "guidance": Tuples((), 0.0, 100.0, "1/s"),

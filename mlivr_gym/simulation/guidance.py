@@ -18,6 +18,9 @@ from mlivr_gym.simulation.joint_control import JointControl
 CLOSE_POSITION, CLOSE_ANGLE = 0.001, float(np.deg2rad(0.4))
 """An error seen that is smaller counts as none [m, rad]."""
 
+AT_REST = 0.01
+"""A joint that turns more slowly counts as at rest [rad/s]."""
+
 MEMORY = 0.8
 """Share of the error seen before that is kept at each reading of the sensor."""
 
@@ -26,11 +29,7 @@ LARGEST_CHANGE = 0.01
 
 
 class Guidance:
-    """Guides one limb to one point.
-
-    Attributes:
-        close: Whether the error seen is small.
-    """
+    """Guides one limb to one point."""
 
     def __init__(
         self,
@@ -56,8 +55,8 @@ class Guidance:
 
     @property
     def close(self) -> bool:
-        """Whether the error seen is small."""
-        if self._seen is None:
+        """Whether the error seen is small, and the limb at rest."""
+        if self._seen is None or self._joints.fastest(self._limb) > AT_REST:
             return False
         away, turned = np.linalg.norm(self._seen[:3]), np.linalg.norm(self._seen[3:])
         return bool(away < CLOSE_POSITION and turned < CLOSE_ANGLE)
@@ -73,7 +72,7 @@ class Guidance:
         seen = error if self._seen is None else MEMORY * self._seen + (1.0 - MEMORY) * error
         self._seen = seen
         share = self._controller.guidance * self._controller.sensor_period
-        change = share * np.linalg.pinv(self._grippers.jacobian(self._limb)) @ error
+        change = share * np.linalg.pinv(self._grippers.jacobian(self._limb)) @ seen
         change *= min(1.0, LARGEST_CHANGE / max(float(np.abs(change).max()), 1e-12))
         self._joints.shift[6 * self._limb : 6 * self._limb + 6] += change
 

@@ -92,12 +92,29 @@ class JointControl:
         self.shift = self._data.qpos[7:] + self._bias - positions
         self._integral[:] = 0.0
 
-    def run(self, reference: Reference, held: Sequence[bool]) -> tuple[Array, Array]:
+    def fastest(self, limb: int) -> float:
+        """Largest speed of a limb's joints, as last read [rad/s]."""
+        speeds = self._past[-1][1][6 * limb : 6 * limb + 6]
+        return float(np.abs(speeds).max())
+
+    def _shifts(self, count: int, recovering: bool) -> Array:
+        """The shift at each of the next time steps, shape (1 or count, 6 N) [rad]."""
+        if not recovering:
+            return self.shift[None]
+        step = self._model.opt.timestep / self._controller.recovery
+        shifts: Array = self.shift * np.exp(-step * np.arange(1, count + 1))[:, None]
+        self.shift = shifts[-1].copy()
+        return shifts
+
+    def run(
+        self, reference: Reference, held: Sequence[bool], recovering: bool = False
+    ) -> tuple[Array, Array]:
         """Follow a reference, one time step for each of its times.
 
         Args:
             reference: The reference.
             held: Which limbs hold.
+            recovering: Whether the shift is taken out meanwhile.
 
         Returns:
             Time, positions and velocities before each time step, and sensor data at it.
@@ -111,7 +128,7 @@ class JointControl:
         kp = np.ravel([controller.kp_hold if hold else controller.kp_free for hold in held])
         kd = np.ravel([controller.kd_hold if hold else controller.kd_free for hold in held])
         gain = kp * controller.integral * controller.period
-        wanted = reference.positions + self.shift
+        wanted = reference.positions + self._shifts(count, recovering)
         q, v, ctrl = data.qpos[7:], data.qvel[6:], data.ctrl
         first, most, integral = 1 + model.nq, self._most, self._integral
         for k in range(count):

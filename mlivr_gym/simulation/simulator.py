@@ -169,7 +169,8 @@ class Simulation:
             runs += self._wait(trajectory, reference, step)
             distance, angle = self.grasp_error(limb, point)
             caught = within(self.physics, distance, angle)
-            if caught or tries == self.controller.tries or runs[-1].failure is not None:
+            sure = caught and (self._guidance.close or not self.controller.guided)
+            if sure or tries == self.controller.tries or runs[-1].failure is not None:
                 break
             tries += 1
             runs += self._again(trajectory, reference, step)
@@ -244,7 +245,9 @@ class Simulation:
             phase = int(trajectory.phase[first + 1])
             enter(phase)
             held = [point != FREE for point in self.points]
-            states, sensors = self._joints.run(reference.at(np.arange(first, last)), held)
+            recovering = FREE in self.points and PHASES[phase] != "approach"
+            here = reference.at(np.arange(first, last))
+            states, sensors = self._joints.run(here, held, recovering)
             self._steps += last - first
             self.time = self._steps * self.physics.timestep
             steps = np.arange(self._steps - len(states), self._steps, dtype=np.float64)
