@@ -9,7 +9,18 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from mlivr_gym import __version__
-from mlivr_gym.cli import dataset, evaluate, info, plan, render, simulate, table1, train, warmup
+from mlivr_gym.cli import (
+    dataset,
+    evaluate,
+    info,
+    plan,
+    render,
+    simulate,
+    table1,
+    train,
+    view,
+    warmup,
+)
 from mlivr_gym.cli.arguments import EXAMPLES
 from mlivr_gym.cli.exits import (
     EXIT_CODES,
@@ -42,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.set_defaults(grace=GRACE)
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for command in (plan, simulate, table1, info, render, train, evaluate, dataset, warmup):
+    for command in (plan, simulate, table1, info, render, view, train, evaluate, dataset, warmup):
         command.add_command(commands)
     return parser
 

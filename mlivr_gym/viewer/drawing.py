@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.camera import Camera
@@ -32,8 +34,11 @@ from mlivr_gym.world.grasp_map import GraspMap
 POINT_RADIUS, POINT_HEIGHT = 0.026, 0.006
 """Size of a graspable point [m]; it is larger than in the scene, to be clicked at."""
 
-ASPECT = 1.6
-"""Width over height of the picture that the first camera is made for."""
+AZIMUTH, ELEVATION = 80.0, -4.0
+"""Line of sight of the first camera [deg]."""
+
+LABEL_LIFT = 0.09
+"""How far over a foothold its number stands [m]."""
 
 GHOST_PATH, TREE_COLOUR, OBSTACLE_COLOUR = "#9fc7a5", "#b197fc", "#d95926"
 """Colours of the path of a plan before, of explored steps and of obstacles."""
@@ -45,19 +50,35 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 """The quaternion of no turn."""
 
 
-def draw_module(page: Page, grasp_map: GraspMap, scene: Scene) -> None:
-    """Draw racks, walls, rails and points, those of each face below `module/` and its name."""
+def draw_module(page: Page, name: str, scene: Scene) -> None:
+    """Draw racks, walls and rails, those of each face below the name and the face's."""
+    page.frame(name, np.zeros(3), IDENTITY)
     for k, solid in enumerate(scene.surroundings):
-        folder = f"module/{solid.face or 'rest'}"
+        folder = f"{name}/{solid.face or 'rest'}"
         if folder not in page:
             page.frame(folder, np.zeros(3), IDENTITY)
         page.mesh(f"{folder}/{k}", solid.mesh, solid.colour)
+
+
+def draw_points(page: Page, grasp_map: GraspMap) -> None:
+    """Draw the graspable points, those of each face below `points` and its name."""
     disc = cylinder_mesh(POINT_RADIUS, POINT_HEIGHT)
-    for face in sorted(set(grasp_map.faces)):
-        chosen = np.array([name == face for name in grasp_map.faces])
+    for face, chosen in points_by_face(grasp_map).items():
         turns = Rotation.from_matrix(grasp_map.rotations[chosen]).as_quat(scalar_first=True)
-        colours = np.zeros((int(chosen.sum()), 3))
+        colours = np.zeros((len(chosen), 3))
         page.copies(f"points/{face}", disc, grasp_map.positions[chosen], turns, colours)
+
+
+def colour_points(page: Page, grasp_map: GraspMap, colours: Array) -> None:
+    """Give the graspable points colours, red, green and blue up to 255, shape (m, 3)."""
+    for face, chosen in points_by_face(grasp_map).items():
+        page.recolour(f"points/{face}", colours[chosen])
+
+
+def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
+    """Indices of the points of each face."""
+    faces = np.array(grasp_map.faces)
+    return {face: np.flatnonzero(faces == face) for face in sorted(set(grasp_map.faces))}
 
 
 def draw_obstacles(page: Page, boxes: tuple[Box, ...]) -> None:
@@ -71,10 +92,10 @@ def draw_obstacles(page: Page, boxes: tuple[Box, ...]) -> None:
 
 def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> None:
     """Draw the robot, its links below one another so that few numbers pose it."""
-    paths = {"world": name}
+    paths = _paths(name, scene)
+    page.remove(name)
     page.frame(name, np.zeros(3), IDENTITY)
     for link in scene.links:
-        paths[link.name] = f"{paths[link.parent]}/{link.name.split('/')[-1]}"
         page.frame(paths[link.name], link.position, link.quaternion)
     for k, solid in enumerate(scene.robot):
         colour = (*solid.colour[:3], solid.colour[3] * opacity)
@@ -84,9 +105,8 @@ def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> Non
 def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration) -> None:
     """Put a robot that is drawn into a configuration."""
     position, quaternion, joints = configuration
-    paths = {"world": name}
+    paths = _paths(name, scene)
     for link in scene.links:
-        paths[link.name] = f"{paths[link.parent]}/{link.name.split('/')[-1]}"
         if link.parent == "world":
             page.move(paths[link.name], position)
             page.turn(paths[link.name], quaternion)
@@ -94,24 +114,46 @@ def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration
             page.turn(paths[link.name], link.turned(joints))
 
 
-def draw_plan(page: Page, grasp_map: GraspMap, plan: Plan) -> None:
-    """Draw base path and footholds of a plan, numbered by stance, below `plan`."""
+def show_unchecked(page: Page, name: str, scene: Scene, visible: bool) -> None:
+    """Show or hide the shapes of a robot that collisions are not checked with."""
+    paths = _paths(name, scene)
+    for k, solid in enumerate(scene.robot):
+        if not solid.checked:
+            page.show(f"{paths[solid.link]}/shape{k}", visible)
+
+
+def _paths(name: str, scene: Scene) -> dict[str, str]:
+    """Names of the links of a robot on the page, by those in the scene."""
+    paths = {"world": name}
+    for link in scene.links:
+        paths[link.name] = f"{paths[link.parent]}/{link.name.split('/')[-1]}"
+    return paths
+
+
+def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> None:
+    """Draw base path and footholds of a plan, numbered by stance, or of none."""
+    page.remove(name)
+    page.frame(name, np.zeros(3), IDENTITY)
+    if plan is None:
+        return
     route = Route.of(grasp_map, plan)
-    page.remove("plan")
-    page.frame("plan", np.zeros(3), IDENTITY)
-    page.mesh("plan/path", tube(route.line, PATH_RADIUS), rgba(BASE_COLOUR))
+    page.mesh(f"{name}/path", tube(route.line, PATH_RADIUS), rgba(BASE_COLOUR))
     balls = [ball_mesh(place, STANCE_RADIUS) for place in route.stances]
-    page.mesh("plan/stances", joined(balls), rgba(BASE_COLOUR))
+    page.mesh(f"{name}/stances", joined(balls), rgba(BASE_COLOUR))
+    numbers: dict[tuple[float, ...], list[str]] = {}
     for limb, colour in enumerate(LIMB_COLOURS[: plan.world.robot.limbs]):
-        held = [hold.position for hold in route.footholds if hold.limb == limb]
-        marks = joined([ball_mesh(place, FOOTHOLD_RADIUS) for place in held])
-        page.mesh(f"plan/footholds{limb}", marks, rgba(colour))
-    places: dict[tuple[float, ...], list[str]] = {}
-    for place, text, colour in route.labels():
-        if colour != BASE_COLOUR:
-            places.setdefault(tuple(place.round(6).tolist()), []).append(text)
-    for k, (at, texts) in enumerate(places.items()):
-        page.label(f"plan/number{k}", ", ".join(texts), np.array(at))
+        held = [hold for hold in route.footholds if hold.limb == limb]
+        marks = joined([ball_mesh(hold.position, FOOTHOLD_RADIUS) for hold in held])
+        page.mesh(f"{name}/footholds{limb}", marks, rgba(colour))
+        for hold in held:
+            numbers.setdefault(tuple(hold.position.tolist()), []).append(str(hold.stance))
+    for k, (place, stances) in enumerate(numbers.items()):
+        inward = grasp_map.normals[_point_at(grasp_map, np.array(place))]
+        page.label(f"{name}/number{k}", ", ".join(stances), np.array(place) + LABEL_LIFT * inward)
+
+
+def _point_at(grasp_map: GraspMap, place: Array) -> int:
+    return int(np.argmin(np.linalg.norm(grasp_map.positions - place, axis=1)))
 
 
 def draw_ghost(page: Page, plan: Plan | None) -> None:
@@ -132,28 +174,28 @@ def draw_tree(page: Page, tree: Array) -> None:
     page.lines("tree", tree, rgba(TREE_COLOUR), 0.006)
 
 
-def light_module(page: Page, grasp_map: GraspMap) -> None:
+def light(page: Page) -> None:
     """Light the module softly from everywhere, and from above the near corner."""
-    page.light("sky", 1.15)
-    page.light("lamp", 1.3, np.array([-3.0, -6.0, 7.0]))
+    page.light("sky", 1.0)
+    page.light("lamp", 1.6, np.array([-3.0, -6.0, 7.0]))
     page.light("fill", 0.7, np.array([5.0, 4.0, -3.0]))
-    _ = grasp_map
 
 
-def first_view(page: Page, grasp_map: GraspMap) -> None:
-    """Look at the whole map."""
+def first_view(page: Page, grasp_map: GraspMap, aspect: float) -> Array:
+    """Look at the whole map in a picture of a width over its height; returns from where [m]."""
     points = grasp_map.positions
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    x, y, z = middle.tolist()
-    camera = Camera((x, y, z)).seeing(points, MARGIN, ASPECT)
-    page.look(middle - camera.distance * camera.axes[2], middle)
+    x, y, z = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
+    camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=ELEVATION)
+    camera = camera.seeing(points, MARGIN, aspect)
+    eye: Array = np.array(camera.lookat) - camera.distance * camera.axes[2]
+    page.look(eye, np.array(camera.lookat))
+    return eye
 
 
 def hidden_faces(grasp_map: GraspMap, eye: Array) -> set[str]:
     """Faces whose points are seen from behind by a camera at `eye` [m], so that they hide all."""
     hidden = set()
-    for face in set(grasp_map.faces):
-        chosen = np.array([name == face for name in grasp_map.faces])
+    for face, chosen in points_by_face(grasp_map).items():
         normal = grasp_map.normals[chosen].mean(axis=0)
         if float((eye - grasp_map.positions[chosen].mean(axis=0)) @ normal) < 0.0:
             hidden.add(face)
@@ -167,11 +209,7 @@ def ball_mesh(place: Array, radius: float) -> Mesh:
 
 def tube(line: Array, radius: float) -> Mesh:
     """A tube along a line, shape (k, 3) [m]; a ball where it has no length."""
-    pieces = [
-        rod_mesh(a, b, radius)
-        for a, b in zip(line, line[1:], strict=False)
-        if np.linalg.norm(b - a) > 1e-6
-    ]
+    pieces = [rod_mesh(a, b, radius) for a, b in pairwise(line) if np.linalg.norm(b - a) > 1e-6]
     return joined(pieces or [ball_mesh(line[0], radius)])
 
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import html
+import io
+import socket
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -22,8 +24,8 @@ from mlivr_gym.viewer.solids import Colour, Mesh
 BACKGROUND = (238, 241, 245)
 """Colour behind the module, red, green and blue up to 255."""
 
-Curves = Sequence[tuple[str, str, Array]]
-"""Label, colour and values of each curve of a plot, NaN where there is none."""
+END = 1.5
+"""How long a file that plays stays at its end before it begins again [s]."""
 
 
 class Page:
@@ -42,12 +44,14 @@ class Page:
             title: Words above the panel.
 
         Raises:
-            SettingError: If host and port cannot be served.
+            SettingError: If there is no such interface.
         """
         try:
-            self._server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
+            socket.create_server((host, 0)).close()
         except OSError as error:
-            raise SettingError(f"cannot serve {host}:{port}: {error.strerror or error}") from None
+            raise SettingError(f"cannot serve on host {host!r}: {error.strerror}") from None
+        with _silence():
+            self._server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
         self.address = f"http://{host}:{self._server.get_port()}"
         self._nodes: dict[str, Any] = {}
         self._items: dict[str, Any] = {}
@@ -82,9 +86,7 @@ class Page:
             f"/{name}", show_axes=False, position=position, wxyz=quaternion
         )
 
-    def mesh(
-        self, name: str, mesh: Mesh, colour: Colour, *, position: Array | None = None
-    ) -> None:
+    def mesh(self, name: str, mesh: Mesh, colour: Colour, *, position: Array | None = None) -> None:
         """Draw a mesh, moved by a position [m]."""
         opacity = colour[3] if colour[3] < 1.0 else None
         self._nodes[name] = self._server.scene.add_mesh_simple(
@@ -136,7 +138,7 @@ class Page:
             f"/{name}", segments, tuple(round(255 * part) for part in colour[:3]), thickness=width
         )
 
-    def label(self, name: str, text: str, position: Array, size: float = 0.9) -> None:
+    def label(self, name: str, text: str, position: Array, size: float = 1.0) -> None:
         """Write words at a place [m], in front of everything."""
         self._nodes[name] = self._server.scene.add_label(
             f"/{name}", text, position=position, anchor="bottom-center", font_screen_scale=size
@@ -154,7 +156,12 @@ class Page:
     ) -> None:
         """Draw arrows to drag; `done` is called with the position [m] where they are dropped."""
         handle = self._server.scene.add_transform_controls(
-            f"/{name}", scale=size, disable_rotations=True, position=position, depth_test=False
+            f"/{name}",
+            scale=size,
+            disable_rotations=True,
+            disable_sliders=True,
+            position=position,
+            depth_test=False,
         )
         handle.on_drag_end(lambda event: done(np.array(event.target.position)))
         self._nodes[name] = handle
@@ -243,7 +250,12 @@ class Page:
         self._called_by_people(name, item, called)
 
     def choice(
-        self, name: str, label: str, values: Sequence[str], value: str, called: Callable[[str], None]
+        self,
+        name: str,
+        label: str,
+        values: Sequence[str],
+        value: str,
+        called: Callable[[str], None],
     ) -> None:
         """Add a choice."""
         item = self._server.gui.add_dropdown(label, values, initial_value=value)
@@ -267,27 +279,29 @@ class Page:
         """Let a slider go up to another number."""
         self._items[name].max = most
 
-    def plot(self, name: str, title: str, height: int = 150) -> None:
-        """Add a plot, which is empty until `draw_curves`."""
+    def plot(self, name: str, height: int = 150) -> None:
+        """Add a plot, which is hidden until it has curves."""
         data = (np.zeros(2), np.zeros(2))
-        item = self._server.gui.add_uplot(data, ({}, {}), title=title, height=height)
-        self._items[name] = item
+        self._items[name] = self._server.gui.add_uplot(data, ({}, {}), height=height, visible=False)
 
-    def draw_curves(self, name: str, times: Array, curves: Curves, unit: str) -> None:
-        """Draw curves over the time [s]; a plot without curves is hidden."""
+    def set_curves(self, name: str, title: str, curves: Sequence[tuple[str, str]]) -> None:
+        """Give a plot curves by label and colour, whose data follow; without any it is hidden."""
         item = self._items[name]
         item.visible = bool(curves)
-        if not curves:
-            return
-        series: list[viser.uplot.Series] = [{"label": "time [s]"}]
-        for label, colour, _ in curves:
+        series: list[viser.uplot.Series] = [{"label": "s"}]
+        for label, colour in curves:
             series.append(
-                {"label": label, "stroke": colour, "width": 2, "points": {"show": False}}
+                {"label": label, "stroke": colour, "width": 1.5, "points": {"show": False}}
             )
-        item.series = tuple(series)
-        item.data = (times, *(values for _, _, values in curves))
-        item.axes = ({"label": "time [s]"}, {"label": unit, "size": 60})
+        item.title, item.series = title, tuple(series)
+        item.data = tuple(np.zeros(2) for _ in series)
+        item.axes = ({}, {"size": 45})
         item.scales = {"x": {"time": False}}
+        item.legend = {"live": False}
+
+    def set_data(self, name: str, times: Array, values: Sequence[Array]) -> None:
+        """Give the curves of a plot their values, shape (k,), NaN where there is none."""
+        self._items[name].data = (times, *values)
 
     def set(self, name: str, value: Any) -> None:
         """Set a value in the panel; nobody is called."""
@@ -309,21 +323,23 @@ class Page:
 
     # What is kept.
 
-    def recorded(self, frames: int, period: float, draw: Callable[[int], None], words: str) -> str:
+    def recorded(
+        self, frames: Sequence[int], period: float, draw: Callable[[int], None], words: str
+    ) -> str:
         """The page as one file that plays without a server.
 
         Args:
-            frames: Number of frames.
+            frames: What `draw` is called with, one after the other.
             period: Time between two of them [s].
-            draw: Draws one by its number.
+            draw: Draws a frame.
             words: Line that stands above the picture.
         """
-        draw(0)
+        draw(frames[0])
         recorder = self._server.get_scene_serializer()
-        for k in range(1, frames):
+        for frame in frames[1:]:
             recorder.insert_sleep(period)
-            draw(k)
-        recorder.insert_sleep(1.0)
+            draw(frame)
+        recorder.insert_sleep(END)
         page: str = recorder.as_html()
         line = (
             '<div style="position:fixed;top:0.7em;left:1em;z-index:5;font:15px sans-serif;'
@@ -334,4 +350,10 @@ class Page:
 
     def close(self) -> None:
         """Serve no longer."""
-        self._server.stop()
+        with _silence():
+            self._server.stop()
+
+
+def _silence() -> contextlib.redirect_stdout[io.StringIO]:
+    """Keep the library from printing: the command says where the page is."""
+    return contextlib.redirect_stdout(io.StringIO())

@@ -50,6 +50,8 @@ class Solid(NamedTuple):
     """The cabin face that it belongs to, `""` for none."""
     colour: Colour
     """Its colour."""
+    checked: bool
+    """Whether collisions are checked with it."""
     mesh: Mesh
     """Its triangles in the frame of the link."""
 
@@ -97,17 +99,18 @@ def scene_solids(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]
     """
     model = compiled(scene_spec(grasp_map, robot, obstacles))
     faces = {scene_name(BOX, box.id): box.face for box in (*grasp_map.boxes, *obstacles)}
-    found: dict[tuple[str, str, Colour], list[Mesh]] = defaultdict(list)
+    found: dict[tuple[str, str, Colour, bool], list[Mesh]] = defaultdict(list)
     for k in range(model.ngeom):
         geom = model.geom(k)
         link = model.body(int(geom.bodyid[0])).name
         r, g, b, opacity = (float(part) for part in geom.rgba)
         turn = Rotation.from_quat(geom.quat, scalar_first=True).as_matrix()
         mesh = _mesh_of(int(geom.type[0]), geom.size).moved(geom.pos, turn)
-        found[link, faces.get(geom.name, ""), (r, g, b, opacity)].append(mesh)
+        checked = bool(geom.contype[0])
+        found[link, faces.get(geom.name, ""), (r, g, b, opacity), checked].append(mesh)
     links = _links(model)
     for link, rod in _rods(model, links):
-        found[link, "", rgba(JOINT_COLOUR)].append(rod)
+        found[link, "", rgba(JOINT_COLOUR), False].append(rod)
     solids = [Solid(*key, joined(meshes)) for key, meshes in found.items()]
     return Scene(
         links,
