@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint types unit slow coverage mutants results compare clean
+.PHONY: demo test lint types unit slow browser coverage mutants results compare clean
 
 demo: $(VENV)/.core
 	$(BIN)/mlivr-gym table1 --out results
@@ -27,6 +27,11 @@ unit: $(VENV)/.dev
 # The tests that `make test` leaves out because each takes minutes.
 slow: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto -m slow
+
+# The viewer in a headless Chromium of the system (Debian: chromium); skipped with a reason where there is none.
+browser: $(VENV)/.dev
+	$(PIP) --editable '.[docs]'
+	$(BIN)/pytest -m browser -rs
 
 # Lines that no test runs, kernels apart: at least 93 % are run.
 coverage: $(VENV)/.dev
@@ -69,7 +74,7 @@ $(VENV)/.core: $(VENV)/bin/python pyproject.toml constraints.txt
 # PyTorch first and pinned, so that nothing else pulls another build of it.
 $(VENV)/.dev: $(VENV)/.core
 	$(PIP) torch==2.13.0
-	$(PIP) --editable '.[agents,data,dm,dev]'
+	$(PIP) --editable '.[agents,data,dm,dev,viewer]'
 	@touch $@
 
 clean:

@@ -14,6 +14,7 @@ PACKAGE = ROOT / "mlivr_gym"
 LAYERS = (
     {"experiments"},
     {"cli"},
+    {"viewer"},
     {"agents"},
     {"envs"},
     {"pictures"},

@@ -29,6 +29,11 @@ class Plot(NamedTuple):
     curves: tuple[tuple[str, str, Array], ...]
     """Label, colour and values, shape (k,), NaN where there is none."""
 
+    @property
+    def highest(self) -> float:
+        """Somewhat more than the largest value."""
+        return 1.05 * max(float(np.nanmax(curve)) for _, _, curve in self.curves)
+
 
 def limb_manipulabilities(robot: RobotSpec, links: tuple[Link, ...], joints: Array) -> Array:
     """`w_m` of each limb at joint angles (k, N, 6) [rad], shape (k, N).
@@ -114,7 +119,7 @@ def with_cursor(plot: Plot, now: float) -> tuple[Array, list[Array]]:
     between = [np.interp(now, plot.times, curve) for curve in values]
     here = np.repeat(np.array(between)[:, None], 2, axis=1)
     line = np.full(len(plot.times) + 2, np.nan)
-    line[at : at + 2] = 0.0, float(np.nanmax(values))
+    line[at : at + 2] = 0.0, plot.highest
     times = np.insert(plot.times, at, [now, now])
     return times, [*np.insert(values, [at, at], here, axis=1), line]
 

@@ -17,6 +17,7 @@ from mlivr_gym.pictures.rendering import MARGIN
 from mlivr_gym.pictures.route import FOOTHOLD_RADIUS, PATH_RADIUS, STANCE_RADIUS, Route
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import rgba
+from mlivr_gym.viewer.marks import OCCUPIED_COLOUR
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.solids import (
     Colour,
@@ -36,6 +37,9 @@ POINT_RADIUS, POINT_HEIGHT = 0.026, 0.006
 
 AZIMUTH, ELEVATION = 80.0, -4.0
 """Line of sight of the first camera [deg]."""
+
+OCCUPIED_RADIUS = 0.035
+"""Radius of the balls at occupied points [m]."""
 
 LABEL_LIFT = 0.09
 """How far over a foothold its number stands [m]."""
@@ -88,6 +92,14 @@ def draw_obstacles(page: Page, boxes: tuple[Box, ...]) -> None:
     for k, box in enumerate(boxes):
         mesh = box_mesh(box.half).moved(np.array(box.centre), np.array(box.rotation))
         page.mesh(f"obstacles/{k}", mesh, _with_opacity(OBSTACLE_COLOUR, 0.75))
+
+
+def draw_occupied(page: Page, grasp_map: GraspMap, occupied: frozenset[int]) -> None:
+    """Draw dark balls at occupied points, in place of those drawn before."""
+    page.remove("occupied")
+    if occupied:
+        balls = [ball_mesh(grasp_map.positions[point], OCCUPIED_RADIUS) for point in occupied]
+        page.mesh("occupied", joined(balls), rgba(OCCUPIED_COLOUR))
 
 
 def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> None:

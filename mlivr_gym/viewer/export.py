@@ -59,6 +59,7 @@ def _recorded(page: Page, graph: StanceGraph, plan: Plan, recording: Recording |
     drawing.draw_points(page, grasp_map)
     drawing.colour_points(page, grasp_map, marks.plain(graph).colours)
     drawing.draw_obstacles(page, graph.obstacles)
+    drawing.draw_occupied(page, grasp_map, graph.occupied)
     drawing.draw_goal(page, np.array(plan.query.goal), plan.query.goal_tolerance)
     drawing.draw_plan(page, "plan", grasp_map, plan)
     drawing.draw_robot(page, "robot", scene)

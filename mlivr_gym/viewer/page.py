@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import html
 import io
+import logging
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -50,6 +51,8 @@ class Page:
             socket.create_server((host, 0)).close()
         except OSError as error:
             raise SettingError(f"cannot serve on host {host!r}: {error.strerror}") from None
+        # A browser that opens a connection beforehand and drops it would print a traceback.
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         with _silence():
             self._server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
         self.address = f"http://{host}:{self._server.get_port()}"
@@ -163,7 +166,12 @@ class Page:
             position=position,
             depth_test=False,
         )
-        handle.on_drag_end(lambda event: done(np.array(event.target.position)))
+
+        def dropped(event: Any) -> None:
+            if event.phase == "end":
+                done(np.array(event.target.position))
+
+        handle.on_update(dropped)
         self._nodes[name] = handle
 
     def move(self, name: str, position: Array) -> None:
@@ -202,9 +210,10 @@ class Page:
     def on_camera(self, called: Callable[[Array], None]) -> None:
         """Call with the position [m] of a camera that moves."""
 
-        @self._server.on_client_connect
-        def _(client: viser.ClientHandle) -> None:
+        def watch(client: Any) -> None:
             client.camera.on_update(lambda camera: called(np.array(camera.position)))
+
+        self._server.on_client_connect(watch)
 
     @contextlib.contextmanager
     def together(self) -> Iterator[None]:
@@ -284,8 +293,17 @@ class Page:
         data = (np.zeros(2), np.zeros(2))
         self._items[name] = self._server.gui.add_uplot(data, ({}, {}), height=height, visible=False)
 
-    def set_curves(self, name: str, title: str, curves: Sequence[tuple[str, str]]) -> None:
-        """Give a plot curves by label and colour, whose data follow; without any it is hidden."""
+    def set_curves(
+        self, name: str, title: str, curves: Sequence[tuple[str, str]], highest: float
+    ) -> None:
+        """Give a plot curves, whose data follow; without any it is hidden.
+
+        Args:
+            name: The plot.
+            title: What it shows.
+            curves: Label and colour of each.
+            highest: Largest value that is seen; the least is 0.
+        """
         item = self._items[name]
         item.visible = bool(curves)
         series: list[viser.uplot.Series] = [{"label": "s"}]
@@ -296,7 +314,7 @@ class Page:
         item.title, item.series = title, tuple(series)
         item.data = tuple(np.zeros(2) for _ in series)
         item.axes = ({}, {"size": 45})
-        item.scales = {"x": {"time": False}}
+        item.scales = {"x": {"time": False}, "y": {"range": (0.0, highest)}}
         item.legend = {"live": False}
 
     def set_data(self, name: str, times: Array, values: Sequence[Array]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing
@@ -43,7 +45,7 @@ def add_panel(viewer: Viewer) -> None:
             page.choice("second", "shown", (OVER, APART, HIDDEN), OVER, viewer.place_second)
     for face in drawing.points_by_face(viewer.live.graph.grasp_map):
         page.on_click(f"points/{face}", viewer.clicked)
-    goal = viewer.live.asked.goal
+    goal = np.array(viewer.live.asked.goal)
     page.gizmo("aim", goal, lambda at: viewer.change(lambda: viewer.live.aim(at)))
     page.on_camera(viewer.see_from)
 
@@ -52,11 +54,17 @@ def _add_playing(viewer: Viewer) -> None:
     page = viewer.page
     page.text("where")
     page.slider("time", "time [s]", max(viewer.frames.duration, 0.1), 0.01, viewer.scrub)
-    actions = {BACK: lambda: viewer.jump(-1), PLAY: viewer.toggle, ON: lambda: viewer.jump(1)}
-    page.buttons("play", tuple(actions), lambda label: actions[label]())
+    page.buttons("play", (BACK, PLAY, ON), lambda label: _press(viewer, label))
     page.choice("speed", "speed", SPEEDS, f"{viewer.speed:g}x", lambda chosen: _run(viewer, chosen))
     for name in PLOTS:
         page.plot(name)
+
+
+def _press(viewer: Viewer, label: str) -> None:
+    if label == PLAY:
+        viewer.toggle()
+    else:
+        viewer.jump(1 if label == ON else -1)
 
 
 def _run(viewer: Viewer, chosen: str) -> None:

@@ -130,7 +130,8 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 def box_mesh(half: Sequence[float] | Array) -> Mesh:
     """A box about the origin by its half edges [m]; its six sides share no corner."""
-    corners, triangles = [], []
+    corners: list[Array] = []
+    triangles: list[list[int]] = []
     for axis, sign in product(range(3), (-1.0, 1.0)):
         u, v = np.roll(np.eye(3), -axis, axis=0)[1:]
         out = sign * np.roll(np.eye(3), -axis, axis=0)[0]

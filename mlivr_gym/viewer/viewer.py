@@ -28,6 +28,9 @@ from mlivr_gym.viewer.words import compared, legend, summary
 TICK = 0.05
 """Time between two pictures while playing [s]."""
 
+ASPECT = 1.15
+"""Width over height of the picture, beside the panel, that the first view is made for."""
+
 PLOT_TICKS = 5
 """Pictures between two of the plots."""
 
@@ -36,6 +39,9 @@ BELOW = np.array([0.0, 0.0, -3.4])
 
 PLOTS = ("margins", "torques", "forces")
 """Names of the plots below the scrubber."""
+
+CURSOR = "now", "#adb5bd"
+"""Label and colour of the upright line in the plots."""
 
 TELL, BLOCK = "tell why it cannot be held", "block or free it"
 """What a click on a point may do, besides starting a limb there."""
@@ -69,7 +75,7 @@ class Viewer:
     """
 
     def __init__(
-        self, page: Page, live: LivePlan, recording: Recording | None = None, aspect: float = 1.35
+        self, page: Page, live: LivePlan, recording: Recording | None = None, aspect: float = ASPECT
     ) -> None:
         """Draw the module and what there is of a plan, or of its execution."""
         self.page, self.live, self.recording = page, live, recording
@@ -140,6 +146,7 @@ class Viewer:
             drawing.draw_goal(page, np.array(live.asked.goal), live.asked.goal_tolerance)
             drawing.draw_tree(page, live.tree)
             drawing.draw_obstacles(page, graph.obstacles)
+            drawing.draw_occupied(page, graph.grasp_map, graph.occupied)
             for name in self._hidden:
                 page.show(name, False)
             self._states = marks.states_of(graph, live.plan) if live.plan is not None else ()
@@ -160,10 +167,11 @@ class Viewer:
         self._plots = {name: thinned(plot) for name, plot in plots.items() if plot.curves}
         for name in PLOTS:
             plot = self._plots.get(name)
-            curves = [] if plot is None else [(label, colour) for label, colour, _ in plot.curves]
-            self.page.set_curves(
-                name, plot.title if plot else "", [*curves, ("now", "#adb5bd")] if curves else []
-            )
+            if plot is None:
+                self.page.set_curves(name, "", (), 1.0)
+                continue
+            curves = [(label, colour) for label, colour, _ in plot.curves]
+            self.page.set_curves(name, plot.title, [*curves, CURSOR], plot.highest)
 
     # Playing.
 

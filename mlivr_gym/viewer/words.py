@@ -39,15 +39,19 @@ def _time(seconds: float) -> str:
 
 def compared(first: Plan | None, second: Plan) -> str:
     """Two plans in a table."""
-    rows = ["", "", "| | first | second |", "|---|---|---|"]
-    for name, told in (
-        ("steps", lambda plan: str(len(plan.steps))),
-        ("translation [m]", lambda plan: f"{plan.base_translation:.3f}"),
-        ("least w_m", lambda plan: f"{plan.w_m_min:.3f}"),
-        ("least w_b", lambda plan: f"{plan.w_b_min:.5f}"),
-    ):
-        rows.append(f"| {name} | {told(first) if first else 'none'} | {told(second)} |")
-    return "\n".join(rows)
+    names = ("steps", "translation [m]", "least w_m", "least w_b")
+    columns = [_figures(plan) if plan else ("none",) * len(names) for plan in (first, second)]
+    rows = [f"| {' | '.join(row)} |" for row in zip(names, *columns, strict=True)]
+    return "\n".join(["", "", "| | first | second |", "|---|---|---|", *rows])
+
+
+def _figures(plan: Plan) -> tuple[str, ...]:
+    return (
+        str(len(plan.steps)),
+        f"{plan.base_translation:.3f}",
+        f"{plan.w_m_min:.3f}",
+        f"{plan.w_b_min:.5f}",
+    )
 
 
 def legend(found: Marks) -> str:
