@@ -17,7 +17,7 @@ from mlivr_gym.pictures.rendering import MARGIN
 from mlivr_gym.pictures.route import FOOTHOLD_RADIUS, PATH_RADIUS, STANCE_RADIUS, Route
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import rgba
-from mlivr_gym.viewer.marks import OCCUPIED_COLOUR
+from mlivr_gym.viewer.marks import OCCUPIED_COLOUR, Marks
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.solids import (
     Colour,
@@ -32,11 +32,17 @@ from mlivr_gym.viewer.solids import (
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-POINT_RADIUS, POINT_HEIGHT = 0.026, 0.006
+POINT_RADIUS, POINT_HEIGHT = 0.028, 0.006
 """Size of a graspable point [m]; it is larger than in the scene, to be clicked at."""
+
+MARKED_SCALE = 1.8
+"""How much larger points are drawn that colours tell something about."""
 
 AZIMUTH, ELEVATION = 80.0, -4.0
 """Line of sight of the first camera [deg]."""
+
+STEEP = -9.0
+"""Elevation with which a second module below is seen [deg]."""
 
 OCCUPIED_RADIUS = 0.035
 """Radius of the balls at occupied points [m]."""
@@ -73,10 +79,12 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
         page.copies(f"points/{face}", disc, grasp_map.positions[chosen], turns, colours)
 
 
-def colour_points(page: Page, grasp_map: GraspMap, colours: Array) -> None:
-    """Give the graspable points colours, red, green and blue up to 255, shape (m, 3)."""
+def mark_points(page: Page, grasp_map: GraspMap, found: Marks) -> None:
+    """Give the graspable points colours, and those that these are about a larger size."""
+    scales = np.ones(len(grasp_map))
+    scales[list(found.points)] = MARKED_SCALE
     for face, chosen in points_by_face(grasp_map).items():
-        page.recolour(f"points/{face}", colours[chosen])
+        page.recolour(f"points/{face}", found.colours[chosen], scales[chosen])
 
 
 def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
@@ -168,11 +176,11 @@ def _point_at(grasp_map: GraspMap, place: Array) -> int:
     return int(np.argmin(np.linalg.norm(grasp_map.positions - place, axis=1)))
 
 
-def draw_ghost(page: Page, plan: Plan | None) -> None:
+def draw_ghost(page: Page, name: str, plan: Plan | None) -> None:
     """Draw the base path of another plan, pale, or of none."""
-    page.remove("ghost")
+    page.remove(name)
     if plan is not None and len(plan.stances) > 1:
-        page.mesh("ghost", tube(base_line(plan), 0.8 * PATH_RADIUS), rgba(GHOST_PATH))
+        page.mesh(name, tube(base_line(plan), 0.8 * PATH_RADIUS), rgba(GHOST_PATH))
 
 
 def draw_goal(page: Page, goal: Array, tolerance: float) -> None:
@@ -189,15 +197,25 @@ def draw_tree(page: Page, tree: Array) -> None:
 def light(page: Page) -> None:
     """Light the module softly from everywhere, and from above the near corner."""
     page.light("sky", 1.0)
-    page.light("lamp", 1.6, np.array([-3.0, -6.0, 7.0]))
-    page.light("fill", 0.7, np.array([5.0, 4.0, -3.0]))
+    page.light("lamp", 1.7, np.array([-2.0, -3.5, 8.0]))
+    page.light("fill", 0.6, np.array([5.0, -2.0, -5.0]))
 
 
-def first_view(page: Page, grasp_map: GraspMap, aspect: float) -> Array:
-    """Look at the whole map in a picture of a width over its height; returns from where [m]."""
+def view(page: Page, grasp_map: GraspMap, aspect: float, below: Array | None = None) -> Array:
+    """Look at the whole map in a picture of a width over its height; returns from where [m].
+
+    Args:
+        page: The page.
+        grasp_map: The map.
+        aspect: Width over height.
+        below: How far from the module a second one stands that is to be seen, too [m].
+    """
     points = grasp_map.positions
+    if below is not None:
+        points = np.concatenate([points, points + below])
     x, y, z = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
-    camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=ELEVATION)
+    elevation = ELEVATION if below is None else STEEP
+    camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=elevation)
     camera = camera.seeing(points, MARGIN, aspect)
     eye: Array = np.array(camera.lookat) - camera.distance * camera.axes[2]
     page.look(eye, np.array(camera.lookat))

@@ -47,8 +47,8 @@ class Marks(NamedTuple):
     """Red, green and blue up to 255, shape (m, 3)."""
     legend: tuple[tuple[str, str], ...] = ()
     """Colour and words."""
-    points: tuple[str, ...] = ()
-    """Ids of the points that the colours are about."""
+    points: tuple[int, ...] = ()
+    """Indices of the points that the colours are about, which are drawn larger."""
 
 
 def plain(graph: StanceGraph) -> Marks:
@@ -57,7 +57,7 @@ def plain(graph: StanceGraph) -> Marks:
     for point in graph.occupied:
         colours[point] = OCCUPIED_COLOUR
     legend = [(OCCUPIED_COLOUR, f"occupied: {len(graph.occupied)}")] if graph.occupied else []
-    return _marks(graph, colours, legend)
+    return _marks(colours, legend)
 
 
 def reach(graph: StanceGraph, state: State) -> Marks:
@@ -71,7 +71,7 @@ def reach(graph: StanceGraph, state: State) -> Marks:
     legend = [(LIMB_COLOURS[i], f"limb {i}: {counts[i]} points") for i in range(graph.limbs)]
     shared = sum(len(at) > 1 for at in limbs.values())
     legend.append((SHARED_COLOUR, f"several limbs: {shared}"))
-    return _marks(graph, colours, legend, sorted(limbs))
+    return _marks(colours, legend, sorted(limbs))
 
 
 def blocked(graph: StanceGraph, state: State, limb: int) -> Marks:
@@ -88,7 +88,8 @@ def blocked(graph: StanceGraph, state: State, limb: int) -> Marks:
         for kind, (words, colour) in REASONS.items()
         if count[kind]
     ]
-    return _marks(graph, colours, legend)
+    chosen = [p for p, colour in enumerate(colours) if colour != FAINT_COLOUR]
+    return _marks(colours, legend, chosen)
 
 
 def chances(graph: StanceGraph, chance: Array) -> Marks:
@@ -104,7 +105,7 @@ def chances(graph: StanceGraph, chance: Array) -> Marks:
         if chance[limb, point] > 0.0:
             words = f"limb {limb} → {graph.grasp_map.ids[point]}: {chance[limb, point]:.0%}"
             legend.append((LIMB_COLOURS[limb], words))
-    return _marks(graph, colours, legend, np.flatnonzero(chance.sum(axis=0) > 0.0).tolist())
+    return _marks(colours, legend, np.flatnonzero(chance.sum(axis=0) > 0.0).tolist())
 
 
 def why_not(graph: StanceGraph, state: State, limb: int, point: int, steps: Successors) -> str:
@@ -169,10 +170,9 @@ def _limbs_by_point(steps: Successors) -> dict[int, list[int]]:
 
 
 def _marks(
-    graph: StanceGraph,
     colours: Sequence[str],
     legend: Sequence[tuple[str, str]],
     points: Sequence[int] = (),
 ) -> Marks:
     numbers = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours]
-    return Marks(np.array(numbers), tuple(legend), graph.ids(points))
+    return Marks(np.array(numbers), tuple(legend), tuple(points))

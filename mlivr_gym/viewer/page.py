@@ -10,6 +10,7 @@ import contextlib
 import html
 import io
 import logging
+import re
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -20,6 +21,7 @@ import viser.uplot
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
+from mlivr_gym.pictures.camera import FIELD_OF_VIEW
 from mlivr_gym.viewer.solids import Colour, Mesh
 
 BACKGROUND = (238, 241, 245)
@@ -122,15 +124,18 @@ class Page:
             mesh.triangles,
             quaternions,
             positions,
-            batched_colors=np.asarray(colours, dtype=np.uint8),
+            batched_colors=_linear(colours),
+            batched_scales=np.ones(len(positions), dtype=np.float32),
             lod="off",
             cast_shadow=False,
             receive_shadow=False,
         )
 
-    def recolour(self, name: str, colours: Array) -> None:
-        """Give copies other colours, shape (k, 3)."""
-        self._nodes[name].batched_colors = np.asarray(colours, dtype=np.uint8)
+    def recolour(self, name: str, colours: Array, scales: Array) -> None:
+        """Give copies other colours, shape (k, 3), and sizes as multiples of the mesh, (k,)."""
+        node = self._nodes[name]
+        node.batched_colors = _linear(colours)
+        node.batched_scales = np.asarray(scales, dtype=np.float32)
 
     def lines(self, name: str, segments: Array, colour: Colour, width: float) -> None:
         """Draw line segments, shape (k, 2, 3) [m], `width` metres wide; none removes them."""
@@ -190,9 +195,10 @@ class Page:
 
     def remove(self, name: str) -> None:
         """Remove what is drawn, if it is, with all below it."""
-        for key in [key for key in self._nodes if key == name or key.startswith(f"{name}/")]:
-            node = self._nodes.pop(key)
-            if key == name:
+        found = [key for key in self._nodes if key == name or key.startswith(f"{name}/")]
+        gone = {key: self._nodes.pop(key) for key in sorted(found)}
+        for key, node in gone.items():
+            if not any(key.startswith(f"{above}/") for above in gone):
                 node.remove()
 
     def on_click(self, name: str, called: Callable[[Array, Array], None]) -> None:
@@ -202,10 +208,13 @@ class Page:
         )
 
     def look(self, position: Array, target: Array) -> None:
-        """From where a page that is opened sees what [m]."""
+        """From where pages, those that are open too, see what [m]."""
         camera = self._server.initial_camera
         camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), position, target
-        camera.fov, camera.near, camera.far = np.deg2rad(45.0), 0.05, 60.0
+        camera.fov, camera.near, camera.far = np.deg2rad(FIELD_OF_VIEW), 0.05, 60.0
+        for client in self._server.get_clients().values():
+            with client.atomic():
+                client.camera.position, client.camera.look_at = position, target
 
     def on_camera(self, called: Callable[[Array], None]) -> None:
         """Call with the position [m] of a camera that moves."""
@@ -363,13 +372,22 @@ class Page:
             '<div style="position:fixed;top:0.7em;left:1em;z-index:5;font:15px sans-serif;'
             f'color:#333;pointer-events:none">{html.escape(words)}</div>'
         )
-        head = f"<title>{html.escape(words)}</title></head>"
-        return page.replace("</head>", head, 1).replace("<body>", f"<body>{line}", 1)
+        page = re.sub("<title>.*?</title>", f"<title>{html.escape(words)}</title>", page, count=1)
+        return page.replace("<body>", f"<body>{line}", 1)
 
     def close(self) -> None:
         """Serve no longer."""
         with _silence():
             self._server.stop()
+
+
+def _linear(colours: Array) -> Any:
+    """Colours of copies as the library takes them: linear in brightness, unlike all others."""
+    share = np.asarray(colours, dtype=np.float64) / 255.0
+    dark = share / 12.92
+    return np.round(
+        255.0 * np.where(share <= 0.04045, dark, ((share + 0.055) / 1.055) ** 2.4)
+    ).astype(np.uint8)
 
 
 def _silence() -> contextlib.redirect_stdout[io.StringIO]:

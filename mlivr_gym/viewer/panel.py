@@ -10,6 +10,7 @@ from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer.live_plan import PRICE
 from mlivr_gym.viewer.policy_view import missing
 from mlivr_gym.viewer.viewer import (
+    AIM,
     APART,
     BLOCK,
     HIDDEN,
@@ -46,7 +47,7 @@ def add_panel(viewer: Viewer) -> None:
     for face in drawing.points_by_face(viewer.live.graph.grasp_map):
         page.on_click(f"points/{face}", viewer.clicked)
     goal = np.array(viewer.live.asked.goal)
-    page.gizmo("aim", goal, lambda at: viewer.change(lambda: viewer.live.aim(at)))
+    page.gizmo(AIM, goal, lambda at: viewer.change(lambda: viewer.live.aim(at)))
     page.on_camera(viewer.see_from)
 
 

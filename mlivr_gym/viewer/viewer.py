@@ -40,6 +40,9 @@ BELOW = np.array([0.0, 0.0, -3.4])
 PLOTS = ("margins", "torques", "forces")
 """Names of the plots below the scrubber."""
 
+AIM = "aim"
+"""Name of the arrows at the goal."""
+
 CURSOR = "now", "#adb5bd"
 """Label and colour of the upright line in the plots."""
 
@@ -90,11 +93,12 @@ class Viewer:
         self._states: tuple[State | None, ...] = ()
         self._ticks = self._boxes = 0
         self._hidden = frozenset({"tree"})
+        self._apart, self._aspect = False, aspect
         drawing.light(page)
         drawing.draw_module(page, "module", self.scene)
         drawing.draw_points(page, live.graph.grasp_map)
         drawing.draw_robot(page, "robot", self.scene)
-        self.see_from(drawing.first_view(page, live.graph.grasp_map, aspect))
+        self.see_from(drawing.view(page, live.graph.grasp_map, aspect))
         self.frames = self._frames()
 
     def _frames(self) -> Frames:
@@ -142,8 +146,10 @@ class Viewer:
         with self._lock, page.together():
             self.frames = self._frames()
             drawing.draw_plan(page, "plan", graph.grasp_map, live.plan)
-            drawing.draw_ghost(page, live.before)
+            drawing.draw_ghost(page, "ghost", live.before)
             drawing.draw_goal(page, np.array(live.asked.goal), live.asked.goal_tolerance)
+            if AIM in page:
+                page.move(AIM, np.array(live.asked.goal))
             drawing.draw_tree(page, live.tree)
             drawing.draw_obstacles(page, graph.obstacles)
             drawing.draw_occupied(page, graph.grasp_map, graph.occupied)
@@ -278,7 +284,7 @@ class Viewer:
             found = self._marks(state)
         except MlivrError as error:
             found = marks.plain(graph)._replace(legend=(("#c92a2a", str(error)),))
-        drawing.colour_points(self.page, graph.grasp_map, found.colours)
+        drawing.mark_points(self.page, graph.grasp_map, found)
         self.page.write("legend", legend(found))
 
     def _marks(self, state: State | None) -> marks.Marks:
@@ -298,11 +304,15 @@ class Viewer:
         """Leave out what stands between a camera at `eye` [m] and the inside."""
         self._eye = eye
         grasp_map = self.live.graph.grasp_map
-        hidden = drawing.hidden_faces(grasp_map, eye) if self.hide_near else set[str]()
+        hidden, below = set[str](), set[str]()
+        if self.hide_near:
+            hidden = drawing.hidden_faces(grasp_map, eye)
+            below = drawing.hidden_faces(grasp_map, eye - BELOW)
         with self.page.together():
             for face in drawing.points_by_face(grasp_map):
-                for folder in ("module", "points", "second/module"):
-                    self.page.show(f"{folder}/{face}", face not in hidden)
+                self.page.show(f"module/{face}", face not in hidden)
+                self.page.show(f"points/{face}", face not in hidden)
+                self.page.show(f"second/module/{face}", face not in below)
 
     def leave_out(self, near: bool) -> None:
         """Choose whether near walls are left out."""
@@ -355,15 +365,22 @@ class Viewer:
         page, grasp_map = self.page, self.live.graph.grasp_map
         with self._lock, page.together():
             page.remove("second")
+            if (where == APART) != self._apart:
+                self._apart = where == APART
+                below = BELOW if self._apart else None
+                self.see_from(drawing.view(page, grasp_map, self._aspect, below))
             if self.second is None or where == HIDDEN:
                 return
             page.frame("second", BELOW if where == APART else np.zeros(3), drawing.IDENTITY)
             opacity = 1.0 if where == APART else drawing.GHOST_OPACITY
             drawing.draw_robot(page, "second/robot", self.scene, opacity)
-            drawing.draw_plan(page, "second/plan", grasp_map, self.second.plan)
-            if where == APART:
+            if where == OVER:
+                drawing.draw_ghost(page, "second/path", self.second.plan)
+            else:
+                drawing.draw_plan(page, "second/plan", grasp_map, self.second.plan)
                 drawing.draw_module(page, "second/module", self.scene)
-            self.seek(self.time)
+                self.see_from(self._eye)
+            self._pose_second()
 
     def _pose_second(self) -> None:
         if self.second is not None and "second/robot" in self.page:

@@ -20,7 +20,7 @@ def test_a_plan_of_a_file_is_asked_for_again_alike(live, walk):
 def test_a_given_start_pose_is_asked_for_again(checked_graph):
     planner = Planner(checked_graph)
     position, quaternion, _ = checked_graph.configuration(checked_graph.state(("D2a:4", "D2b:4")))
-    pose = (*(position + [0.02, 0.0, 0.0]), *quaternion)
+    pose = (*(position + np.array([0.02, 0.0, 0.0])), *quaternion)
     plan = planner.plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps", start_pose=pose).unwrap()
     again = LivePlan(checked_graph, Asked.of_plan(checked_graph, plan), plan)
     again.replan()

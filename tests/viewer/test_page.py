@@ -43,6 +43,11 @@ def test_what_is_removed_takes_along_what_is_below(page):
     page.remove("a")
     assert ("a" in page, "a/b" in page, "ab" in page) == (False, False, True)
     page.remove("a")
+    page.mesh("handles/a", box_mesh((1.0, 1.0, 1.0)), (1.0, 0.0, 0.0, 1.0))
+    handle = page._nodes["handles/a"]
+    page.remove("handles")
+    assert "handles/a" not in page
+    assert handle._impl.removed  # from the scene, too
     page.lines("l", np.zeros((1, 2, 3)), (0.0, 0.0, 0.0, 1.0), 0.01)
     page.lines("l", np.zeros((0, 2, 3)), (0.0, 0.0, 0.0, 1.0), 0.01)
     assert "l" not in page

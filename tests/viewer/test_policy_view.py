@@ -7,27 +7,29 @@ pytest.importorskip("sb3_contrib", reason="the extra 'agents' is not installed")
 
 from mlivr_gym.agents.learned import load_policy
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.viewer import policy_view
 from mlivr_gym.viewer.policy_view import PolicyView, missing
 
 
-def test_chances_are_those_of_the_policy_in_its_environment(live):
-    graph, goal = live.graph, (6.0, 0.0, 0.42)
-    start = ("D2a:4", "D2b:4")
-    view, state = PolicyView(graph), graph.state(start)
-    chance = view.chances(state, np.array(goal), 0.2)
+def test_chances_are_those_of_the_policy_in_its_environment(small_checked_graph):
+    graph = small_checked_graph
+    state, goal = sample_task(graph, np.random.default_rng(1), 0.2)
+    view = PolicyView(graph)
+    chance = view.chances(state, goal, 0.2)
     steps = graph.successors(state)
     assert chance.sum() == pytest.approx(1.0, abs=1e-5)
     allowed = np.zeros(chance.shape, dtype=bool)
     allowed[steps.limb, steps.point] = True
     assert (chance[~allowed] == 0.0).all()
-    env = MlivrEnv()
-    observation, _ = env.reset(options={"start": start, "goal": goal})
+    env = MlivrEnv(map=graph.grasp_map)
+    observation, _ = env.reset(options={"start": graph.ids(state.stance), "goal": goal})
     action = load_policy("pretrained", env).act(env, observation, env.action_masks())
     assert int(chance.argmax()) == action
     # It follows the world of the graph: the best point is taken away.
     graph.occupy([action % len(graph.grasp_map)])
-    after = view.chances(graph.state(start), np.array(goal), 0.2)
+    after = view.chances(graph.state(state.stance), goal, 0.2)
+    graph.vacate()
     assert after[:, action % len(graph.grasp_map)].sum() == 0.0
     assert after.sum() == pytest.approx(1.0, abs=1e-5)
 

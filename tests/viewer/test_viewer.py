@@ -9,7 +9,8 @@ from mlivr_gym.planners import Planner
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
-from mlivr_gym.viewer import drawing, viewer as viewers
+from mlivr_gym.viewer import drawing
+from mlivr_gym.viewer import viewer as viewers
 from mlivr_gym.viewer.frames import STEP_TIME
 
 
@@ -148,9 +149,10 @@ def test_near_walls_are_left_out(viewer):
     low, high = grasp_map.cabin
     middle = 0.5 * (low + high)
     assert drawing.hidden_faces(grasp_map, middle) == set()
-    assert drawing.hidden_faces(grasp_map, middle - [0.0, 6.0, 0.0]) == {"forward"}
-    assert drawing.hidden_faces(grasp_map, middle + [0.0, 6.0, 6.0]) == {"aft", "overhead"}
-    viewer.see_from(middle + [0.0, 6.0, 0.0])
+    aft, above = np.array([0.0, 6.0, 0.0]), np.array([0.0, 0.0, 6.0])
+    assert drawing.hidden_faces(grasp_map, middle - aft) == {"forward"}
+    assert drawing.hidden_faces(grasp_map, middle + aft + above) == {"aft", "overhead"}
+    viewer.see_from(middle + aft)
     assert not node(viewer, "module/aft").visible
     assert not node(viewer, "points/aft").visible
     assert node(viewer, "module/forward").visible
