@@ -30,6 +30,7 @@ EXAMPLES = """examples:
   mlivr-gym info --map my_map.json
   mlivr-gym render --start D2a:4 D2b:4 --out start.png
   mlivr-gym simulate --case 3 --out walk
+  mlivr-gym view --plan plan.json --out walk.html
   mlivr-gym evaluate --policy pretrained
   mlivr-gym train --method dagger --out my_policy
 """

@@ -88,6 +88,7 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     claim(args.out)
     live, recording = _found(args)
+    print(live.message if live.plan is not None else f"no plan: {live.message}", flush=True)
     if args.out:
         from mlivr_gym.viewer.export import write_html
 
@@ -168,8 +169,10 @@ def _serve(args: argparse.Namespace, live: LivePlan, recording: Recording | None
             viewer.compare(second, plan_frames(live.graph, second))
         add_panel(viewer)
         viewer.refresh()
-        print(f"{live.message}\npage: {viewer.page.address} (stop with Ctrl-C)", flush=True)
+        print(f"page: {viewer.page.address} (stop with Ctrl-C)", flush=True)
         viewer.run()
+    except KeyboardInterrupt:
+        return SUCCESS  # which is how it is stopped
     finally:
         viewer.close()
     return SUCCESS

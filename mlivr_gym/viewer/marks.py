@@ -36,6 +36,9 @@ REASONS = {
 }
 """Short words and colour of each reason, by what its sentence says; in this order."""
 
+LEAST_CHANCE = 0.005
+"""Least probability of an action that a legend tells."""
+
 FREE_COLOUR = "#2b8a3e"
 """Colour of points that can be stepped to where reasons are shown."""
 
@@ -102,7 +105,7 @@ def chances(graph: StanceGraph, chance: Array) -> Marks:
     order = np.argsort(-chance, axis=None, kind="stable")[:5]
     legend = []
     for limb, point in zip(*np.unravel_index(order, chance.shape), strict=True):
-        if chance[limb, point] > 0.0:
+        if chance[limb, point] >= LEAST_CHANCE:
             words = f"limb {limb} → {graph.grasp_map.ids[point]}: {chance[limb, point]:.0%}"
             legend.append((LIMB_COLOURS[limb], words))
     return _marks(colours, legend, np.flatnonzero(chance.sum(axis=0) > 0.0).tolist())

@@ -211,7 +211,7 @@ class Page:
         """From where pages, those that are open too, see what [m]."""
         camera = self._server.initial_camera
         camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), position, target
-        camera.fov, camera.near, camera.far = np.deg2rad(FIELD_OF_VIEW), 0.05, 60.0
+        camera.fov = np.deg2rad(FIELD_OF_VIEW)
         for client in self._server.get_clients().values():
             with client.atomic():
                 client.camera.position, client.camera.look_at = position, target

@@ -107,4 +107,4 @@ def _add_showing(viewer: Viewer) -> None:
         "checked", "collision shapes alone", False, viewer.show_checked,
         "hide the rods that stand for joints, with which nothing is checked",
     )  # fmt: skip
-    page.checkbox("near", "leave out near walls", True, viewer.leave_out)
+    page.checkbox("walls", "leave out walls in front", True, viewer.leave_out)

@@ -225,9 +225,9 @@ def _rods(model: Any, links: Sequence[Link]) -> Iterator[tuple[str, Mesh]]:
         if link.name not in axes:
             continue
         nearby = np.concatenate(axes[link.name])
-        own = [np.zeros(3)] if link.joint else []
+        first = [np.zeros(3)] if link.joint else []
         ends = [other.position for other in links if other.parent == link.name and other.joint]
-        for place in (*own, *ends):
+        for place in (*first, *ends):
             nearest = nearby[np.argmin(np.linalg.norm(nearby - place, axis=1))]
             yield link.name, rod_mesh(place, nearest, ROD_RADIUS)
 

@@ -18,7 +18,7 @@ from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.transitions.state import State
 from mlivr_gym.viewer import drawing, marks
 from mlivr_gym.viewer.curves import Plot, grasp_forces, margins, thinned, torques, with_cursor
-from mlivr_gym.viewer.frames import Frames, plan_frames, recording_frames, stance_frames
+from mlivr_gym.viewer.frames import AT_REST, Frames, plan_frames, recording_frames, stance_frames
 from mlivr_gym.viewer.live_plan import LivePlan
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.policy_view import PolicyView
@@ -84,7 +84,7 @@ class Viewer:
         self.page, self.live, self.recording = page, live, recording
         self.scene = scene_solids(live.graph.grasp_map, live.graph.robot)
         self.time, self.playing, self.speed = 0.0, False, 1.0
-        self.click, self.points, self.hide_near = TELL, PLAIN, True
+        self.click, self.points, self.open_side = TELL, PLAIN, True
         self.second: Second | None = None
         self._lock, self._closed = threading.RLock(), threading.Event()
         self._marked: tuple[object, ...] = ()
@@ -104,22 +104,25 @@ class Viewer:
     def _frames(self) -> Frames:
         """What is to be played: the execution, else the plan, else the start."""
         live = self.live
+        self.page.show("robot", True)
         if self.recording is not None:
             return recording_frames(self.recording)
         if live.plan is not None:
             return plan_frames(live.graph, live.plan)
         start = live.start_configuration()
         if start is None:
-            return self.frames
+            self.page.show("robot", False)
+            start = np.zeros(3), drawing.IDENTITY, np.zeros((live.graph.limbs, 6))
         x, q, joints = (np.asarray(part)[None] for part in start)
         zero = np.zeros(1, dtype=np.int64)
-        return Frames(np.zeros(1), zero, zero + 3, x, q, joints)
+        return Frames(np.zeros(1), zero, zero + AT_REST, x, q, joints)
 
     # What follows from a change of the query.
 
     def change(self, act: Callable[[], None]) -> None:
         """Change the query and show what comes of it, or say why it cannot be changed."""
         with self._lock:
+            self.page.write("summary", "*planning ...*")
             try:
                 act()
             except MlivrError as error:
@@ -305,7 +308,7 @@ class Viewer:
         self._eye = eye
         grasp_map = self.live.graph.grasp_map
         hidden, below = set[str](), set[str]()
-        if self.hide_near:
+        if self.open_side:
             hidden = drawing.hidden_faces(grasp_map, eye)
             below = drawing.hidden_faces(grasp_map, eye - BELOW)
         with self.page.together():
@@ -314,9 +317,9 @@ class Viewer:
                 self.page.show(f"points/{face}", face not in hidden)
                 self.page.show(f"second/module/{face}", face not in below)
 
-    def leave_out(self, near: bool) -> None:
-        """Choose whether near walls are left out."""
-        self.hide_near = near
+    def leave_out(self, walls: bool) -> None:
+        """Choose whether walls between the camera and the inside are left out."""
+        self.open_side = walls
         self.see_from(self._eye)
 
     def switch(self, name: str, visible: bool) -> None:

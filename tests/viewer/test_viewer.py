@@ -1,6 +1,7 @@
 """What follows from what people do on the page; nothing is drawn in a browser here."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer import viewer as viewers
 from mlivr_gym.viewer.frames import STEP_TIME
+from mlivr_gym.viewer.panel import add_panel
 
 
 def said(viewer, name):
@@ -142,6 +144,21 @@ def test_a_policy_without_its_extra_is_said(viewer, monkeypatch):
     monkeypatch.setattr("mlivr_gym.viewer.policy_view.NEEDED", ("no_such_package",))
     viewer.mark(viewers.POLICY)
     assert "pip install 'mlivr-gym[agents]'" in said(viewer, "legend")
+
+
+def test_a_start_that_cannot_be_held_shows_no_robot(page, live):
+    """Not even at first, when there was no other."""
+    live.asked = replace(live.asked, start=("D2a:4", "O2a:4"))
+    live.plan = None
+    live.replan()
+    viewer = viewers.Viewer(page, live)
+    add_panel(viewer)
+    viewer.refresh()
+    assert "No plan" in said(viewer, "summary")
+    assert not node(viewer, "robot").visible
+    viewer.change(lambda: live.hold(1, "D2b:4"))
+    assert live.plan is not None
+    assert node(viewer, "robot").visible
 
 
 def test_near_walls_are_left_out(viewer):
