@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from recordings import recording_of
 
-from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.viewer.curves import (
     Plot,
     grasp_forces,
@@ -57,17 +57,8 @@ def test_without_thresholds_there_is_no_margin(checked_graph, walk, links):
     assert margins(frames, walk, links, (0.0, 0.0)).curves == ()
 
 
-def test_torques_and_forces_are_those_recorded():
-    rng, count = np.random.default_rng(0), 50
-    recording = Recording(
-        times=3.0 + np.arange(count), step=np.zeros(count, dtype=int),
-        phase=np.zeros(count, dtype=int), joint_positions=np.zeros((count, 2, 6)),
-        joint_torques=rng.normal(size=(count, 2, 6)), base_positions=np.zeros((count, 3)),
-        base_quaternions=np.zeros((count, 4)), base_errors=np.zeros(count),
-        base_angle_errors=np.zeros(count), grasp_forces=rng.normal(size=(count, 2, 3)),
-        grasp_torques=np.zeros((count, 2, 3)), momenta=np.zeros((count, 3)),
-        angular_momenta=np.zeros((count, 3)), contacts=np.zeros(count, dtype=int),
-    )  # fmt: skip
+def test_torques_and_forces_are_those_recorded(walk):
+    recording = recording_of(walk)
     k, found = 17, torques(recording)
     assert found.times[0] == 0.0
     flat = recording.joint_torques[k].ravel()

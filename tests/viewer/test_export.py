@@ -3,9 +3,7 @@
 import re
 
 import pytest
-
-from mlivr_gym.motion.trajectory import Durations
-from mlivr_gym.simulation.execution import execute
+from recordings import recording_of
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
@@ -24,7 +22,7 @@ def test_a_plan_is_one_file_below_two_megabytes(checked_graph, walk, tmp_path):
 
 
 def test_an_execution_is_written_too(checked_graph, walk, tmp_path):
-    recording = execute(checked_graph, walk, Durations.of_step(30.0)).recording
+    recording = recording_of(walk)
     path = tmp_path / "walk.html"
     assert export.write_html(path, checked_graph, walk, recording) <= 2_000_000
     assert "<title>mlivr2: execution, 4 steps" in path.read_text(encoding="utf-8")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plans import first_steps
 
 from mlivr_gym.errors import PlanError
 from mlivr_gym.motion.trajectory import Durations
@@ -77,7 +78,7 @@ def test_long_walks_have_fewer_frames():
 
 @pytest.fixture(scope="module")
 def execution(checked_graph, walk):
-    return execute(checked_graph, walk, Durations.of_step(30.0))
+    return execute(checked_graph, first_steps(walk, 1), Durations.of_step(30.0))
 
 
 def test_an_execution_is_played_as_it_was_recorded(execution, tmp_path):
@@ -87,7 +88,7 @@ def test_an_execution_is_played_as_it_was_recorded(execution, tmp_path):
     assert frames.times[0] == 0.0
     span = execution.recording.times[-1] - execution.recording.times[0]
     assert frames.duration == pytest.approx(span)
-    end = execution.plan.configuration(4)
+    end = execution.plan.configuration(1)
     np.testing.assert_allclose(frames.base_positions[-1], end[0], atol=1e-3)
     np.testing.assert_allclose(frames.joint_positions[-1], end[2], atol=1e-2)
 
@@ -103,6 +104,5 @@ def test_measurements_of_something_else_are_refused(execution, walk, tmp_path):
     other = replace(walk, world=replace(walk.world, robot=robot))
     with pytest.raises(PlanError, match=r"does not belong to the plan: joint_positions"):
         load_recording(tmp_path / "simulation.npz", other)
-    motion = replace(walk.motion, steps=walk.steps[:2])
-    with pytest.raises(PlanError, match="which has 2 steps"):
-        load_recording(tmp_path / "simulation.npz", replace(walk, motion=motion))
+    with pytest.raises(PlanError, match="which has 0 steps"):
+        load_recording(tmp_path / "simulation.npz", first_steps(walk, 0))
