@@ -15,8 +15,8 @@ from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.viewer.frames import AT_REST, Frames
 from mlivr_gym.viewer.solids import Link
 
-THRESHOLD_COLOUR, TORQUE_COLOUR = "#495057", "#9c36b5"
-"""Colours of thresholds and of torques."""
+THRESHOLD_COLOUR, FLOOR_COLOUR, TORQUE_COLOUR = "#495057", "#e8a0a0", "#9c36b5"
+"""Colours of thresholds, of the path floor, and of torques."""
 
 
 class Plot(NamedTuple):
@@ -59,18 +59,16 @@ def limb_manipulabilities(robot: RobotSpec, links: tuple[Link, ...], joints: Arr
     return out
 
 
-def margins(
-    frames: Frames, plan: Plan, links: tuple[Link, ...], limits: tuple[float, float]
-) -> Plot:
+def margins(frames: Frames, plan: Plan, links: tuple[Link, ...]) -> Plot:
     """Manipulability over its threshold: of limbs while they hold, of the base in stances.
 
     Args:
         frames: The frames.
-        plan: What they play.
+        plan: What they play; no curves if it was made without thresholds.
         links: Links of the robot.
-        limits: Least `w_m` of a limb and least `w_b` of a stance; no curves where they are 0.
     """
-    title, (w_m_min, w_b_min) = "manipulability / threshold", limits
+    title, settings = "manipulability / threshold", plan.world.settings
+    w_m_min, w_b_min = settings.thresholds(plan.world.robot.limbs)
     if w_m_min <= 0.0 or w_b_min <= 0.0 or len(frames) < 2:
         return Plot(title, frames.times, ())
     robot = plan.world.robot
@@ -88,6 +86,8 @@ def margins(
     curves = [(f"limb {i}", LIMB_COLOURS[i], limb[:, i]) for i in range(robot.limbs)]
     curves.append(("base, in stances", BASE_COLOUR, base))
     curves.append(("threshold", THRESHOLD_COLOUR, np.ones(len(frames))))
+    floor = np.full(len(frames), settings.path_floor / w_m_min)
+    curves.append(("path floor", FLOOR_COLOUR, floor))
     return Plot(title, frames.times, tuple(curves))
 
 

@@ -166,11 +166,10 @@ class Viewer:
             self.seek(0.0)
 
     def _show_plots(self) -> None:
-        plan, graph = self.live.plan, self.live.graph
+        plan = self.live.plan
         plots: dict[str, Plot] = {}
         if plan is not None:
-            limits = graph.limb_threshold, graph.base_threshold
-            plots["margins"] = margins(self.frames, plan, self.scene.links, limits)
+            plots["margins"] = margins(self.frames, plan, self.scene.links)
         if self.recording is not None:
             plots |= {"torques": torques(self.recording), "forces": grasp_forces(self.recording)}
         self._plots = {name: thinned(plot) for name, plot in plots.items() if plot.curves}

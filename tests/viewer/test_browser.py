@@ -10,9 +10,14 @@ from chromium import chromium, opened
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.rendering import MARGIN
 from mlivr_gym.planners import Planner
-from mlivr_gym.viewer import drawing
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
+
+from mlivr_gym.viewer import drawing
+from mlivr_gym.viewer.export import write_html
+from mlivr_gym.viewer.panel import add_panel
+from mlivr_gym.viewer.viewer import ASPECT, Viewer
+
 pytestmark = pytest.mark.browser
 
 PATIENCE = 60.0
@@ -50,8 +55,6 @@ def until(true, seconds=PATIENCE):
 
 def pixel(viewer, page, place):
     """Where a place [m] is in the window of a page that was just opened [px]."""
-    from mlivr_gym.viewer.viewer import ASPECT
-
     points = viewer.live.graph.grasp_map.positions
     middle = tuple((0.5 * (points.min(axis=0) + points.max(axis=0))).tolist())
     camera = Camera(middle, azimuth=drawing.AZIMUTH, elevation=drawing.ELEVATION)
@@ -147,8 +150,6 @@ def test_colours_tell_what_can_be_stepped_to(shown):
 
 
 def test_a_file_plays_without_a_server(browser, checked_graph, walk, tmp_path):
-    from mlivr_gym.viewer.export import write_html
-
     write_html(tmp_path / "walk.html", checked_graph, walk)
     page, errors = opened(browser, (tmp_path / "walk.html").as_uri())
     times = page.locator("input").first
@@ -161,9 +162,6 @@ def test_a_file_plays_without_a_server(browser, checked_graph, walk, tmp_path):
 
 
 def test_two_plans_are_compared(browser, page, live, checked_graph):
-    from mlivr_gym.viewer.panel import add_panel
-    from mlivr_gym.viewer.viewer import Viewer
-
     other = Planner(checked_graph).plan(live.plan.stances[0], live.asked.goal, "base").unwrap()
     viewer = Viewer(page, live)
     viewer.compare(other)

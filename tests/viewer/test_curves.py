@@ -1,5 +1,7 @@
 """Plots below the scrubber, compared with the plan's figures and with definitions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from recordings import recording_of
@@ -31,7 +33,7 @@ def test_manipulability_of_limbs_is_the_plans(checked_graph, walk, links):
 def test_margins_are_the_plans_in_stances(checked_graph, walk, links):
     frames = plan_frames(checked_graph, walk)
     limits = checked_graph.limb_threshold, checked_graph.base_threshold
-    plot = margins(frames, walk, links, limits)
+    plot = margins(frames, walk, links)
     curves = {label: values for label, _, values in plot.curves}
     last = len(frames) - 1
     for limb in range(2):
@@ -40,11 +42,15 @@ def test_margins_are_the_plans_in_stances(checked_graph, walk, links):
     at = [frames.at(time) for time in frames.starts()]
     np.testing.assert_allclose(curves["base, in stances"][at], walk.motion.w_b / limits[1])
     assert (curves["threshold"] == 1.0).all()
+    floor = checked_graph.settings.path_floor / limits[0]
+    assert (curves["path floor"] == floor).all()
+    held = np.stack([curves["limb 0"], curves["limb 1"]])
+    assert np.nanmin(held) >= floor
 
 
 def test_a_limb_that_moves_has_no_margin(checked_graph, walk, links):
     frames = plan_frames(checked_graph, walk)
-    curves = margins(frames, walk, links, (0.1, 0.001)).curves
+    curves = margins(frames, walk, links).curves
     k = frames.at(2.5)  # half-way through the first step
     limb = walk.steps[0].limb
     assert np.isnan(curves[limb][2][k])
@@ -54,7 +60,9 @@ def test_a_limb_that_moves_has_no_margin(checked_graph, walk, links):
 
 def test_without_thresholds_there_is_no_margin(checked_graph, walk, links):
     frames = plan_frames(checked_graph, walk)
-    assert margins(frames, walk, links, (0.0, 0.0)).curves == ()
+    settings = replace(walk.world.settings, manipulability=False)
+    plan = replace(walk, world=replace(walk.world, settings=settings))
+    assert margins(frames, plan, links).curves == ()
 
 
 def test_torques_and_forces_are_those_recorded(walk):
