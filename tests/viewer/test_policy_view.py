@@ -5,7 +5,11 @@ import pytest
 
 pytest.importorskip("sb3_contrib", reason="the extra 'agents' is not installed")
 
+import torch
+
+from mlivr_gym.agents.features import env_features
 from mlivr_gym.agents.learned import load_policy
+from mlivr_gym.agents.networks import as_tensors, scores_and_value
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.viewer import policy_view
@@ -31,7 +35,13 @@ def test_chances_are_those_of_the_policy_in_its_environment(small_checked_graph)
     after = view.chances(graph.state(state.stance), goal, 0.2)
     graph.vacate()
     assert after[:, action % len(graph.grasp_map)].sum() == 0.0
-    assert after.sum() == pytest.approx(1.0, abs=1e-5)
+    env.graph.occupy([action % len(graph.grasp_map)])
+    env.reset(options={"start": graph.ids(state.stance), "goal": goal})
+    network = load_policy("pretrained", env).policy
+    with torch.no_grad():
+        scores = scores_and_value(network, as_tensors(network, env_features(env)))[0][0].numpy()
+    likely = np.where(env.action_masks(), np.exp(scores), 0.0)
+    np.testing.assert_allclose(after.ravel(), likely / likely.sum(), atol=1e-5)
 
 
 def test_what_is_missing_is_said(monkeypatch):

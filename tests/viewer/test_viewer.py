@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recordings import recording_of
 
 from mlivr_gym.planners import Planner
 
@@ -190,6 +191,23 @@ def test_collision_shapes_alone_leave_the_rods_out(viewer):
     paths = drawing._paths("robot", viewer.scene)
     for k, solid in enumerate(viewer.scene.robot):
         assert node(viewer, f"{paths[solid.link]}/shape{k}").visible == solid.checked
+
+
+def test_an_execution_is_played_until_it_is_planned_anew(page, live, walk):
+    recording = recording_of(walk)
+    viewer = viewers.Viewer(page, live, recording)
+    add_panel(viewer)
+    viewer.refresh()
+    assert viewer.frames.duration == pytest.approx(200.0)
+    assert page._items["torques"].visible
+    assert page._items["forces"].visible
+    viewer.seek(120.0)
+    at = np.argmin(np.abs(recording.times - recording.times[0] - 120.0))
+    place = node(viewer, "robot/base").position
+    assert np.linalg.norm(place - recording.base_positions[at]) < 0.1
+    viewer.change(live.replan)
+    assert viewer.frames.duration == pytest.approx(4 * STEP_TIME)
+    assert not page._items["torques"].visible
 
 
 def test_two_plans_are_shown_in_one_module_or_in_two(viewer, checked_graph):
