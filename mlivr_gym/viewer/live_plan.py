@@ -20,6 +20,9 @@ from mlivr_gym.world.boxes import Box
 CUT_OFF = ("goal outside the reachable set", "search exhausted")
 """Reasons for which there is no plan whose cause is looked for."""
 
+CAUSE_LIMIT = 300
+"""Most expansions of each search for a cause with more than two limbs, which take long."""
+
 BOX_EDGE = 0.3
 """Edge of a box that is added [m]."""
 
@@ -153,6 +156,7 @@ class LivePlan:
             goal_face=asked.goal_face,
             start_pose=asked.start_pose,
             start_joints=asked.start_joints,
+            limit=CAUSE_LIMIT,
         ).message
 
     def hold(self, limb: int, point: str) -> None:

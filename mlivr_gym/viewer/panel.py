@@ -9,12 +9,10 @@ from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer.live_plan import PRICE
 from mlivr_gym.viewer.policy_view import missing
+from mlivr_gym.viewer.second_plan import APART, HIDDEN, OVER
 from mlivr_gym.viewer.viewer import (
     AIM,
-    APART,
     BLOCK,
-    HIDDEN,
-    OVER,
     PLAIN,
     PLOTS,
     POLICY,

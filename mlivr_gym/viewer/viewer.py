@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,10 +17,11 @@ from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.transitions.state import State
 from mlivr_gym.viewer import drawing, marks
 from mlivr_gym.viewer.curves import Plot, grasp_forces, margins, thinned, torques, with_cursor
-from mlivr_gym.viewer.frames import AT_REST, Frames, plan_frames, recording_frames, stance_frames
+from mlivr_gym.viewer.frames import AT_REST, Frames, plan_frames, recording_frames
 from mlivr_gym.viewer.live_plan import LivePlan
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.policy_view import PolicyView
+from mlivr_gym.viewer.second_plan import APART, BELOW, OVER, SecondPlan
 from mlivr_gym.viewer.solids import scene_solids
 from mlivr_gym.viewer.words import compared, legend, summary
 
@@ -33,9 +33,6 @@ ASPECT = 1.15
 
 PLOT_TICKS = 5
 """Pictures between two of the plots."""
-
-BELOW = np.array([0.0, 0.0, -3.4])
-"""How far from the module a second one stands, for a plan beside another [m]."""
 
 PLOTS = ("margins", "torques", "forces")
 """Names of the plots below the scrubber."""
@@ -51,18 +48,6 @@ TELL, BLOCK = "tell why it cannot be held", "block or free it"
 
 PLAIN, REACH, WHY, POLICY = "nothing", "reach of the stance", "why not limb ", "policy"
 """What the colours of points may tell."""
-
-APART, OVER, HIDDEN = "in a module below", "in the same module", "hidden"
-"""Where a second plan is shown."""
-
-
-class Second(NamedTuple):
-    """A plan that another is compared with."""
-
-    plan: Plan
-    """The plan."""
-    frames: Frames
-    """What is played of it."""
 
 
 class Viewer:
@@ -85,7 +70,7 @@ class Viewer:
         self.scene = scene_solids(live.graph.grasp_map, live.graph.robot)
         self.time, self.playing, self.speed = 0.0, False, 1.0
         self.click, self.points, self.open_side = TELL, PLAIN, True
-        self.second: Second | None = None
+        self.second: SecondPlan | None = None
         self._lock, self._closed = threading.RLock(), threading.Event()
         self._marked: tuple[object, ...] = ()
         self._policy: PolicyView | None = None
@@ -189,7 +174,8 @@ class Viewer:
             self.time = min(max(time, 0.0), self.frames.duration)
             k = self.frames.at(self.time)
             drawing.pose_robot(self.page, "robot", self.scene, self.frames.configuration(k))
-            self._pose_second()
+            if self.second is not None:
+                self.second.seek(self.time)
             plan = self.live.plan
             self.page.write("where", self.frames.told(k, plan) if plan else "the start")
             self.page.set("time", round(self.time, 2))
@@ -253,15 +239,15 @@ class Viewer:
 
     def _tell(self, point: int) -> None:
         """Say of a point which limbs can step there now, and why others cannot."""
-        graph, state = self.live.graph, self.present()
-        name = graph.grasp_map.ids[point]
-        lines = [f"**{name}**, {graph.grasp_map.faces[point]}"]
-        if state is not None:
-            steps = graph.successors(state)
-            for limb in range(graph.limbs):
-                why = marks.why_not(graph, state, limb, point, steps)
-                lines.append(f"limb {limb}: {why or 'can step there'}")
-        self.page.write("told", "  \n".join(lines))
+        with self._lock:
+            graph, state = self.live.graph, self.present()
+            lines = [f"**{graph.grasp_map.ids[point]}**, {graph.grasp_map.faces[point]}"]
+            if state is not None:
+                steps = graph.successors(state)
+                for limb in range(graph.limbs):
+                    why = marks.why_not(graph, state, limb, point, steps)
+                    lines.append(f"limb {limb}: {why or 'can step there'}")
+            self.page.write("told", "  \n".join(lines))
 
     def present(self) -> State | None:
         """The state of the stance that is shown, or that the present step leaves."""
@@ -305,6 +291,14 @@ class Viewer:
     def see_from(self, eye: Array) -> None:
         """Leave out what stands between a camera at `eye` [m] and the inside."""
         self._eye = eye
+        if not self._lock.acquire(blocking=False):
+            return  # the next move of the camera will do
+        try:
+            self._show_faces(eye)
+        finally:
+            self._lock.release()
+
+    def _show_faces(self, eye: Array) -> None:
         grasp_map = self.live.graph.grasp_map
         hidden, below = set[str](), set[str]()
         if self.open_side:
@@ -354,41 +348,24 @@ class Viewer:
         self.page.remove("handles")
         self.change(self.live.clear)
 
-    def compare(self, plan: Plan | None, frames: Frames | None = None) -> None:
-        """Show a second plan beside the first, or none."""
+    def compare(self, plan: Plan, frames: Frames) -> None:
+        """Show a second plan in the same module, played at the same time."""
         with self._lock:
-            self.second = None
-            if plan is not None:
-                self.second = Second(plan, frames or stance_frames(plan))
-            self.place_second(HIDDEN if plan is None else OVER)
+            self.second = SecondPlan(self.page, self.scene, plan, frames)
+            self.place_second(OVER)
 
     def place_second(self, where: str) -> None:
         """Show the second plan in the same module, in one below, or not at all."""
-        page, grasp_map = self.page, self.live.graph.grasp_map
-        with self._lock, page.together():
-            page.remove("second")
+        if self.second is None:
+            return
+        grasp_map = self.live.graph.grasp_map
+        with self._lock, self.page.together():
+            self.second.place(where, grasp_map)
+            self.second.seek(self.time)
             if (where == APART) != self._apart:
                 self._apart = where == APART
                 below = BELOW if self._apart else None
-                self.see_from(drawing.view(page, grasp_map, self._aspect, below))
-            if self.second is None or where == HIDDEN:
-                return
-            page.frame("second", BELOW if where == APART else np.zeros(3), drawing.IDENTITY)
-            opacity = 1.0 if where == APART else drawing.GHOST_OPACITY
-            drawing.draw_robot(page, "second/robot", self.scene, opacity)
-            if where == OVER:
-                drawing.draw_ghost(page, "second/path", self.second.plan)
-            else:
-                drawing.draw_plan(page, "second/plan", grasp_map, self.second.plan)
-                drawing.draw_module(page, "second/module", self.scene)
-                self.see_from(self._eye)
-            self._pose_second()
-
-    def _pose_second(self) -> None:
-        if self.second is not None and "second/robot" in self.page:
-            frames = self.second.frames
-            shown = frames.configuration(frames.at(self.time))
-            drawing.pose_robot(self.page, "second/robot", self.scene, shown)
+                self.see_from(drawing.view(self.page, grasp_map, self._aspect, below))
 
     def _second_words(self) -> str:
         return "" if self.second is None else compared(self.live.plan, self.second.plan)

@@ -15,6 +15,7 @@ pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer.export import write_html
+from mlivr_gym.viewer.frames import plan_frames
 from mlivr_gym.viewer.panel import add_panel
 from mlivr_gym.viewer.viewer import ASPECT, Viewer
 
@@ -164,7 +165,7 @@ def test_a_file_plays_without_a_server(browser, checked_graph, walk, tmp_path):
 def test_two_plans_are_compared(browser, page, live, checked_graph):
     other = Planner(checked_graph).plan(live.plan.stances[0], live.asked.goal, "base").unwrap()
     viewer = Viewer(page, live)
-    viewer.compare(other)
+    viewer.compare(other, plan_frames(checked_graph, other))
     add_panel(viewer)
     viewer.refresh()
     seen, errors = opened(browser, page.address)

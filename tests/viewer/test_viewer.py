@@ -11,9 +11,9 @@ from mlivr_gym.planners import Planner
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
-from mlivr_gym.viewer import drawing
+from mlivr_gym.viewer import drawing, second_plan
 from mlivr_gym.viewer import viewer as viewers
-from mlivr_gym.viewer.frames import STEP_TIME
+from mlivr_gym.viewer.frames import STEP_TIME, stance_frames
 from mlivr_gym.viewer.panel import add_panel
 
 
@@ -212,16 +212,16 @@ def test_an_execution_is_played_until_it_is_planned_anew(page, live, walk):
 
 def test_two_plans_are_shown_in_one_module_or_in_two(viewer, checked_graph):
     other = Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "base").unwrap()
-    viewer.compare(other)
+    viewer.compare(other, stance_frames(other))
     viewer.refresh()
     assert f"| steps | 4 | {len(other.steps)} |" in said(viewer, "summary")
     viewer.seek(STEP_TIME)
     np.testing.assert_allclose(
         node(viewer, "second/robot/base").position, other.motion.base_positions[1], atol=1e-9
     )
-    viewer.place_second(viewers.APART)
-    np.testing.assert_array_equal(node(viewer, "second").position, viewers.BELOW)
+    viewer.place_second(second_plan.APART)
+    np.testing.assert_array_equal(node(viewer, "second").position, second_plan.BELOW)
     assert "second/module" in viewer.page
-    viewer.place_second(viewers.HIDDEN)
+    viewer.place_second(second_plan.HIDDEN)
     assert "second" not in viewer.page
     viewer.seek(0.0)
