@@ -201,22 +201,24 @@ def light(page: Page) -> None:
     page.light("fill", 0.6, np.array([5.0, -2.0, -5.0]))
 
 
-def view(page: Page, grasp_map: GraspMap, aspect: float, below: Array | None = None) -> Array:
-    """Look at the whole map in a picture of a width over its height; returns from where [m].
+def places_of(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:
+    """What is to be seen of a map and a plan on it, shape (k, 3) [m]."""
+    bases = np.zeros((0, 3)) if plan is None else plan.motion.base_positions
+    return np.concatenate([grasp_map.positions, goal[None], bases])
+
+
+def view(page: Page, places: Array, aspect: float, elevation: float = ELEVATION) -> Array:
+    """Look at places, shape (k, 3) [m], all of them in the picture; returns from where [m].
 
     Args:
         page: The page.
-        grasp_map: The map.
-        aspect: Width over height.
-        below: How far from the module a second one stands that is to be seen, too [m].
+        places: What is to be seen.
+        aspect: Width of the picture over its height.
+        elevation: Angle of the line of sight over the horizon [deg].
     """
-    points = grasp_map.positions
-    if below is not None:
-        points = np.concatenate([points, points + below])
-    x, y, z = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
-    elevation = ELEVATION if below is None else STEEP
+    x, y, z = (0.5 * (places.min(axis=0) + places.max(axis=0))).tolist()
     camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=elevation)
-    camera = camera.seeing(points, MARGIN, aspect)
+    camera = camera.seeing(places, MARGIN, aspect)
     eye: Array = np.array(camera.lookat) - camera.distance * camera.axes[2]
     page.look(eye, np.array(camera.lookat))
     return eye

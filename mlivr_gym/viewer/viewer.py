@@ -83,7 +83,9 @@ class Viewer:
         drawing.draw_module(page, "module", self.scene)
         drawing.draw_points(page, live.graph.grasp_map)
         drawing.draw_robot(page, "robot", self.scene)
-        self.see_from(drawing.view(page, live.graph.grasp_map, aspect))
+        goal = np.array(live.asked.goal)
+        self._places = drawing.places_of(live.graph.grasp_map, goal, live.plan)
+        self.see_from(drawing.view(page, self._places, aspect))
         self.frames = self._frames()
 
     def _frames(self) -> Frames:
@@ -364,8 +366,11 @@ class Viewer:
             self.second.seek(self.time)
             if (where == APART) != self._apart:
                 self._apart = where == APART
-                below = BELOW if self._apart else None
-                self.see_from(drawing.view(self.page, grasp_map, self._aspect, below))
+                places, elevation = self._places, drawing.ELEVATION
+                if self._apart:
+                    places = np.concatenate([places, places + BELOW])
+                    elevation = drawing.STEEP
+                self.see_from(drawing.view(self.page, places, self._aspect, elevation))
 
     def _second_words(self) -> str:
         return "" if self.second is None else compared(self.live.plan, self.second.plan)
