@@ -52,7 +52,7 @@ def add_panel(viewer: Viewer) -> None:
 def _add_playing(viewer: Viewer) -> None:
     page = viewer.page
     page.text("where")
-    page.slider("time", "time [s]", max(viewer.frames.duration, 0.1), 0.01, viewer.scrub)
+    page.slider("time", "time [s]", max(viewer.duration, 0.1), 0.01, viewer.scrub)
     page.buttons("play", (BACK, PLAY, ON), lambda label: _press(viewer, label))
     page.choice("speed", "speed", SPEEDS, f"{viewer.speed:g}x", lambda chosen: _run(viewer, chosen))
     for name in PLOTS:

@@ -104,6 +104,12 @@ class Viewer:
         zero = np.zeros(1, dtype=np.int64)
         return Frames(np.zeros(1), zero, zero + AT_REST, x, q, joints)
 
+    @property
+    def duration(self) -> float:
+        """Time at which all that is played has ended [s]."""
+        second = 0.0 if self.second is None else self.second.frames.duration
+        return max(self.frames.duration, second)
+
     # What follows from a change of the query.
 
     def change(self, act: Callable[[], None]) -> None:
@@ -149,7 +155,7 @@ class Viewer:
             self._marked = ()
             self._show_plots()
             page.write("summary", summary(live) + self._second_words())
-            page.stretch("time", max(self.frames.duration, 0.1))
+            page.stretch("time", max(self.duration, 0.1))
             self.seek(0.0)
 
     def _show_plots(self) -> None:
@@ -173,7 +179,7 @@ class Viewer:
     def seek(self, time: float) -> None:
         """Show a time [s]."""
         with self._lock, self.page.together():
-            self.time = min(max(time, 0.0), self.frames.duration)
+            self.time = min(max(time, 0.0), self.duration)
             k = self.frames.at(self.time)
             drawing.pose_robot(self.page, "robot", self.scene, self.frames.configuration(k))
             if self.second is not None:
@@ -194,7 +200,7 @@ class Viewer:
     def toggle(self) -> None:
         """Play, or pause; at the end play from the start."""
         with self._lock:
-            if not self.playing and self.time >= self.frames.duration:
+            if not self.playing and self.time >= self.duration:
                 self.time = 0.0
             self.playing = not self.playing
 
@@ -212,7 +218,7 @@ class Viewer:
             if not self.playing:
                 return
             self._ticks += 1
-            self.playing = self.time + TICK * self.speed < self.frames.duration
+            self.playing = self.time + TICK * self.speed < self.duration
             self.seek(self.time + TICK * self.speed)
 
     def run(self) -> None:

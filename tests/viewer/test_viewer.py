@@ -219,6 +219,11 @@ def test_two_plans_are_shown_in_one_module_or_in_two(viewer, checked_graph):
     np.testing.assert_allclose(
         node(viewer, "second/robot/base").position, other.motion.base_positions[1], atol=1e-9
     )
+    assert viewer.duration == pytest.approx(STEP_TIME * len(other.steps))
+    viewer.seek(99.0)
+    np.testing.assert_allclose(
+        node(viewer, "second/robot/base").position, other.motion.base_positions[-1], atol=1e-9
+    )
     viewer.place_second(second_plan.APART)
     np.testing.assert_array_equal(node(viewer, "second").position, second_plan.BELOW)
     assert "second/module" in viewer.page
