@@ -14,6 +14,7 @@ PACKAGE = ROOT / "mlivr_gym"
 LAYERS = (
     {"experiments", "__main__"},
     {"cli"},
+    {"viewer"},
     {"agents"},
     {"envs"},
     {"pictures", "fastest"},

@@ -19,6 +19,10 @@ EXAMPLES = {
         "mlivr-gym render --plan plan.json --out walk.png",
         "mlivr-gym render --plan plan.json --stance 2 --size 1600 800 --mjcf scene.xml",
     ),
+    "view": (
+        "mlivr-gym view --start D2a:4 D2b:4 --goal 6.0 0 0.42",
+        "mlivr-gym view --plan plan.json --out walk.html",
+    ),
     "train": (
         "mlivr-gym train --method dagger --out my_policy",
         "mlivr-gym train --method finetune --init my_policy --shaping --out better",

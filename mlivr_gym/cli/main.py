@@ -22,6 +22,7 @@ from mlivr_gym.cli import (
     simulate,
     table1,
     train,
+    view,
     warmup,
 )
 from mlivr_gym.cli.examples import examples
@@ -43,6 +44,7 @@ COMMANDS = (
     table1,
     info,
     render,
+    view,
     train,
     evaluate,
     dataset,

@@ -7,6 +7,7 @@ written. What takes long (training, simulating, collecting) is replaced; all che
 
 import argparse
 import contextlib
+import importlib.util
 import io
 import json
 import shutil
@@ -49,7 +50,7 @@ KNOWN = {
     "case": ["3", "5", "x", "-1"],
     "split": ["same", "hard", ""],
 }
-COMMANDS = ("plan", "info", "render", "simulate", "train", "evaluate", "dataset")
+COMMANDS = ("plan", "info", "render", "simulate", "train", "evaluate", "dataset", "view")
 
 RAILS = {
     "segments": [
@@ -130,6 +131,9 @@ def quick(monkeypatch, tmp_path):
     monkeypatch.setattr("mlivr_gym.agents.dataset._collector", stopped)
     monkeypatch.setattr("mlivr_gym.cli.render.SceneRenderer", stopped)
     monkeypatch.setattr("mlivr_gym.cli.render.configuration_figure", stopped)
+    monkeypatch.setattr("mlivr_gym.cli.view._serve", stopped)
+    if importlib.util.find_spec("viser") is not None:
+        monkeypatch.setattr("mlivr_gym.viewer.export.write_html", stopped)
     monkeypatch.setattr("mlivr_gym.stances.stance_graph.MOST_PAIRS", 2000)
     for module in ("cli.arguments", "world.grasp_map", "paper"):
         monkeypatch.setattr(f"mlivr_gym.{module}.jem_map", lambda: GraspMap.from_dict(RAILS))

@@ -131,6 +131,13 @@ def test_a_users_own_map_has_a_scene(ladder):
     assert model.site("point/R0:0") is not None
 
 
+def test_faces_of_a_map_may_have_any_name(ladder):
+    data = ladder.to_dict()
+    named = GraspMap.from_dict(data | {"faces": ["hull"] * len(data["faces"])})
+    model = scene_spec(named, robot_spec("mlivr2")).compile()
+    assert model.site("point/R0:0") is not None
+
+
 NAMES = (
     "body",
     "base",

@@ -1,0 +1,71 @@
+"""The picture of the viewer in `docs/viewer.md`: a point is blocked and planned round.
+
+    python experiments/viewer_picture.py [--out docs/pictures]
+
+writes `viewer.png` with the extras `viewer` and `docs` and the Chromium of the system.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from pathlib import Path
+
+from playwright.sync_api import sync_playwright
+
+from mlivr_gym import stance_graph
+from mlivr_gym.files import write_whole
+from mlivr_gym.viewer.live_plan import Asked, LivePlan
+from mlivr_gym.viewer.page import Page
+from mlivr_gym.viewer.panel import add_panel
+from mlivr_gym.viewer.viewer import Viewer
+
+START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+"""The query of the command's example."""
+
+SHOWN = 5.0
+"""Time of the plan that the picture shows [s]."""
+
+FLAGS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+"""Without a GPU."""
+
+WIDTH, HEIGHT = 1440, 810
+"""Size of the picture [px]."""
+
+DRAWN = 8000
+"""How long the page may take to draw all [ms]."""
+
+
+def main() -> None:
+    """Serve the page, and take a picture of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("docs/pictures"))
+    out = parser.parse_args().out
+    live = LivePlan(stance_graph(), Asked(START, GOAL, "steps"))
+    live.replan()
+    assert live.plan is not None
+    live.block(live.plan.steps[0].to_point)
+    viewer = Viewer(Page("127.0.0.1", 0, "mlivr-gym"), live)
+    add_panel(viewer)
+    viewer.refresh()
+    viewer.seek(SHOWN)
+    write_whole(out / "viewer.png", picture(viewer.page.address))
+    viewer.close()
+
+
+def picture(address: str) -> bytes:
+    """A picture of a page, once it is drawn."""
+    with sync_playwright() as playwright:
+        chromium = shutil.which("chromium") or shutil.which("google-chrome")
+        browser = playwright.chromium.launch(executable_path=chromium, args=list(FLAGS))
+        page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        page.goto(address)
+        page.locator(".mantine-Notification-closeButton").click()  # that there is no GPU
+        page.wait_for_timeout(DRAWN)
+        taken: bytes = page.screenshot()
+        browser.close()
+    return taken
+
+
+if __name__ == "__main__":
+    main()

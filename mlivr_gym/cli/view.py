@@ -1,0 +1,172 @@
+"""The command `mlivr-gym view`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mlivr_gym.cli.arguments import (
+    chosen_graph,
+    chosen_map,
+    chosen_task,
+    obstacle_arguments,
+    query_arguments,
+    refuse_ignored,
+    world_arguments,
+)
+from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.extras import need
+from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.progress import Progress
+from mlivr_gym.errors import NoPlanError, PlanError, SettingError
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.schema import Place, Whole
+from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.pair_graph import PairGraph
+
+if TYPE_CHECKING:
+    from mlivr_gym.simulation.recording import Recording
+    from mlivr_gym.viewer.live_plan import LivePlan
+
+HOST, PORT = "127.0.0.1", 8080
+"""Where the page is served by default: on this computer alone."""
+
+FILES = "plan.json", "simulation.npz"
+"""What is read of the folder of an execution."""
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser's."""
+    parser = commands.add_parser(
+        "view",
+        parents=[world_arguments(), obstacle_arguments(), query_arguments()],
+        help="look at plans in a browser, and change them there",
+        description="Serve a page on which a plan or an execution is played, and on which a click "
+        "on a point, a new goal, another cost or a box plans anew. "
+        "With --out, write a page that plays without a server. Needs the extra 'viewer'.",
+    )
+    parser.add_argument(
+        "--plan",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="a plan; a second one is shown beside the first",
+    )
+    parser.add_argument(
+        "--execution", metavar="FOLDER", help="what `mlivr-gym simulate` has written"
+    )
+    parser.add_argument(
+        "--out", metavar="FILE", help="write one HTML file that plays, and serve nothing"
+    )
+    parser.add_argument(
+        "--host",
+        default=HOST,
+        help="network interface that answers (default: %(default)s, this computer alone)",
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=PORT,
+        help="port, the next free one if it is taken; 0 for any (default: %(default)s)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write a page, or serve one until it is interrupted."""
+    need("viser", extra="viewer")
+    _check(args)
+    claim(args.out)
+    with Progress("making the stance graph and the plan", quiet=args.quiet):
+        live, recording = _found(args)
+    print(live.message if live.plan is not None else f"no plan: {live.message}", flush=True)
+    if args.out:
+        from mlivr_gym.viewer.export import write_html
+
+        if live.plan is None:
+            cause = live.cause()
+            raise NoPlanError(f"{live.message}; {cause}" if cause else live.message)
+        size = write_html(args.out, live.graph, live.plan, recording)
+        print(f"page: {args.out}, {size / 1e6:.2f} MB")
+        args.result |= {"files": [args.out], "bytes": size}
+        return SUCCESS
+    return _serve(args, live, recording)
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse arguments that contradict each other."""
+    if len(args.plan) > 2:
+        raise SettingError(f"--plan is given {len(args.plan)} times; two plans can be compared")
+    if args.execution and args.plan:
+        raise SettingError("give either --plan or --execution, whose folder has the plan")
+    if args.out and len(args.plan) > 1:
+        raise SettingError("--out takes one plan; two are compared on the page that is served")
+    if args.plan or args.execution:
+        refuse_ignored(args, "plan" if args.plan else "execution", ("map",))
+    Whole(0, 65535).read(args.port, Place("--port", SettingError))
+
+
+def _found(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
+    """The plan to begin with, and what was measured of its execution."""
+    from mlivr_gym.viewer.frames import load_recording
+    from mlivr_gym.viewer.live_plan import Asked, LivePlan
+
+    if args.plan or args.execution:
+        folder = Path(args.execution or "")
+        file = args.plan[0] if args.plan else folder / FILES[0]
+        plan = Plan.load(file, chosen_map(args))
+        recording = load_recording(folder / FILES[1], plan) if args.execution else None
+        graph = graph_of(plan, args)
+        return LivePlan(graph, Asked.of_plan(graph, plan), plan), recording
+    graph = chosen_graph(args)
+    start, goal = chosen_task(graph, args)
+    x, y, z = goal
+    asked = Asked(
+        start, (x, y, z), args.cost, args.regrasp_price, args.tolerance, args.goal_face,
+        args.start_pose, args.start_joints, args.method, args.heuristic, args.inflation, args.limit,
+    )  # fmt: skip
+    live = LivePlan(graph, asked)
+    live.replan()
+    return live, None
+
+
+def graph_of(plan: Plan, args: argparse.Namespace) -> PairGraph | LazyGraph:
+    """The stance graph of a plan, with the obstacles and the occupied points that it knew."""
+    graph = stance_graph(chosen_map(args), plan.world.robot, plan.world.settings)
+    graph.add_obstacles(plan.world.obstacles)
+    graph.occupy(plan.world.occupied)
+    return graph
+
+
+def _serve(args: argparse.Namespace, live: LivePlan, recording: Recording | None) -> int:
+    """Serve the page until it is interrupted."""
+    from mlivr_gym.viewer.frames import plan_frames
+    from mlivr_gym.viewer.page import Page
+    from mlivr_gym.viewer.panel import add_panel
+    from mlivr_gym.viewer.viewer import Viewer
+
+    second = None
+    if len(args.plan) > 1:
+        second = Plan.load(args.plan[1], live.graph.grasp_map)
+        if second.world.robot != live.graph.robot:
+            raise PlanError(
+                f"plan {args.plan[1]!r} is of robot {second.world.robot.name!r}, the first one of "
+                f"{live.graph.robot.name!r}"
+            )
+    viewer = Viewer(Page(args.host, args.port, "mlivr-gym"), live, recording)
+    try:
+        if recording is not None:
+            viewer.speed = 10.0
+        if second is not None:
+            viewer.compare(second, plan_frames(live.graph, second))
+        add_panel(viewer)
+        viewer.refresh()
+        print(f"page: {viewer.page.address} (stop with Ctrl-C)", flush=True)
+        viewer.run()
+    except KeyboardInterrupt:
+        return SUCCESS  # which is how it is stopped
+    finally:
+        viewer.close()
+    return SUCCESS

@@ -1,0 +1,133 @@
+"""What is plotted below the scrubber, over the time of the frames."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.pictures.figures import BASE_COLOUR
+from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
+from mlivr_gym.simulation.recording import Recording
+from mlivr_gym.viewer.frames import AT_REST, Frames
+from mlivr_gym.viewer.solids import Link
+
+THRESHOLD_COLOUR, FLOOR_COLOUR, TORQUE_COLOUR = "#495057", "#e8a0a0", "#9c36b5"
+"""Colours of thresholds, of the path floor, and of torques."""
+
+
+class Plot(NamedTuple):
+    """Curves over one time axis."""
+
+    title: str
+    """What they are, with the unit."""
+    times: Array
+    """Times, shape (k,) [s]."""
+    curves: tuple[tuple[str, str, Array], ...]
+    """Label, colour and values, shape (k,), NaN where there is none."""
+
+    @property
+    def highest(self) -> float:
+        """Somewhat more than the largest value."""
+        return 1.05 * max(float(np.nanmax(curve)) for _, _, curve in self.curves)
+
+
+def limb_manipulabilities(robot: RobotSpec, links: tuple[Link, ...], joints: Array) -> Array:
+    """`w_m` of each limb at joint angles (k, N, 6) [rad], shape (k, N).
+
+    The Jacobian has six columns, so that `w_m = |det J| / l_c^3`, wherever its twists are taken.
+    """
+    out = np.empty(joints.shape[:2])
+    for limb in range(robot.limbs):
+        chain = [link for link in links if link.joint is not None and link.joint[0] == limb]
+        turn, place = np.tile(np.eye(3), (len(joints), 1, 1)), np.zeros((len(joints), 3))
+        columns = []
+        for link in chain:
+            place = place + turn @ link.position
+            fixed = Rotation.from_quat(link.quaternion, scalar_first=True).as_matrix()
+            assert link.joint is not None
+            angle = np.zeros((len(joints), 3))
+            angle[:, 2] = joints[:, limb, link.joint[1]]
+            turn = turn @ fixed @ Rotation.from_rotvec(angle).as_matrix()
+            axis = turn[:, :, 2]
+            columns.append(np.concatenate([np.cross(place, axis), axis], axis=1))
+        jacobian = np.stack(columns, axis=2)
+        out[:, limb] = np.abs(np.linalg.det(jacobian)) / robot.characteristic_length**3
+    return out
+
+
+def margins(frames: Frames, plan: Plan, links: tuple[Link, ...]) -> Plot:
+    """Manipulability over its threshold: of limbs while they hold, of the base in stances.
+
+    Args:
+        frames: The frames.
+        plan: What they play; no curves if it was made without thresholds.
+        links: Links of the robot.
+    """
+    title, settings = "manipulability / threshold", plan.world.settings
+    w_m_min, w_b_min = settings.thresholds(plan.world.robot.limbs)
+    if w_m_min <= 0.0 or w_b_min <= 0.0 or len(frames) < 2:
+        return Plot(title, frames.times, ())
+    robot = plan.world.robot
+    limb = limb_manipulabilities(robot, links, frames.joint_positions) / w_m_min
+    moving = np.array([step.limb for step in plan.steps] or [0])[
+        np.minimum(frames.step, len(plan.steps) - 1)
+    ]
+    busy = frames.phase < AT_REST
+    for i in range(robot.limbs):
+        limb[busy & (moving == i), i] = np.nan
+    base = np.full(len(frames), np.nan)
+    first = np.searchsorted(frames.times, frames.starts())
+    base[first] = plan.motion.w_b[: len(first)] / w_b_min
+    base = np.interp(frames.times, frames.times[first], base[first])
+    curves = [(f"limb {i}", LIMB_COLOURS[i], limb[:, i]) for i in range(robot.limbs)]
+    curves.append(("base, in stances", BASE_COLOUR, base))
+    curves.append(("threshold", THRESHOLD_COLOUR, np.ones(len(frames))))
+    floor = np.full(len(frames), settings.path_floor / w_m_min)
+    curves.append(("path floor", FLOOR_COLOUR, floor))
+    return Plot(title, frames.times, tuple(curves))
+
+
+def torques(recording: Recording) -> Plot:
+    """Joint torques of an execution: root mean square over the joints, and the largest."""
+    times = recording.times - recording.times[0]
+    largest = np.abs(recording.joint_torques).max(axis=(1, 2))
+    curves = (
+        ("RMS", TORQUE_COLOUR, recording.torque_rms),
+        ("largest", THRESHOLD_COLOUR, largest),
+    )
+    return Plot("joint torque [N m]", times, curves)
+
+
+def grasp_forces(recording: Recording) -> Plot:
+    """Forces of the grasps of an execution."""
+    forces = np.linalg.norm(recording.grasp_forces, axis=2)
+    curves = [(f"limb {i}", LIMB_COLOURS[i], forces[:, i]) for i in range(forces.shape[1])]
+    return Plot("grasp force [N]", recording.times - recording.times[0], tuple(curves))
+
+
+def with_cursor(plot: Plot, now: float) -> tuple[Array, list[Array]]:
+    """The data of a plot with an upright line at a time [s]: times, and values of each curve.
+
+    The line is one more curve, whose two values are at the same time.
+    """
+    values = np.stack([curve for _, _, curve in plot.curves])
+    at = int(np.searchsorted(plot.times, now))
+    between = [np.interp(now, plot.times, curve) for curve in values]
+    here = np.repeat(np.array(between)[:, None], 2, axis=1)
+    line = np.full(len(plot.times) + 2, np.nan)
+    line[at : at + 2] = 0.0, plot.highest
+    times = np.insert(plot.times, at, [now, now])
+    return times, [*np.insert(values, [at, at], here, axis=1), line]
+
+
+def thinned(plot: Plot, most: int = 240) -> Plot:
+    """The same plot with at most `most` times."""
+    if len(plot.times) <= most:
+        return plot
+    chosen = np.linspace(0, len(plot.times) - 1, most).round().astype(np.int64)
+    curves = tuple((label, colour, curve[chosen]) for label, colour, curve in plot.curves)
+    return plot._replace(times=plot.times[chosen], curves=curves)

@@ -1,0 +1,249 @@
+"""Draws module, robot and plans on a page, each under names of its own."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
+from mlivr_gym.pictures.plan_paths import base_line
+from mlivr_gym.pictures.rendering import MARGIN
+from mlivr_gym.pictures.route import FOOTHOLD_RADIUS, PATH_RADIUS, STANCE_RADIUS, Route
+from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.simulation.scene import rgba
+from mlivr_gym.viewer.marks import OCCUPIED_COLOUR, Marks
+from mlivr_gym.viewer.page import Page
+from mlivr_gym.viewer.solids import (
+    Colour,
+    Mesh,
+    Scene,
+    box_mesh,
+    capsule_mesh,
+    cylinder_mesh,
+    joined,
+    rod_mesh,
+)
+from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.grasp_map import GraspMap
+
+POINT_RADIUS, POINT_HEIGHT = 0.028, 0.006
+"""Size of a graspable point [m]; it is larger than in the scene, to be clicked at."""
+
+MARKED_SCALE = 1.8
+"""How much larger points are drawn that colours tell something about."""
+
+AZIMUTH, ELEVATION = 80.0, -4.0
+"""Line of sight of the first camera [deg]."""
+
+STEEP = -9.0
+"""Elevation with which a second module below is seen [deg]."""
+
+OCCUPIED_RADIUS = 0.035
+"""Radius of the balls at occupied points [m]."""
+
+LABEL_LIFT = 0.09
+"""How far over a foothold its number stands [m]."""
+
+GHOST_PATH, TREE_COLOUR, OBSTACLE_COLOUR = "#9fc7a5", "#b197fc", "#d95926"
+"""Colours of the path of a plan before, of explored steps and of obstacles."""
+
+GHOST_OPACITY = 0.35
+"""Opacity of a robot that another is compared with."""
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+"""The quaternion of no turn."""
+
+
+def draw_module(page: Page, name: str, scene: Scene) -> None:
+    """Draw racks, walls and rails, those of each face below the name and the face's."""
+    page.frame(name, np.zeros(3), IDENTITY)
+    for k, solid in enumerate(scene.surroundings):
+        folder = f"{name}/{solid.face or 'rest'}"
+        if folder not in page:
+            page.frame(folder, np.zeros(3), IDENTITY)
+        page.mesh(f"{folder}/{k}", solid.mesh, solid.colour)
+
+
+def draw_points(page: Page, grasp_map: GraspMap) -> None:
+    """Draw the graspable points, those of each face below `points` and its name."""
+    disc = cylinder_mesh(POINT_RADIUS, POINT_HEIGHT)
+    for face, chosen in points_by_face(grasp_map).items():
+        turns = Rotation.from_matrix(grasp_map.rotations[chosen]).as_quat(scalar_first=True)
+        colours = np.zeros((len(chosen), 3))
+        page.copies(f"points/{face}", disc, grasp_map.positions[chosen], turns, colours)
+
+
+def mark_points(page: Page, grasp_map: GraspMap, found: Marks) -> None:
+    """Give the graspable points colours, and those that these are about a larger size."""
+    scales = np.ones(len(grasp_map))
+    scales[list(found.points)] = MARKED_SCALE
+    for face, chosen in points_by_face(grasp_map).items():
+        page.recolour(f"points/{face}", found.colours[chosen], scales[chosen])
+
+
+def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
+    """Indices of the points of each face."""
+    faces = np.array(grasp_map.faces)
+    return {face: np.flatnonzero(faces == face) for face in sorted(set(grasp_map.faces))}
+
+
+def draw_obstacles(page: Page, boxes: tuple[Box, ...]) -> None:
+    """Draw boxes that are not the map's, in place of those drawn before."""
+    page.remove("obstacles")
+    page.frame("obstacles", np.zeros(3), IDENTITY)
+    for k, box in enumerate(boxes):
+        mesh = box_mesh(box.half).moved(np.array(box.centre), np.array(box.rotation))
+        page.mesh(f"obstacles/{k}", mesh, _with_opacity(OBSTACLE_COLOUR, 0.75))
+
+
+def draw_occupied(page: Page, grasp_map: GraspMap, occupied: frozenset[int]) -> None:
+    """Draw dark balls at occupied points, in place of those drawn before."""
+    page.remove("occupied")
+    if occupied:
+        balls = [ball_mesh(grasp_map.positions[point], OCCUPIED_RADIUS) for point in occupied]
+        page.mesh("occupied", joined(balls), rgba(OCCUPIED_COLOUR))
+
+
+def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> None:
+    """Draw the robot, its links below one another so that few numbers pose it."""
+    paths = _paths(name, scene)
+    page.remove(name)
+    page.frame(name, np.zeros(3), IDENTITY)
+    for link in scene.links:
+        page.frame(paths[link.name], link.position, link.quaternion)
+    for k, solid in enumerate(scene.robot):
+        colour = (*solid.colour[:3], solid.colour[3] * opacity)
+        page.mesh(f"{paths[solid.link]}/shape{k}", solid.mesh, colour)
+
+
+def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration) -> None:
+    """Put a robot that is drawn into a configuration."""
+    position, quaternion, joints = configuration
+    paths = _paths(name, scene)
+    for link in scene.links:
+        if link.parent == "world":
+            page.move(paths[link.name], position)
+            page.turn(paths[link.name], quaternion)
+        elif link.joint is not None:
+            page.turn(paths[link.name], link.turned(joints))
+
+
+def show_unchecked(page: Page, name: str, scene: Scene, visible: bool) -> None:
+    """Show or hide the shapes of a robot that collisions are not checked with."""
+    paths = _paths(name, scene)
+    for k, solid in enumerate(scene.robot):
+        if not solid.checked:
+            page.show(f"{paths[solid.link]}/shape{k}", visible)
+
+
+def _paths(name: str, scene: Scene) -> dict[str, str]:
+    """Names of the links of a robot on the page, by those in the scene."""
+    paths = {"world": name}
+    for link in scene.links:
+        paths[link.name] = f"{paths[link.parent]}/{link.name.split('/')[-1]}"
+    return paths
+
+
+def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> None:
+    """Draw base path and footholds of a plan, numbered by stance, or of none."""
+    page.remove(name)
+    page.frame(name, np.zeros(3), IDENTITY)
+    if plan is None:
+        return
+    route = Route.of(grasp_map, plan)
+    page.mesh(f"{name}/path", tube(route.line, PATH_RADIUS), rgba(BASE_COLOUR))
+    balls = [ball_mesh(place, STANCE_RADIUS) for place in route.stances]
+    page.mesh(f"{name}/stances", joined(balls), rgba(BASE_COLOUR))
+    numbers: dict[tuple[float, ...], list[str]] = {}
+    for limb, colour in enumerate(LIMB_COLOURS[: plan.world.robot.limbs]):
+        held = [hold for hold in route.footholds if hold.limb == limb]
+        marks = joined([ball_mesh(hold.position, FOOTHOLD_RADIUS) for hold in held])
+        page.mesh(f"{name}/footholds{limb}", marks, rgba(colour))
+        for hold in held:
+            numbers.setdefault(tuple(hold.position.tolist()), []).append(str(hold.stance))
+    for k, (place, stances) in enumerate(numbers.items()):
+        inward = grasp_map.normals[_point_at(grasp_map, np.array(place))]
+        page.label(f"{name}/number{k}", ", ".join(stances), np.array(place) + LABEL_LIFT * inward)
+
+
+def _point_at(grasp_map: GraspMap, place: Array) -> int:
+    return int(np.argmin(np.linalg.norm(grasp_map.positions - place, axis=1)))
+
+
+def draw_ghost(page: Page, name: str, plan: Plan | None) -> None:
+    """Draw the base path of another plan, pale, or of none."""
+    page.remove(name)
+    if plan is not None and len(plan.stances) > 1:
+        page.mesh(name, tube(base_line(plan), 0.8 * PATH_RADIUS), rgba(GHOST_PATH))
+
+
+def draw_goal(page: Page, goal: Array, tolerance: float) -> None:
+    """Draw the ball in which the goal is reached [m]."""
+    colour = _with_opacity(GOAL_COLOUR, 0.35)
+    page.mesh("goal", ball_mesh(np.zeros(3), tolerance), colour, position=goal)
+
+
+def draw_tree(page: Page, tree: Array) -> None:
+    """Draw explored steps by the base positions at their ends, shape (e, 2, 3) [m]."""
+    page.lines("tree", tree, rgba(TREE_COLOUR), 0.006)
+
+
+def light(page: Page) -> None:
+    """Light the module softly from everywhere, and from above the near corner."""
+    page.light("sky", 1.0)
+    page.light("lamp", 1.7, np.array([-2.0, -3.5, 8.0]))
+    page.light("fill", 0.6, np.array([5.0, -2.0, -5.0]))
+
+
+def places_of(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:
+    """What is to be seen of a map and a plan on it, shape (k, 3) [m]."""
+    bases = np.zeros((0, 3)) if plan is None else plan.motion.base_positions
+    return np.concatenate([grasp_map.positions, goal[None], bases])
+
+
+def view(page: Page, places: Array, aspect: float, elevation: float = ELEVATION) -> Array:
+    """Look at places, shape (k, 3) [m], all of them in the picture; returns from where [m].
+
+    Args:
+        page: The page.
+        places: What is to be seen.
+        aspect: Width of the picture over its height.
+        elevation: Angle of the line of sight over the horizon [deg].
+    """
+    x, y, z = (0.5 * (places.min(axis=0) + places.max(axis=0))).tolist()
+    camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=elevation)
+    camera = camera.seeing(places, MARGIN, aspect)
+    eye: Array = np.array(camera.lookat) - camera.distance * camera.axes[2]
+    page.look(eye, np.array(camera.lookat))
+    return eye
+
+
+def hidden_faces(grasp_map: GraspMap, eye: Array) -> set[str]:
+    """Faces whose points are seen from behind by a camera at `eye` [m], so that they hide all."""
+    hidden = set()
+    for face, chosen in points_by_face(grasp_map).items():
+        normal = grasp_map.normals[chosen].mean(axis=0)
+        if float((eye - grasp_map.positions[chosen].mean(axis=0)) @ normal) < 0.0:
+            hidden.add(face)
+    return hidden
+
+
+def ball_mesh(place: Array, radius: float) -> Mesh:
+    """A ball about a place [m]."""
+    return capsule_mesh(radius, 0.0).moved(place, np.eye(3))
+
+
+def tube(line: Array, radius: float) -> Mesh:
+    """A tube along a line, shape (k, 3) [m]; a ball where it has no length."""
+    pieces = [rod_mesh(a, b, radius) for a, b in pairwise(line) if np.linalg.norm(b - a) > 1e-6]
+    return joined(pieces or [ball_mesh(line[0], radius)])
+
+
+def _with_opacity(colour: str, opacity: float) -> Colour:
+    return (*rgba(colour)[:3], opacity)

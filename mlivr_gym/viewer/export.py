@@ -1,0 +1,92 @@
+"""One file that plays without a server."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mlivr_gym.errors import SettingError
+from mlivr_gym.files import write_whole
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.simulation.recording import Recording
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.viewer import drawing, marks
+from mlivr_gym.viewer.frames import STEP_TIME, plan_frames, recording_frames
+from mlivr_gym.viewer.page import Page
+from mlivr_gym.viewer.solids import scene_solids
+
+LARGEST_FILE = 2_000_000
+"""Most bytes of a file; of long walks it has fewer pictures, so that they can be sent around."""
+
+PICTURES = 20.0
+"""Most pictures in a second."""
+
+ASPECT = 1.75
+"""Width over height of the window that the first view is made for."""
+
+ABOVE = np.array([0.0, 0.0, 0.5])
+"""How far above the base it is said what the robot does [m]."""
+
+
+def write_html(
+    path: str | Path, graph: StanceGraph, plan: Plan, recording: Recording | None = None
+) -> int:
+    """Write a page that plays a plan, or its execution, as one HTML file; returns its bytes.
+
+    Nothing is fetched from elsewhere when it is opened. An execution is played so fast that a step
+    takes as long as one of a plan.
+
+    Raises:
+        FileError: If the file cannot be written.
+        SettingError: If even few pictures make a file larger than `LARGEST_FILE`.
+    """
+    page = Page("127.0.0.1", 0, "mlivr-gym")
+    try:
+        content = _recorded(page, graph, plan, recording)
+    finally:
+        page.close()
+    write_whole(path, content)
+    return len(content)
+
+
+def _recorded(page: Page, graph: StanceGraph, plan: Plan, recording: Recording | None) -> bytes:
+    grasp_map, scene = graph.grasp_map, scene_solids(graph.grasp_map, graph.robot)
+    frames = plan_frames(graph, plan) if recording is None else recording_frames(recording)
+    drawing.light(page)
+    places = drawing.places_of(grasp_map, np.array(plan.query.goal), plan)
+    eye = drawing.view(page, places, ASPECT)
+    drawing.draw_module(page, "module", scene)
+    drawing.draw_points(page, grasp_map)
+    drawing.mark_points(page, grasp_map, marks.plain(graph))
+    drawing.draw_obstacles(page, graph.obstacles)
+    drawing.draw_occupied(page, grasp_map, graph.occupied)
+    drawing.draw_goal(page, np.array(plan.query.goal), plan.query.goal_tolerance)
+    drawing.draw_plan(page, "plan", grasp_map, plan)
+    drawing.draw_robot(page, "robot", scene)
+    for face in drawing.hidden_faces(grasp_map, eye):
+        page.show(f"module/{face}", False)
+        page.show(f"points/{face}", False)
+    page.label("now", "", ABOVE)
+
+    def draw(chosen: int) -> None:
+        drawing.pose_robot(page, "robot", scene, frames.configuration(chosen))
+        page.relabel("now", frames.told(chosen, plan), frames.base_positions[chosen] + ABOVE)
+
+    length = STEP_TIME * max(int(frames.step.max()) + (recording is not None), 1)
+    count = min(len(frames), round(PICTURES * length) + 1)
+    while count >= 2:
+        shown = np.linspace(0, len(frames) - 1, count).round().astype(np.int64).tolist()
+        content = page.recorded(shown, length / (count - 1), draw, _words(plan, recording))
+        if len(content.encode()) <= LARGEST_FILE:
+            return content.encode()
+        count //= 2
+    raise SettingError(f"the page of this scene is larger than {LARGEST_FILE} bytes")
+
+
+def _words(plan: Plan, recording: Recording | None) -> str:
+    what = "plan" if recording is None else "execution"
+    return (
+        f"{plan.world.robot.name}: {what}, {len(plan.steps)} steps, "
+        f"{plan.base_translation:.3f} m, {plan.query.cost_name} cost"
+    )

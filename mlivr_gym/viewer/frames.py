@@ -1,0 +1,181 @@
+"""What is played: configurations with times, of a plan or of an execution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import reduce
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.errors import PlanError, one_line
+from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.pieces import path_pieces
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
+from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
+from mlivr_gym.simulation.recording import Recording
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+STEP_TIME = 5.0
+"""How long a step of a plan, which has no clock, takes when it is played [s]."""
+
+FRAME_TIME = 0.05
+"""Least time between two frames [s]."""
+
+MOST_FRAMES = 1500
+"""Most frames: of long walks they are farther apart."""
+
+AT_REST = len(PHASES)
+"""Phase of a frame in which the robot stands in a stance."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Configurations one after the other, k in all.
+
+    Attributes:
+        times: When each is shown [s], shape (k,).
+        step: Index of the step, or number of the stance at rest, shape (k,).
+        phase: Index into `regrasp.PHASES`, or `AT_REST`, shape (k,).
+        base_positions: Shape (k, 3) [m].
+        base_quaternions: Shape (k, 4), w, x, y, z.
+        joint_positions: Shape (k, N, 6) [rad].
+    """
+
+    times: Array
+    step: IntArray
+    phase: IntArray
+    base_positions: Array
+    base_quaternions: Array
+    joint_positions: Array
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.times)
+
+    @property
+    def duration(self) -> float:
+        """Time of the last frame [s]."""
+        return float(self.times[-1])
+
+    def at(self, time: float) -> int:
+        """The last frame at or before a time [s]."""
+        return max(int(np.searchsorted(self.times, time + 1e-9, side="right")) - 1, 0)
+
+    def configuration(self, k: int) -> Configuration:
+        """The configuration of a frame."""
+        return self.base_positions[k], self.base_quaternions[k], self.joint_positions[k]
+
+    def starts(self) -> Array:
+        """Times at which steps begin, and the end, shape (steps + 1,) [s]."""
+        first = np.flatnonzero(np.diff(self.step, prepend=-1))
+        starts: Array = np.unique(np.append(self.times[first], self.duration))
+        return starts
+
+    def told(self, k: int, plan: Plan) -> str:
+        """A frame in words: which step, which limb, where to."""
+        if not plan.steps:
+            return "the start is at the goal"
+        number, phase = int(self.step[k]), int(self.phase[k])
+        if phase == AT_REST:
+            return f"stance {number} of {len(plan.steps)}"
+        step = plan.steps[number]
+        return (
+            f"step {number + 1} of {len(plan.steps)}: limb {step.limb} "
+            f"{step.from_point} → {step.to_point}, {PHASES[phase]}"
+        )
+
+    def thinned(self) -> Frames:
+        """The same with at most `MOST_FRAMES` frames, the last one kept."""
+        if len(self) <= MOST_FRAMES:
+            return self
+        chosen = np.unique(np.linspace(0, len(self) - 1, MOST_FRAMES).round().astype(np.int64))
+        kept: dict[str, Any] = {f.name: getattr(self, f.name)[chosen] for f in fields(self)}
+        return Frames(**kept)
+
+
+def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:
+    """A plan at `STEP_TIME` a step; its stances alone where a step cannot be followed."""
+    try:
+        walked = _walked(graph, plan)
+    except PlanError:
+        return stance_frames(plan)
+    step, phase = walked.step.copy(), walked.phase.copy()
+    step[-1], phase[[0, -1]] = len(plan.steps), AT_REST
+    return Frames(
+        walked.times,
+        step,
+        phase,
+        walked.base_positions,
+        walked.base_quaternions,
+        walked.joint_positions,
+    ).thinned()
+
+
+def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
+    """A plan whose steps all take `STEP_TIME`, whatever a robot would need."""
+    parts = []
+    for index in range(len(plan.steps)):
+        path = RegraspPath(graph, planned_regrasp(graph, plan, index))
+        pieces = path_pieces(path)
+        clocks = Durations.of_step(STEP_TIME).clocks(pieces)
+        parts.append(trajectory(TimedPath(path, pieces, clocks), FRAME_TIME))
+    return reduce(lambda before, after: after.after(before), parts)
+
+
+def stance_frames(plan: Plan) -> Frames:
+    """The stances of a plan, `STEP_TIME` apart."""
+    count = len(plan.stances)
+    motion = plan.motion
+    return Frames(
+        STEP_TIME * np.arange(count, dtype=np.float64),
+        np.arange(count),
+        np.full(count, AT_REST),
+        motion.base_positions,
+        motion.base_quaternions,
+        motion.joint_positions,
+    )
+
+
+def recording_frames(recording: Recording) -> Frames:
+    """An execution as it was recorded."""
+    return Frames(
+        recording.times - recording.times[0],
+        recording.step,
+        recording.phase,
+        recording.base_positions,
+        recording.base_quaternions,
+        recording.joint_positions,
+    ).thinned()
+
+
+def load_recording(path: str | Path, plan: Plan) -> Recording:
+    """Read the measurements that `mlivr-gym simulate` has written for a plan.
+
+    Raises:
+        PlanError: If the file cannot be read, or is of another robot or a longer walk.
+    """
+    try:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
+            arrays: dict[str, Any] = {field.name: data[field.name] for field in fields(Recording)}
+    except Exception as error:  # NumPy, zipfile and zlib raise many kinds
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise PlanError(f"cannot read simulation {str(path)!r}: {one_line(reason)}") from None
+    count, limbs = len(arrays["times"]), plan.world.robot.limbs
+    shapes = {"joint_positions": (count, limbs, 6), "grasp_forces": (count, limbs, 3)}
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise PlanError(
+                f"simulation {str(path)!r} does not belong to the plan: {name} has shape "
+                f"{arrays[name].shape}, not {shape}"
+            )
+    if not count or int(arrays["step"].max()) >= len(plan.steps):
+        raise PlanError(
+            f"simulation {str(path)!r} does not belong to the plan, which has "
+            f"{len(plan.steps)} steps"
+        )
+    return Recording(**arrays)

@@ -1,0 +1,227 @@
+"""A query that changes, and the plan that answers it: all that the viewer knows, without a page."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.errors import MlivrError, StanceError
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.planners import Planner, PlanningResult
+from mlivr_gym.planners.query import GOAL_TOLERANCE
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.world.boxes import Box
+
+CUT_OFF = ("goal outside the reachable set", "search exhausted")
+"""Reasons for which there is no plan whose cause is looked for."""
+
+CAUSE_LIMIT = 300
+"""Most expansions of each search for a cause with more than two limbs, which take long."""
+
+BOX_EDGE = 0.3
+"""Edge of a box that is added [m]."""
+
+PRICE = 0.1
+"""Regrasp price with which the weighted cost begins [m]."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A query.
+
+    Attributes:
+        start: Point id of each limb.
+        goal: x, y, z [m].
+        cost: Name of the cost.
+        regrasp_price: Metres charged for a regrasp, with the weighted cost.
+        goal_tolerance: Radius of the goal region [m].
+        goal_face: Face that all limbs hold at the goal; None for any.
+        start_pose: Base pose at the start, if it is not that of the stance.
+        start_joints: Joint angles at the start, if they are given.
+        method: Search method.
+        heuristic: Heuristic; None for that of the method.
+        inflation: Factor on the heuristic; None for that of the robot.
+        limit: Most expansions.
+    """
+
+    start: tuple[str, ...]
+    goal: tuple[float, float, float]
+    cost: str = "base"
+    regrasp_price: float | None = None
+    goal_tolerance: float = GOAL_TOLERANCE
+    goal_face: str | None = None
+    start_pose: tuple[float, ...] | None = None
+    start_joints: Any = None
+    method: str = "astar"
+    heuristic: str | None = None
+    inflation: float | None = None
+    limit: int = 200_000
+
+    @classmethod
+    def of_plan(cls, graph: StanceGraph, plan: Plan) -> Asked:
+        """The query that a plan answers."""
+        query = plan.query
+        position, quaternion, _ = plan.configuration(0)
+        return cls(
+            plan.stances[0], query.goal, query.cost_name, query.regrasp_price,
+            query.goal_tolerance, query.goal_face,
+            graph.given_pose_of(plan.stances[0], position, quaternion),
+            method=query.method,
+        )  # fmt: skip
+
+
+class LivePlan:
+    """A query in a world, its plan, and the plan before it.
+
+    Each change plans anew. What cannot be asked, and why there is no plan, is told by `message`.
+
+    Attributes:
+        graph: The stance graph, whose obstacles and occupied points change.
+        asked: The query.
+        plan: Its plan; None if there is none.
+        before: The plan of the query before, to be compared with.
+        message: One sentence on the plan, or why there is none.
+        reason: `""`, or why there is none, as in `PlanningResult`.
+        tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+        expanded: States expanded.
+        seconds: Time that the query took [s].
+    """
+
+    def __init__(self, graph: StanceGraph, asked: Asked, plan: Plan | None = None) -> None:
+        """Begin with a plan of the query, or with none until `replan`."""
+        self.graph, self.asked, self.plan = graph, asked, plan
+        self.planner = Planner(graph)
+        self.before: Plan | None = None
+        self.message = self.reason = ""
+        self.tree: Array = np.zeros((0, 2, 3))
+        self.expanded, self.seconds = 0, 0.0
+        if plan is not None:
+            self.message = _told(plan)
+            self.expanded = plan.statistics.expanded
+            self.seconds = plan.statistics.feasibility_time + plan.statistics.search_time
+
+    @property
+    def shown(self) -> Plan | None:
+        """The plan to be shown: the present one, else that before it."""
+        return self.plan or self.before
+
+    def replan(self) -> None:
+        """Plan anew in the world as it is now."""
+        asked, began = self.asked, time.perf_counter()
+        self.before = self.shown
+        self.plan, self.tree, self.expanded = None, np.zeros((0, 2, 3)), 0
+        try:
+            result = self._result(asked)
+        except MlivrError as error:
+            self.message, self.reason = str(error), "cannot be asked"
+        else:
+            self.plan, self.reason, self.tree = result.plan, result.reason, result.tree
+            self.expanded = result.expanded
+            self.message = result.message if result.plan is None else _told(result.plan)
+        self.seconds = time.perf_counter() - began
+
+    def _result(self, asked: Asked) -> PlanningResult:
+        return self.planner.plan(
+            asked.start,
+            asked.goal,
+            asked.cost,
+            regrasp_price=asked.regrasp_price,
+            method=asked.method,
+            heuristic=asked.heuristic,
+            inflation=asked.inflation,
+            goal_tolerance=asked.goal_tolerance,
+            goal_face=asked.goal_face,
+            start_pose=asked.start_pose,
+            start_joints=asked.start_joints,
+            limit=asked.limit,
+        )
+
+    def cause(self) -> str:
+        """What cuts the goal off where there is no plan, `""` where that is told already.
+
+        The query is asked again without each rule in turn, which takes seconds.
+        """
+        if self.reason not in CUT_OFF:
+            return ""
+        asked = self.asked
+        return self.planner.why_not(
+            asked.start,
+            asked.goal,
+            goal_tolerance=asked.goal_tolerance,
+            goal_face=asked.goal_face,
+            start_pose=asked.start_pose,
+            start_joints=asked.start_joints,
+            limit=CAUSE_LIMIT,
+        ).message
+
+    def hold(self, limb: int, point: str) -> None:
+        """Start with a limb at another point, in the posture of the stance that this makes."""
+        start = (*self.asked.start[:limb], point, *self.asked.start[limb + 1 :])
+        self.asked = replace(self.asked, start=start, start_pose=None, start_joints=None)
+        self.replan()
+
+    def block(self, point: str) -> None:
+        """Make a point unavailable, or available again."""
+        if self.graph.grasp_map.index(point) in self.graph.occupied:
+            self.graph.vacate([point])
+        else:
+            self.graph.occupy([point])
+        self.replan()
+
+    def aim(self, goal: Array) -> None:
+        """Go to another position, which is put into the cabin if it lies outside [m]."""
+        low, high = self.graph.grasp_map.cabin
+        x, y, z = np.clip(goal, low, high).tolist()
+        self.asked = replace(self.asked, goal=(x, y, z))
+        self.replan()
+
+    def charge(self, cost: str, price: float) -> None:
+        """Take another cost; the regrasp price [m] counts with the weighted one alone."""
+        given = price if cost == "weighted" else None
+        self.asked = replace(self.asked, cost=cost, regrasp_price=given)
+        self.replan()
+
+    def put_box(self, name: str, centre: Array) -> None:
+        """Put a box into the world, or put it elsewhere.
+
+        Args:
+            name: Its id.
+            centre: Its middle [m].
+
+        Raises:
+            SettingError: If collisions are not checked.
+            ShapeError: If the map has a box of that id.
+        """
+        kept = [box for box in self.graph.obstacles if box.id == name]
+        half = np.array(kept[0].half) if kept else np.full(3, 0.5 * BOX_EDGE)
+        box = Box.between(name, "obstacle", (centre - half).tolist(), (centre + half).tolist())
+        if kept:
+            self.graph.remove_obstacles([name])
+        self.graph.add_obstacles([box])
+        self.replan()
+
+    def clear(self) -> None:
+        """Take all boxes away and make all points available."""
+        self.graph.remove_obstacles()
+        self.graph.vacate()
+        self.replan()
+
+    def start_configuration(self) -> Configuration | None:
+        """The configuration at the start, None if it cannot be held."""
+        if self.plan is not None:
+            return self.plan.configuration(0)
+        asked = self.asked
+        try:
+            state = self.graph.state(asked.start, asked.start_pose, asked.start_joints)
+        except StanceError:
+            return None
+        return self.graph.configuration(state)
+
+
+def _told(plan: Plan) -> str:
+    return f"{len(plan.steps)} steps, {plan.base_translation:.3f} m"

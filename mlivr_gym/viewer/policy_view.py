@@ -1,0 +1,91 @@
+"""What the policy that ships with the package would do, as probabilities of actions."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import SettingError
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
+
+if TYPE_CHECKING:
+    from mlivr_gym.agents.learned import LearnedPolicy
+    from mlivr_gym.envs.env import MlivrEnv
+
+NEEDED = ("torch", "sb3_contrib", "stable_baselines3")
+"""Packages of the extra `agents`."""
+
+
+def missing() -> str:
+    """What to install for a policy, one sentence; `""` if it is there."""
+    absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    if not absent:
+        return ""
+    return f"a policy needs the package {absent[0]!r}: pip install 'mlivr-gym[agents]'"
+
+
+class PolicyView:
+    """The pointer policy in an environment that follows the world of a stance graph."""
+
+    def __init__(self, graph: StanceGraph) -> None:
+        """Follow `graph`.
+
+        Raises:
+            SettingError: If the extra `agents` is not installed.
+        """
+        if missing():
+            raise SettingError(missing())
+        from mlivr_gym.agents.learned import load_policy
+        from mlivr_gym.envs.env import MlivrEnv
+
+        self.graph, settings = graph, graph.settings
+        self._env: MlivrEnv = MlivrEnv(
+            graph.robot,
+            graph.grasp_map,
+            settings.manipulability,
+            settings.transitions,
+            settings.limb_threshold,
+            settings.base_threshold,
+            settings.collisions,
+            settings.clearance,
+        )
+        self._policy: LearnedPolicy = load_policy("pretrained", self._env)
+
+    def chances(self, state: State, goal: Array, tolerance: float) -> Array:
+        """Probability of each action, 0 where it is masked out, shape (N, m).
+
+        Args:
+            state: The state.
+            goal: Goal position [m].
+            tolerance: Radius of the goal region [m].
+
+        Raises:
+            MlivrError: If the environment cannot start there.
+        """
+        import torch
+
+        from mlivr_gym.agents.features import env_features
+        from mlivr_gym.agents.networks import as_tensors, scores_and_value
+
+        env, graph = self._env, self.graph
+        if (env.graph.obstacles, env.graph.occupied) != (graph.obstacles, graph.occupied):
+            env.graph.remove_obstacles()
+            env.graph.add_obstacles(graph.obstacles)
+            env.graph.vacate()
+            env.graph.occupy(sorted(graph.occupied))
+        env.goal_tolerance = tolerance
+        env.reset(options={"start": graph.ids(state.stance), "goal": tuple(goal.tolist())})
+        mask = np.zeros((graph.limbs, len(graph.grasp_map)), dtype=np.bool_)
+        steps = graph.successors(state)
+        mask[steps.limb, steps.point] = True
+        with torch.no_grad():
+            seen = as_tensors(self._policy.policy, env_features(env, [state]))
+            scores = scores_and_value(self._policy.policy, seen)[0][0].numpy()
+        scores = np.where(mask, scores.reshape(mask.shape), -np.inf)
+        likely = np.exp(scores - scores.max()) if mask.any() else np.zeros(mask.shape)
+        chance: Array = likely / max(float(likely.sum()), 1e-300)
+        return chance

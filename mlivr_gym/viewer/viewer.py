@@ -1,0 +1,382 @@
+"""The viewer: what is shown of a live plan, and what follows from what people do on the page.
+
+Every method that a page calls holds the lock for as long as it works; one thread plays.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import MlivrError
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.simulation.recording import Recording
+from mlivr_gym.transitions.state import State
+from mlivr_gym.viewer import drawing, marks
+from mlivr_gym.viewer.curves import Plot, grasp_forces, margins, thinned, torques, with_cursor
+from mlivr_gym.viewer.frames import AT_REST, Frames, plan_frames, recording_frames
+from mlivr_gym.viewer.live_plan import LivePlan
+from mlivr_gym.viewer.page import Page
+from mlivr_gym.viewer.policy_view import PolicyView
+from mlivr_gym.viewer.second_plan import APART, BELOW, OVER, SecondPlan
+from mlivr_gym.viewer.solids import scene_solids
+from mlivr_gym.viewer.words import compared, legend, summary
+
+TICK = 0.05
+"""Time between two pictures while playing [s]."""
+
+ASPECT = 1.15
+"""Width over height of the picture, beside the panel, that the first view is made for."""
+
+PLOT_TICKS = 5
+"""Pictures between two of the plots."""
+
+PLOTS = ("margins", "torques", "forces")
+"""Names of the plots below the scrubber."""
+
+AIM = "aim"
+"""Name of the arrows at the goal."""
+
+CURSOR = "now", "#adb5bd"
+"""Label and colour of the upright line in the plots."""
+
+TELL, BLOCK = "tell why it cannot be held", "block or free it"
+"""What a click on a point may do, besides starting a limb there."""
+
+PLAIN, REACH, WHY, POLICY = "nothing", "reach of the stance", "why not limb ", "policy"
+"""What the colours of points may tell."""
+
+
+class Viewer:
+    """Shows a live plan on a page.
+
+    Attributes:
+        page: The page.
+        live: Query and plan.
+        frames: What is played.
+        time: What is shown of it [s].
+        playing: Whether it goes on.
+        speed: How many times as fast as its clock.
+    """
+
+    def __init__(
+        self, page: Page, live: LivePlan, recording: Recording | None = None, aspect: float = ASPECT
+    ) -> None:
+        """Draw the module and what there is of a plan, or of its execution."""
+        self.page, self.live, self.recording = page, live, recording
+        self.scene = scene_solids(live.graph.grasp_map, live.graph.robot)
+        self.time, self.playing, self.speed = 0.0, False, 1.0
+        self.click, self.points, self.open_side = TELL, PLAIN, True
+        self.second: SecondPlan | None = None
+        self._lock, self._closed = threading.RLock(), threading.Event()
+        self._marked: tuple[object, ...] = ()
+        self._policy: PolicyView | None = None
+        self._plots: dict[str, Plot] = {}
+        self._states: tuple[State | None, ...] = ()
+        self._ticks = self._boxes = 0
+        self._hidden = frozenset({"tree"})
+        self._apart, self._aspect = False, aspect
+        drawing.light(page)
+        drawing.draw_module(page, "module", self.scene)
+        drawing.draw_points(page, live.graph.grasp_map)
+        drawing.draw_robot(page, "robot", self.scene)
+        goal = np.array(live.asked.goal)
+        self._places = drawing.places_of(live.graph.grasp_map, goal, live.plan)
+        self.see_from(drawing.view(page, self._places, aspect))
+        self.frames = self._frames()
+
+    def _frames(self) -> Frames:
+        """What is to be played: the execution, else the plan, else the start."""
+        live = self.live
+        self.page.show("robot", True)
+        if self.recording is not None:
+            return recording_frames(self.recording)
+        if live.plan is not None:
+            return plan_frames(live.graph, live.plan)
+        start = live.start_configuration()
+        if start is None:
+            self.page.show("robot", False)
+            start = np.zeros(3), drawing.IDENTITY, np.zeros((live.graph.limbs, 6))
+        x, q, joints = (np.asarray(part)[None] for part in start)
+        zero = np.zeros(1, dtype=np.int64)
+        return Frames(np.zeros(1), zero, zero + AT_REST, x, q, joints)
+
+    @property
+    def duration(self) -> float:
+        """Time at which all that is played has ended [s]."""
+        second = 0.0 if self.second is None else self.second.frames.duration
+        return max(self.frames.duration, second)
+
+    # What follows from a change of the query.
+
+    def change(self, act: Callable[[], None]) -> None:
+        """Change the query and show what comes of it, or say why it cannot be changed."""
+        with self._lock:
+            self.page.write("summary", "*planning ...*")
+            try:
+                act()
+            except MlivrError as error:
+                self.page.write("summary", f"**{error}**")
+                return
+            self.recording = None
+            self.refresh()
+        if self.live.plan is None:
+            threading.Thread(target=self._explain, args=(self.live.message,), daemon=True).start()
+
+    def _explain(self, message: str) -> None:
+        """Find the cause for which there is no plan, and say it unless all has changed again."""
+        try:
+            cause = self.live.cause()
+        except MlivrError as error:
+            cause = str(error)
+        with self._lock:
+            if cause and self.live.message == message and not self._closed.is_set():
+                self.page.write("summary", summary(self.live, cause))
+
+    def refresh(self) -> None:
+        """Draw what belongs to the plan anew, and go to its start."""
+        live, page, graph = self.live, self.page, self.live.graph
+        with self._lock, page.together():
+            self.frames = self._frames()
+            drawing.draw_plan(page, "plan", graph.grasp_map, live.plan)
+            drawing.draw_ghost(page, "ghost", live.before)
+            drawing.draw_goal(page, np.array(live.asked.goal), live.asked.goal_tolerance)
+            if AIM in page:
+                page.move(AIM, np.array(live.asked.goal))
+            drawing.draw_tree(page, live.tree)
+            drawing.draw_obstacles(page, graph.obstacles)
+            drawing.draw_occupied(page, graph.grasp_map, graph.occupied)
+            for name in self._hidden:
+                page.show(name, False)
+            self._states = marks.states_of(graph, live.plan) if live.plan is not None else ()
+            self._marked = ()
+            self._show_plots()
+            page.write("summary", summary(live) + self._second_words())
+            page.stretch("time", max(self.duration, 0.1))
+            self.seek(0.0)
+
+    def _show_plots(self) -> None:
+        plan = self.live.plan
+        plots: dict[str, Plot] = {}
+        if plan is not None:
+            plots["margins"] = margins(self.frames, plan, self.scene.links)
+        if self.recording is not None:
+            plots |= {"torques": torques(self.recording), "forces": grasp_forces(self.recording)}
+        self._plots = {name: thinned(plot) for name, plot in plots.items() if plot.curves}
+        for name in PLOTS:
+            plot = self._plots.get(name)
+            if plot is None:
+                self.page.set_curves(name, "", (), 1.0)
+                continue
+            curves = [(label, colour) for label, colour, _ in plot.curves]
+            self.page.set_curves(name, plot.title, [*curves, CURSOR], plot.highest)
+
+    # Playing.
+
+    def seek(self, time: float) -> None:
+        """Show a time [s]."""
+        with self._lock, self.page.together():
+            self.time = min(max(time, 0.0), self.duration)
+            k = self.frames.at(self.time)
+            drawing.pose_robot(self.page, "robot", self.scene, self.frames.configuration(k))
+            if self.second is not None:
+                self.second.seek(self.time)
+            plan = self.live.plan
+            self.page.write("where", self.frames.told(k, plan) if plan else "the start")
+            self.page.set("time", round(self.time, 2))
+            if not self.playing or self._ticks % PLOT_TICKS == 0:
+                for name, plot in self._plots.items():
+                    self.page.set_data(name, *with_cursor(plot, self.time))
+            self._mark()
+
+    def scrub(self, time: float) -> None:
+        """Show a time [s] that is chosen on the page; playing stops."""
+        self.playing = False
+        self.seek(time)
+
+    def toggle(self) -> None:
+        """Play, or pause; at the end play from the start."""
+        with self._lock:
+            if not self.playing and self.time >= self.duration:
+                self.time = 0.0
+            self.playing = not self.playing
+
+    def jump(self, count: int) -> None:
+        """Go some steps on, or back, to where a step begins."""
+        with self._lock:
+            starts = self.frames.starts()
+            here = int(np.searchsorted(starts, self.time + 1e-6, side="right")) - 1
+            back = count < 0 and self.time > starts[here] + 1e-6
+            self.scrub(float(starts[np.clip(here + count + back, 0, len(starts) - 1)]))
+
+    def tick(self) -> None:
+        """Go on by one picture, if it is playing."""
+        with self._lock:
+            if not self.playing:
+                return
+            self._ticks += 1
+            self.playing = self.time + TICK * self.speed < self.duration
+            self.seek(self.time + TICK * self.speed)
+
+    def run(self) -> None:
+        """Play until the viewer is closed."""
+        while not self._closed.wait(TICK):
+            self.tick()
+
+    def close(self) -> None:
+        """Stop playing and serving."""
+        self._closed.set()
+        self.page.close()
+
+    # What is shown besides.
+
+    def clicked(self, origin: Array, direction: Array) -> None:
+        """A point was clicked, seen from `origin` [m] in a direction."""
+        grasp_map = self.live.graph.grasp_map
+        point = marks.nearest_to_ray(grasp_map.positions, origin, direction)
+        name = grasp_map.ids[point]
+        if self.click == BLOCK:
+            self.change(lambda: self.live.block(name))
+        elif self.click == TELL:
+            self._tell(point)
+        else:
+            self.change(lambda: self.live.hold(int(self.click.split()[-1]), name))
+
+    def _tell(self, point: int) -> None:
+        """Say of a point which limbs can step there now, and why others cannot."""
+        with self._lock:
+            graph, state = self.live.graph, self.present()
+            lines = [f"**{graph.grasp_map.ids[point]}**, {graph.grasp_map.faces[point]}"]
+            if state is not None:
+                steps = graph.successors(state)
+                for limb in range(graph.limbs):
+                    why = marks.why_not(graph, state, limb, point, steps)
+                    lines.append(f"limb {limb}: {why or 'can step there'}")
+            self.page.write("told", "  \n".join(lines))
+
+    def present(self) -> State | None:
+        """The state of the stance that is shown, or that the present step leaves."""
+        k = self.frames.at(self.time)
+        number = min(int(self.frames.step[k]), len(self._states) - 1)
+        return self._states[number] if self._states else None
+
+    def mark(self, what: str) -> None:
+        """Choose what the colours of points tell."""
+        with self._lock:
+            self.points = what
+            self._mark()
+
+    def _mark(self) -> None:
+        """Colour the points, if anything has changed."""
+        graph, state = self.live.graph, self.present()
+        key = (self.points, state, graph.version, self.live.asked.goal)
+        if key == self._marked:
+            return
+        self._marked = key
+        try:
+            found = self._marks(state)
+        except MlivrError as error:
+            found = marks.plain(graph)._replace(legend=(("#c92a2a", str(error)),))
+        drawing.mark_points(self.page, graph.grasp_map, found)
+        self.page.write("legend", legend(found))
+
+    def _marks(self, state: State | None) -> marks.Marks:
+        graph, asked = self.live.graph, self.live.asked
+        if self.points == PLAIN or state is None:
+            return marks.plain(graph)
+        if self.points == REACH:
+            return marks.reach(graph, state)
+        if self.points.startswith(WHY):
+            return marks.blocked(graph, state, int(self.points.removeprefix(WHY)))
+        if self._policy is None:
+            self._policy = PolicyView(graph)
+        chance = self._policy.chances(state, np.array(asked.goal), asked.goal_tolerance)
+        return marks.chances(graph, chance)
+
+    def see_from(self, eye: Array) -> None:
+        """Leave out what stands between a camera at `eye` [m] and the inside."""
+        self._eye = eye
+        if not self._lock.acquire(blocking=False):
+            return  # the next move of the camera will do
+        try:
+            self._show_faces(eye)
+        finally:
+            self._lock.release()
+
+    def _show_faces(self, eye: Array) -> None:
+        grasp_map = self.live.graph.grasp_map
+        hidden, below = set[str](), set[str]()
+        if self.open_side:
+            hidden = drawing.hidden_faces(grasp_map, eye)
+            below = drawing.hidden_faces(grasp_map, eye - BELOW)
+        with self.page.together():
+            for face in drawing.points_by_face(grasp_map):
+                self.page.show(f"module/{face}", face not in hidden)
+                self.page.show(f"points/{face}", face not in hidden)
+                self.page.show(f"second/module/{face}", face not in below)
+
+    def leave_out(self, walls: bool) -> None:
+        """Choose whether walls between the camera and the inside are left out."""
+        self.open_side = walls
+        self.see_from(self._eye)
+
+    def switch(self, name: str, visible: bool) -> None:
+        """Show or hide explored steps, the plan, or the plan before, from now on."""
+        self._hidden = self._hidden - {name} if visible else self._hidden | {name}
+        self.page.show(name, visible)
+
+    def show_checked(self, alone: bool) -> None:
+        """Show the collision shapes alone, or with what stands for joints."""
+        drawing.show_unchecked(self.page, "robot", self.scene, not alone)
+
+    def choose(self, click: str) -> None:
+        """Choose what a click on a point does."""
+        self.click = click
+
+    def add_box(self) -> None:
+        """Put a box in the middle of the base path, with arrows to drag it."""
+        name = f"added{self._boxes}"
+        self._boxes += 1
+        plan = self.live.shown
+        places = np.array([self.live.asked.goal]) if plan is None else plan.motion.base_positions
+        place = places[len(places) // 2] + np.array([0.0, 0.0, -0.35])
+        self.change(lambda: self.live.put_box(name, place))
+        if any(box.id == name for box in self.live.graph.obstacles):
+            self.page.gizmo(
+                f"handles/{name}",
+                place,
+                lambda at: self.change(lambda: self.live.put_box(name, at)),
+            )
+
+    def clear(self) -> None:
+        """Take boxes away and free all points."""
+        self.page.remove("handles")
+        self.change(self.live.clear)
+
+    def compare(self, plan: Plan, frames: Frames) -> None:
+        """Show a second plan in the same module, played at the same time."""
+        with self._lock:
+            self.second = SecondPlan(self.page, self.scene, plan, frames)
+            self.place_second(OVER)
+
+    def place_second(self, where: str) -> None:
+        """Show the second plan in the same module, in one below, or not at all."""
+        if self.second is None:
+            return
+        grasp_map = self.live.graph.grasp_map
+        with self._lock, self.page.together():
+            self.second.place(where, grasp_map)
+            self.second.seek(self.time)
+            if (where == APART) != self._apart:
+                self._apart = where == APART
+                places, elevation = self._places, drawing.ELEVATION
+                if self._apart:
+                    places = np.concatenate([places, places + BELOW])
+                    elevation = drawing.STEEP
+                self.see_from(drawing.view(self.page, places, self._aspect, elevation))
+
+    def _second_words(self) -> str:
+        return "" if self.second is None else compared(self.live.plan, self.second.plan)

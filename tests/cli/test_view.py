@@ -1,0 +1,126 @@
+"""The command `view`: what it writes, serves and refuses."""
+
+import importlib.util
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import urllib.request
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import recording_of
+
+from mlivr_gym.cli.extras import need
+from mlivr_gym.errors import SettingError
+from mlivr_gym.motion.plan import Plan
+
+needs_viewer = pytest.mark.skipif(
+    importlib.util.find_spec("viser") is None,
+    reason="the extra 'viewer' is not installed",
+)
+
+
+@needs_viewer
+def test_view_writes_a_page_of_a_plan(run, plan_file, tmp_path):
+    out = tmp_path / "walk.html"
+    code, told, _ = run("view", "--plan", str(plan_file), "--out", str(out))
+    assert (code, out.stat().st_size < 2_000_000) == (0, True)
+    assert re.search(r"page: .*walk\.html, [01]\.\d\d MB", told)
+
+
+@needs_viewer
+def test_view_plans_first_if_it_is_given_a_query(run, tmp_path):
+    out = tmp_path / "walk.html"
+    query = ("--start", "D2a:4", "D2b:4", "--goal", "6.0", "0", "0.42", "--cost", "steps")
+    code, _, _ = run("view", *query, "--out", str(out))
+    assert code == 0
+    assert "plan, 4 steps" in out.read_text(encoding="utf-8")
+
+
+@needs_viewer
+def test_view_writes_nothing_where_there_is_no_plan(run, tmp_path):
+    out = tmp_path / "walk.html"
+    blocked = ("--start", "D2a:4", "D2b:4", "--goal", "1.0", "0", "0.42", "--tolerance", "0.001")
+    code, _, told = run("view", *blocked, "--out", str(out))
+    assert (code, out.exists()) == (3, False)
+    assert "no stance" in told
+
+
+@needs_viewer
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--plan", "a", "--plan", "b", "--plan", "c"), "--plan is given 3 times"),
+        (("--plan", "a", "--execution", "b"), "either --plan or --execution"),
+        (("--plan", "a", "--plan", "b", "--out", "w.html"), "--out takes one plan"),
+        (("--plan", "a", "--goal", "1", "2", "3"), "--goal has no effect beside --plan"),
+        (("--execution", "a", "--cost", "steps"), "--cost has no effect beside --execution"),
+        (("--port", "99999"), "--port"),
+        (("--plan", "nowhere.json"), "nowhere.json"),
+        (("--out", "no/such/folder/walk.html"), "cannot write"),
+    ],
+)
+def test_view_refuses_what_cannot_be_shown(run, arguments, said):
+    code, _, told = run("view", *arguments)
+    assert code == 2
+    assert said in told
+
+
+def test_view_says_what_to_install(run, monkeypatch):
+    def absent(*modules, extra):
+        need("no_such_package", extra=extra)
+
+    monkeypatch.setattr("mlivr_gym.cli.view.need", absent)
+    code, _, told = run("view")
+    assert code == 2
+    assert "pip install 'mlivr-gym[viewer]'" in told
+    with pytest.raises(SettingError, match="no_such_package"):
+        absent("viser", extra="viewer")
+
+
+@needs_viewer
+def test_view_writes_a_page_of_an_execution(run, plan_file, tmp_path):
+    folder, out = tmp_path / "walk", tmp_path / "walk.html"
+    folder.mkdir()
+    shutil.copy(plan_file, folder / "plan.json")
+    recording = recording_of(Plan.load(plan_file))
+    np.savez_compressed(folder / "simulation.npz", **recording.arrays())
+    assert run("view", "--execution", str(folder), "--out", str(out))[0] == 0
+    assert "execution, 4 steps" in out.read_text(encoding="utf-8")
+    (folder / "simulation.npz").unlink()
+    code, _, told = run("view", "--execution", str(folder), "--out", str(out))
+    assert code == 2
+    assert "simulation.npz" in told
+
+
+@needs_viewer
+def test_view_compares_plans_of_one_robot_alone(run, plan_file, tmp_path):
+    other = tmp_path / "other.json"
+    plan = Plan.load(plan_file)
+    robot = replace(plan.world.robot, name="another", body_mass=99.0)
+    replace(plan, world=replace(plan.world, robot=robot)).save(other)
+    code, _, told = run("view", "--plan", str(plan_file), "--plan", str(other))
+    assert code == 2
+    assert "is of robot 'another', the first one of 'mlivr2'" in told
+
+
+@needs_viewer
+def test_view_serves_this_computer_alone_until_it_is_interrupted(plan_file):
+    command = [sys.executable, "-m", "mlivr_gym.cli.main", "view", "--plan", str(plan_file)]
+    with subprocess.Popen(
+        [*command, "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    ) as served:  # fmt: skip
+        first, second = served.stdout.readline(), served.stdout.readline()
+        assert first.startswith("4 steps")
+        address = re.search(r"page: (http://127\.0\.0\.1:\d+)", second).group(1)
+        with urllib.request.urlopen(address) as answer:
+            assert answer.status == 200
+        served.send_signal(signal.SIGINT)
+        _, told = served.communicate(timeout=30)
+    assert served.returncode == 0
+    assert told == ""

@@ -1,0 +1,43 @@
+import pytest
+
+from mlivr_gym.planners import Planner
+from mlivr_gym.viewer.live_plan import Asked, LivePlan
+
+START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+
+
+@pytest.fixture(scope="session")
+def walk(checked_graph):
+    """The plan that the tests of the viewer show: four steps from deck to overhead."""
+    return Planner(checked_graph).plan(START, GOAL, "steps").unwrap()
+
+
+@pytest.fixture
+def live(checked_graph, walk):
+    """A live plan; the world of the graph is put back."""
+    yield LivePlan(checked_graph, Asked.of_plan(checked_graph, walk), walk)
+    checked_graph.remove_obstacles()
+    checked_graph.vacate()
+
+
+@pytest.fixture
+def page():
+    """A page on any free port."""
+    pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
+    from mlivr_gym.viewer.page import Page
+
+    page = Page("127.0.0.1", 0, "test")
+    yield page
+    page.close()
+
+
+@pytest.fixture
+def viewer(page, live):
+    """A viewer with its panel, not playing."""
+    from mlivr_gym.viewer.panel import add_panel
+    from mlivr_gym.viewer.viewer import Viewer
+
+    viewer = Viewer(page, live)
+    add_panel(viewer)
+    viewer.refresh()
+    return viewer

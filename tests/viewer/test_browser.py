@@ -1,0 +1,176 @@
+"""The page in a headless Chromium: what people see and do."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from chromium import chromium, opened
+
+from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.rendering import MARGIN
+from mlivr_gym.planners import Planner
+
+pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
+
+from mlivr_gym.viewer import drawing
+from mlivr_gym.viewer.export import write_html
+from mlivr_gym.viewer.frames import plan_frames
+from mlivr_gym.viewer.panel import add_panel
+from mlivr_gym.viewer.viewer import ASPECT, Viewer
+
+pytestmark = pytest.mark.browser
+
+PATIENCE = 60.0
+"""How long a page that is drawn without a GPU may take [s]."""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def shown(browser, viewer):
+    """A page of the viewer, which plays; it must not have complained in the end."""
+    playing = threading.Thread(target=viewer.run, daemon=True)
+    playing.start()
+    page, errors = opened(browser, viewer.page.address)
+    page.get_by_text("4 steps, ").first.wait_for(timeout=1e3 * PATIENCE)
+    until(lambda: page.locator("canvas").count() > 0)
+    time.sleep(2.0)  # until all is drawn
+    yield page
+    page.close()
+    viewer._closed.set()
+    playing.join()
+    assert errors == []
+
+
+def until(true, seconds=PATIENCE):
+    end = time.monotonic() + seconds
+    while not true() and time.monotonic() < end:
+        time.sleep(0.1)
+    assert true()
+
+
+def pixel(viewer, page, place):
+    """Where a place [m] is in the window of a page that was just opened [px]."""
+    points = viewer.live.graph.grasp_map.positions
+    middle = tuple((0.5 * (points.min(axis=0) + points.max(axis=0))).tolist())
+    camera = Camera(middle, azimuth=drawing.AZIMUTH, elevation=drawing.ELEVATION)
+    box = page.locator("canvas").first.bounding_box()
+    camera = camera.seeing(points, MARGIN, ASPECT)
+    ((x, y),) = camera.pixels(np.array([place]), box["width"], box["height"])
+    return box["x"] + x, box["y"] + y
+
+
+def click_on_point(viewer, page, point):
+    grasp_map = viewer.live.graph.grasp_map
+    page.mouse.click(*pixel(viewer, page, grasp_map.positions[grasp_map.index(point)]))
+
+
+def choose(page, label, value):
+    page.get_by_role("combobox", name=label).click()
+    page.get_by_role("option", name=value, exact=True).click()
+
+
+def scrubber(page):
+    return float(page.get_by_role("slider").first.get_attribute("aria-valuenow"))
+
+
+def test_a_plan_plays_and_pauses(shown, viewer):
+    assert scrubber(shown) == 0.0
+    shown.get_by_role("button", name="play", exact=True).click()
+    until(lambda: scrubber(shown) > 0.5)
+    until(lambda: shown.get_by_text("step 1 of 4").count() == 1)
+    shown.get_by_role("button", name="play", exact=True).click()
+    until(lambda: not viewer.playing)
+    time.sleep(1.0)
+    paused = scrubber(shown)
+    time.sleep(1.0)
+    assert scrubber(shown) == paused == pytest.approx(viewer.time, abs=0.02)
+
+
+def test_steps_and_the_scrubber_move_the_robot(shown, viewer, walk):
+    shown.get_by_role("button", name="step ▶").click()
+    until(lambda: scrubber(shown) == 5.0)
+    shown.get_by_role("slider").first.focus()
+    shown.keyboard.press("End")
+    until(lambda: shown.get_by_text("stance 4 of 4").count() == 1)
+    place = viewer.page._nodes["robot/base"].position
+    np.testing.assert_allclose(place, walk.motion.base_positions[4], atol=1e-6)
+
+
+def test_a_blocked_point_is_planned_round(shown, viewer, walk):
+    """The numbers on the page change, and the plan does not use the point any more."""
+    point = walk.steps[0].to_point
+    before = shown.get_by_text("4 steps, ").first.inner_text()
+    choose(shown, "a click on a point", "block or free it")
+    until(lambda: viewer.click == "block or free it")
+    click_on_point(viewer, shown, point)
+    until(lambda: shown.get_by_text("(pale)").count() == 1)
+    assert viewer.live.graph.ids(viewer.live.graph.occupied) == (point,)
+    assert point not in {step.to_point for step in viewer.live.plan.steps}
+    now = shown.locator("strong").first.inner_text()
+    assert now != before
+    assert now == f"{len(viewer.live.plan.steps)} steps, {viewer.live.plan.base_translation:.3f} m"
+
+
+def test_a_goal_that_is_dragged_is_planned_to(shown, viewer):
+    """Its red arrow points along x, to the right in the picture."""
+    goal = np.array(viewer.live.asked.goal)
+    x, y = pixel(viewer, shown, goal + np.array([0.2, 0.0, 0.0]))
+    to, _ = pixel(viewer, shown, goal - np.array([0.6, 0.0, 0.0]))
+    shown.mouse.move(x, y)
+    time.sleep(0.5)
+    shown.mouse.down()
+    for share in np.linspace(0.0, 1.0, 8):
+        shown.mouse.move(x + share * (to - x), y)
+        time.sleep(0.1)
+    shown.mouse.up()
+    until(lambda: viewer.live.asked.goal[0] < 5.7)
+    np.testing.assert_allclose(viewer.live.asked.goal[1:], goal[1:], atol=1e-6)
+    until(lambda: viewer.live.plan is not None)
+    shown.get_by_text(f"({viewer.live.asked.goal[0]:.2f}, 0.00, 0.42)").wait_for()
+
+
+def test_another_cost_and_a_box_are_planned_with(shown, viewer):
+    choose(shown, "cost", "base")
+    until(lambda: shown.get_by_text("base cost").count() == 1)
+    until(lambda: viewer.live.plan is not None and viewer.live.plan.query.cost_name == "base")
+    shown.get_by_role("button", name="Add a box").click()
+    until(lambda: len(viewer.live.graph.obstacles) == 1)
+    shown.get_by_role("button", name="Remove boxes").click()
+    until(lambda: not viewer.live.graph.obstacles)
+
+
+def test_colours_tell_what_can_be_stepped_to(shown):
+    choose(shown, "colours tell", "reach of the stance")
+    shown.get_by_text("several limbs: ").wait_for()
+
+
+def test_a_file_plays_without_a_server(browser, checked_graph, walk, tmp_path):
+    write_html(tmp_path / "walk.html", checked_graph, walk)
+    page, errors = opened(browser, (tmp_path / "walk.html").as_uri())
+    times = page.locator("input").first
+    times.wait_for(timeout=1e3 * PATIENCE)
+    first = float(times.input_value())
+    until(lambda: float(times.input_value()) > first + 0.5)
+    assert page.title().startswith("mlivr2: plan, 4 steps")
+    page.close()
+    assert errors == []
+
+
+def test_two_plans_are_compared(browser, page, live, checked_graph):
+    other = Planner(checked_graph).plan(live.plan.stances[0], live.asked.goal, "base").unwrap()
+    viewer = Viewer(page, live)
+    viewer.compare(other, plan_frames(checked_graph, other))
+    add_panel(viewer)
+    viewer.refresh()
+    seen, errors = opened(browser, page.address)
+    seen.get_by_role("cell", name=f"{other.base_translation:.3f}").wait_for()
+    choose(seen, "shown", "in a module below")
+    until(lambda: "second/module" in page)
+    seen.close()
+    assert errors == []

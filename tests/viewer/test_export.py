@@ -1,0 +1,47 @@
+"""The file that plays without a server."""
+
+import re
+
+import pytest
+from recordings import recording_of
+
+pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
+
+from mlivr_gym.viewer import export
+
+
+def test_a_plan_is_one_file_below_two_megabytes(checked_graph, walk, tmp_path):
+    path = tmp_path / "walk.html"
+    size = export.write_html(path, checked_graph, walk)
+    assert size == path.stat().st_size <= 2_000_000
+    text = path.read_text(encoding="utf-8")
+    assert "<title>mlivr2: plan, 4 steps" in text
+    # Names of standards apart, nothing is named that could be fetched.
+    fetched = re.findall(r"""(?:src|href)=["']?(https?://[^"' >]+)""", text)
+    assert not fetched
+
+
+def test_an_execution_is_written_too(checked_graph, walk, tmp_path):
+    recording = recording_of(walk)
+    path = tmp_path / "walk.html"
+    assert export.write_html(path, checked_graph, walk, recording) <= 2_000_000
+    assert "<title>mlivr2: execution, 4 steps" in path.read_text(encoding="utf-8")
+
+
+def test_a_large_scene_has_fewer_pictures(checked_graph, walk, tmp_path, monkeypatch):
+    written = []
+    recorded = export.Page.recorded
+
+    def counted(page, frames, *others):
+        written.append(len(frames))
+        return recorded(page, frames, *others)
+
+    monkeypatch.setattr(export.Page, "recorded", counted)
+    whole = export.write_html(tmp_path / "whole.html", checked_graph, walk)
+    monkeypatch.setattr(export, "LARGEST_FILE", whole - 1)
+    assert export.write_html(tmp_path / "less.html", checked_graph, walk) < whole
+    assert written[2] == written[0] // 2
+    monkeypatch.setattr(export, "LARGEST_FILE", 1000)
+    with pytest.raises(export.SettingError, match="larger than 1000 bytes"):
+        export.write_html(tmp_path / "none.html", checked_graph, walk)
+    assert not (tmp_path / "none.html").exists()

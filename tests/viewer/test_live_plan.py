@@ -1,0 +1,95 @@
+"""A query that changes, without a page."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym.planners import Planner
+from mlivr_gym.viewer.live_plan import Asked, LivePlan
+
+
+def test_a_plan_of_a_file_is_asked_for_again_alike(live, walk):
+    """The query that is read from a plan gives the same plan."""
+    live.replan()
+    assert live.plan.stances == walk.stances
+    assert live.before is walk
+    assert live.message == f"4 steps, {walk.base_translation:.3f} m"
+    assert live.expanded > 0
+    assert len(live.tree) > 0
+
+
+def test_a_given_start_pose_is_asked_for_again(checked_graph):
+    planner = Planner(checked_graph)
+    position, quaternion, _ = checked_graph.configuration(checked_graph.state(("D2a:4", "D2b:4")))
+    pose = (*(position + np.array([0.02, 0.0, 0.0])), *quaternion)
+    plan = planner.plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps", start_pose=pose).unwrap()
+    again = LivePlan(checked_graph, Asked.of_plan(checked_graph, plan), plan)
+    again.replan()
+    np.testing.assert_allclose(again.plan.motion.base_positions[0], pose[:3], atol=1e-9)
+    assert again.plan.cost == plan.cost
+
+
+def test_a_blocked_point_is_not_used_and_can_be_freed(live, walk):
+    point = walk.steps[0].to_point
+    live.block(point)
+    assert point not in {step.to_point for step in live.plan.steps}
+    assert live.plan.cost >= walk.cost
+    assert live.before is walk
+    live.block(point)
+    assert live.plan.stances == walk.stances
+    assert not live.graph.occupied
+
+
+def test_a_limb_starts_where_it_is_put(live):
+    live.hold(0, "D2a:3")
+    assert live.plan.stances[0] == ("D2a:3", "D2b:4")
+
+
+def test_what_cannot_be_held_is_said_and_the_plan_before_is_shown(live, walk):
+    live.hold(0, "D2b:4")
+    assert live.plan is None
+    assert live.reason == "cannot be asked"
+    assert "D2b:4" in live.message
+    assert live.shown is walk
+    assert live.cause() == ""
+    assert live.start_configuration() is None or live.asked.start == ("D2b:4", "D2b:4")
+
+
+def test_the_goal_is_kept_in_the_cabin(live):
+    live.aim(np.array([5.0, 0.0, 0.0]))
+    assert live.asked.goal == (5.0, 0.0, 0.0)
+    assert np.linalg.norm(live.plan.motion.base_positions[-1] - (5.0, 0.0, 0.0)) <= 0.2
+    live.aim(np.array([99.0, 0.0, 0.0]))
+    assert live.asked.goal[0] == live.graph.grasp_map.cabin[1, 0]
+
+
+def test_costs_differ(live):
+    live.charge("base", 0.1)
+    shortest = live.plan
+    live.charge("weighted", 0.5)
+    assert live.plan.query.regrasp_price == 0.5
+    assert shortest.base_translation <= live.plan.base_translation + 1e-9
+    live.charge("steps", 0.5)
+    assert live.asked.regrasp_price is None
+    assert len(live.plan.steps) <= len(shortest.steps)
+
+
+def test_a_box_is_walked_round_and_can_be_moved(live, walk):
+    middle = walk.motion.base_positions[2]
+    live.put_box("added0", middle)
+    (box,) = live.graph.obstacles
+    np.testing.assert_allclose(box.centre, middle, atol=1e-9)
+    assert live.plan is None or live.plan.stances != walk.stances
+    live.put_box("added0", np.array([0.3, 0.0, 0.0]))
+    (moved,) = live.graph.obstacles
+    assert moved.half == pytest.approx(box.half)
+    live.clear()
+    assert live.plan.stances == walk.stances
+
+
+def test_a_cause_is_told_where_there_is_no_plan(live):
+    """The points half-way are blocked: the obstacles are the cause."""
+    x = live.graph.grasp_map.positions[:, 0]
+    live.graph.occupy(np.flatnonzero((x > 2.9) & (x < 4.6)).tolist())
+    live.replan()
+    assert live.plan is None
+    assert "obstacles and occupied points" in live.cause()

@@ -1,0 +1,92 @@
+"""Colours of points, compared with the graph that they tell of."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.viewer import marks
+
+
+def rgb(colour):
+    return [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+
+
+@pytest.fixture
+def state(checked_graph):
+    yield checked_graph.state(("D2a:4", "D2b:4"))
+    checked_graph.vacate()
+
+
+def test_reach_is_what_the_successors_are(checked_graph, state):
+    found, steps = marks.reach(checked_graph, state), checked_graph.successors(state)
+    for limb in range(2):
+        to, others = (set(steps.point[steps.limb == i].tolist()) for i in (limb, 1 - limb))
+        for point in range(len(checked_graph.grasp_map)):
+            alone = point in to and point not in others
+            assert (found.colours[point].tolist() == rgb(LIMB_COLOURS[limb])) == alone
+        assert (LIMB_COLOURS[limb], f"limb {limb}: {len(to)} points") in found.legend
+    assert set(found.points) == set(steps.point.tolist())
+
+
+def test_reasons_agree_with_the_graph(checked_graph, state):
+    """Every point has a known reason or none, and none exactly where a step leads."""
+    checked_graph.occupy(["D3b:7"])
+    steps = checked_graph.successors(state)
+    for limb in range(2):
+        to = set(steps.point[steps.limb == limb].tolist())
+        for point in range(len(checked_graph.grasp_map)):
+            why = marks.why_not(checked_graph, state, limb, point, steps)
+            assert (why == "") == (point in to)
+            assert why == "" or marks.kind_of(why)
+            after = (*state.stance[:limb], point, *state.stance[limb + 1 :])
+            if why == marks.STEP:
+                assert checked_graph.step_to(state, after) is None
+    why = marks.why_not(checked_graph, state, 0, checked_graph.grasp_map.index("D3b:7"), steps)
+    assert marks.kind_of(why) == "is occupied"
+
+
+def test_a_legend_counts_every_point_once(checked_graph, state):
+    found = marks.blocked(checked_graph, state, 1)
+    counts = [int(words.rsplit(": ", 1)[1]) for _, words in found.legend]
+    assert sum(counts) == len(checked_graph.grasp_map)
+
+
+def test_occupied_points_are_dark(checked_graph, state):
+    before = marks.plain(checked_graph)
+    checked_graph.occupy(["D3b:7"])
+    point = checked_graph.grasp_map.index("D3b:7")
+    found = marks.plain(checked_graph)
+    assert found.colours[point].tolist() == rgb(marks.OCCUPIED_COLOUR)
+    others = np.arange(len(found.colours)) != point
+    np.testing.assert_array_equal(found.colours[others], before.colours[others])
+
+
+def test_the_likelier_a_point_the_stronger_its_colour(checked_graph):
+    chance = np.zeros((2, len(checked_graph.grasp_map)))
+    chance[0, 3], chance[1, 5], chance[1, 7] = 0.1, 0.6, 0.3
+    found = marks.chances(checked_graph, chance)
+    blue = np.array(rgb(LIMB_COLOURS[1]))
+    off = [np.abs(found.colours[p] - blue).sum() for p in (5, 7)]
+    assert off[0] < off[1]
+    assert [words for _, words in found.legend][:2] == [
+        f"limb 1 → {checked_graph.grasp_map.ids[5]}: 60%",
+        f"limb 1 → {checked_graph.grasp_map.ids[7]}: 30%",
+    ]
+    assert set(found.points) == {3, 5, 7}
+
+
+def test_states_follow_a_plan(checked_graph, walk):
+    states = marks.states_of(checked_graph, walk)
+    assert [checked_graph.ids(state.stance) for state in states] == list(walk.stances)
+    checked_graph.occupy([walk.steps[1].to_point])
+    after = marks.states_of(checked_graph, walk)
+    checked_graph.vacate()
+    assert [state is None for state in after] == [False, False, True, True, True]
+
+
+def test_a_line_of_sight_finds_its_point(jem):
+    rng = np.random.default_rng(3)
+    eye = np.array([3.0, -7.0, 0.5])
+    for point in rng.choice(len(jem), 30, replace=False).tolist():
+        direction = 3.0 * (jem.positions[point] + rng.normal(size=3) * 1e-3 - eye)
+        assert marks.nearest_to_ray(jem.positions, eye, direction) == point

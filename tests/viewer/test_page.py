@@ -1,0 +1,63 @@
+"""The page, without a browser."""
+
+import urllib.request
+
+import numpy as np
+import pytest
+
+from mlivr_gym.errors import SettingError
+from mlivr_gym.viewer.solids import box_mesh
+
+pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
+
+from mlivr_gym.viewer.page import Page
+
+
+def test_it_is_served_where_it_says(page):
+    assert page.address.startswith("http://127.0.0.1:")
+    with urllib.request.urlopen(page.address) as answer:
+        assert b"<html" in answer.read(200)
+
+
+def test_another_page_takes_the_next_port(page):
+    port = int(page.address.rsplit(":", 1)[1])
+    other = Page("127.0.0.1", port, "other")
+    assert other.address != page.address
+    other.close()
+
+
+def test_a_host_that_is_not_there_is_refused():
+    with pytest.raises(SettingError, match=r"cannot serve on host '203\.0\.113\.7'"):
+        Page("203.0.113.7", 0, "nowhere")
+
+
+def test_nothing_is_printed(capsys):
+    Page("127.0.0.1", 0, "quiet").close()
+    assert capsys.readouterr().out == ""
+
+
+def test_what_is_removed_takes_along_what_is_below(page):
+    page.frame("a", np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    page.mesh("a/b", box_mesh((1.0, 1.0, 1.0)), (1.0, 0.0, 0.0, 1.0))
+    page.mesh("ab", box_mesh((1.0, 1.0, 1.0)), (1.0, 0.0, 0.0, 0.5))
+    page.remove("a")
+    assert ("a" in page, "a/b" in page, "ab" in page) == (False, False, True)
+    page.remove("a")
+    page.mesh("handles/a", box_mesh((1.0, 1.0, 1.0)), (1.0, 0.0, 0.0, 1.0))
+    handle = page._nodes["handles/a"]
+    page.remove("handles")
+    assert "handles/a" not in page
+    assert handle._impl.removed  # from the scene, too
+    page.lines("l", np.zeros((1, 2, 3)), (0.0, 0.0, 0.0, 1.0), 0.01)
+    page.lines("l", np.zeros((0, 2, 3)), (0.0, 0.0, 0.0, 1.0), 0.01)
+    assert "l" not in page
+
+
+def test_nobody_is_called_for_values_that_the_viewer_sets(page):
+    called = []
+    page.slider("time", "time", 10.0, 0.1, called.append)
+    page.checkbox("on", "on", False, called.append)
+    page.set("time", 4.0)
+    page.set("on", True)
+    assert called == []
+    assert page._items["time"].value == 4.0

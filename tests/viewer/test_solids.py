@@ -1,0 +1,112 @@
+"""The scene as triangles, compared with the MuJoCo model that it is made from."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.simulation.scene import compiled, scene_spec, set_configuration
+from mlivr_gym.viewer.solids import (
+    box_mesh,
+    capsule_mesh,
+    cylinder_mesh,
+    joined,
+    rod_mesh,
+    scene_solids,
+)
+from mlivr_gym.world.boxes import Box
+
+
+def volume(mesh):
+    """Volume inside a closed surface whose triangles are seen anticlockwise from outside."""
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+
+
+def link_poses(scene, configuration):
+    """Place and rotation of each link in the world, from link to link."""
+    position, quaternion, joints = configuration
+    poses = {"world": (np.zeros(3), np.eye(3))}
+    for link in scene.links:
+        place, turn = poses[link.parent]
+        at, quat = link.position, link.turned(joints)
+        if link.parent == "world":
+            at, quat = position, quaternion
+        rotation = Rotation.from_quat(quat, scalar_first=True).as_matrix()
+        poses[link.name] = place + turn @ at, turn @ rotation
+    return poses
+
+
+@pytest.mark.parametrize("name", ["mlivr2", "mlivr4"])
+def test_links_are_where_mujoco_has_them(jem, name):
+    robot, rng = robot_spec(name), np.random.default_rng(0)
+    scene, model = scene_solids(jem, robot), compiled(scene_spec(jem, robot))
+    data = mujoco.MjData(model)
+    for _ in range(5):
+        quaternion = rng.normal(size=4)
+        quaternion /= np.linalg.norm(quaternion)
+        shown = rng.normal(size=3), quaternion, rng.uniform(-3, 3, (robot.limbs, 6))
+        set_configuration(model, data, *shown)
+        poses = link_poses(scene, shown)
+        assert len(poses) == model.nbody
+        for k in range(model.nbody):
+            place, turn = poses[model.body(k).name]
+            np.testing.assert_allclose(place, data.xpos[k], atol=1e-9)
+            np.testing.assert_allclose(turn.ravel(), data.xmat[k], atol=1e-9)
+
+
+def test_every_geom_is_drawn_in_its_colour_and_size(jem):
+    """Bounds of all shapes of a link and colour are those of MuJoCo's geoms."""
+    obstacle = Box.between("cargo", "obstacle", (3.0, -0.5, -0.5), (3.4, 0.5, 0.0))
+    robot = robot_spec("mlivr2")
+    scene = scene_solids(jem, robot, [obstacle])
+    model = compiled(scene_spec(jem, robot, [obstacle]))
+    solids = (*scene.robot, *scene.surroundings)
+    found = {(s.link, s.colour) for s in solids}
+    for k in range(model.ngeom):
+        geom = model.geom(k)
+        link = model.body(int(geom.bodyid[0])).name
+        colour = tuple(float(part) for part in geom.rgba)
+        assert (link, colour) in found
+        corners = np.concatenate(
+            [s.mesh.vertices for s in solids if (s.link, s.colour) == (link, colour)]
+        )
+        turn = Rotation.from_quat(geom.quat, scalar_first=True).as_matrix()
+        if geom.type[0] == mujoco.mjtGeom.mjGEOM_BOX:
+            reach = np.abs(turn) @ geom.size
+        elif geom.type[0] == mujoco.mjtGeom.mjGEOM_CYLINDER:
+            across = np.sqrt(1.0 - turn[:, 2] ** 2)
+            reach = geom.size[0] * across + np.abs(turn[:, 2]) * geom.size[1]
+        else:
+            reach = geom.size[0] + np.abs(turn[:, 2]) * geom.size[1]
+        assert (corners.min(axis=0) <= geom.pos - 0.97 * reach + 1e-9).all()
+        assert (corners.max(axis=0) >= geom.pos + 0.97 * reach - 1e-9).all()
+
+
+def test_what_is_not_checked_is_told_apart(jem):
+    scene = scene_solids(jem, robot_spec("mlivr2"))
+    unchecked = [solid for solid in scene.robot if not solid.checked]
+    assert {solid.link for solid in unchecked} >= {"base", "limb0/upper_arm", "limb1/forearm"}
+    assert all(solid.checked for solid in scene.robot if solid.link.endswith("gripper"))
+
+
+def test_surfaces_are_closed_and_face_outwards():
+    """Volumes from the triangles are near those of the solids, and positive."""
+    assert volume(box_mesh((0.1, 0.2, 0.3))) == pytest.approx(8 * 0.1 * 0.2 * 0.3)
+    ball, tube = 4 / 3 * np.pi * 0.1**3, np.pi * 0.1**2 * 0.8
+    assert volume(capsule_mesh(0.1, 0.4)) == pytest.approx(ball + tube, rel=0.05)
+    assert volume(cylinder_mesh(0.1, 0.4)) == pytest.approx(tube, rel=0.05)
+    both = joined([box_mesh((0.1, 0.1, 0.1)), box_mesh((0.2, 0.2, 0.2))])
+    assert volume(both) == pytest.approx(0.2**3 + 0.4**3)
+
+
+def test_a_rod_reaches_from_one_place_to_the_other():
+    start, end = np.array([0.3, -0.2, 0.1]), np.array([0.5, 0.4, -0.6])
+    mesh = rod_mesh(start, end, 0.02)
+    along = (end - start) / np.linalg.norm(end - start)
+    extent = (mesh.vertices - start) @ along
+    assert extent.min() == pytest.approx(-0.02, abs=1e-6)
+    assert extent.max() == pytest.approx(np.linalg.norm(end - start) + 0.02, abs=1e-6)
+    off = mesh.vertices - start - extent[:, None] * along
+    assert np.linalg.norm(off, axis=1).max() == pytest.approx(0.02, abs=1e-6)

@@ -1,0 +1,232 @@
+"""What follows from what people do on the page; nothing is drawn in a browser here."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import recording_of
+
+from mlivr_gym.planners import Planner
+
+pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
+
+from mlivr_gym.viewer import drawing, second_plan
+from mlivr_gym.viewer import viewer as viewers
+from mlivr_gym.viewer.frames import STEP_TIME, stance_frames
+from mlivr_gym.viewer.panel import add_panel
+
+
+def said(viewer, name):
+    """Words in the panel."""
+    return viewer.page._items[name].content
+
+
+def node(viewer, name):
+    """Something that is drawn."""
+    return viewer.page._nodes[name]
+
+
+def sight(viewer, point):
+    """Origin and direction of a line of sight through a point."""
+    eye = np.array([3.0, -6.0, 0.4])
+    grasp_map = viewer.live.graph.grasp_map
+    return eye, grasp_map.positions[grasp_map.index(point)] - eye
+
+
+def until(true, seconds=20.0):
+    end = time.monotonic() + seconds
+    while not true() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert true()
+
+
+def test_the_robot_is_where_the_frame_has_it(viewer, walk):
+    viewer.seek(2 * STEP_TIME)
+    np.testing.assert_allclose(
+        node(viewer, "robot/base").position, walk.motion.base_positions[2], atol=1e-6
+    )
+    assert "step 3 of 4" in said(viewer, "where")
+    viewer.seek(99.0)
+    assert said(viewer, "where") == "stance 4 of 4"
+    assert viewer.time == viewer.frames.duration
+
+
+def test_playing_goes_on_to_the_end_and_begins_again(viewer):
+    viewer.tick()
+    assert viewer.time == 0.0
+    viewer.toggle()
+    viewer.tick()
+    assert viewer.time == pytest.approx(viewers.TICK)
+    viewer.speed = 1000.0
+    viewer.tick()
+    assert (viewer.time, viewer.playing) == (viewer.frames.duration, False)
+    viewer.toggle()
+    assert (viewer.time, viewer.playing) == (0.0, True)
+    viewer.scrub(7.0)
+    assert (viewer.time, viewer.playing) == (7.0, False)
+
+
+def test_steps_are_jumped_to(viewer):
+    seen = []
+    viewer.scrub(0.4 * STEP_TIME)
+    for count in (1, 1, 1, 1, 1, -1, -1):
+        viewer.jump(count)
+        seen.append(round(viewer.time / STEP_TIME, 6))
+    assert seen == [1.0, 2.0, 3.0, 4.0, 4.0, 3.0, 2.0]
+    viewer.scrub(2.4 * STEP_TIME)
+    viewer.jump(-1)
+    assert viewer.time == pytest.approx(2.0 * STEP_TIME)
+
+
+def test_a_click_blocks_a_point_and_the_plan_before_is_pale(viewer, walk):
+    point = walk.steps[0].to_point
+    viewer.choose(viewers.BLOCK)
+    viewer.clicked(*sight(viewer, point))
+    assert point not in {step.to_point for step in viewer.live.plan.steps}
+    assert "(pale)" in said(viewer, "summary")
+    assert "ghost" in viewer.page
+    assert "occupied" in viewer.page
+    viewer.clicked(*sight(viewer, point))
+    assert "occupied" not in viewer.page
+
+
+def test_a_click_starts_a_limb(viewer):
+    viewer.choose("start of limb 0")
+    viewer.clicked(*sight(viewer, "D2a:3"))
+    assert viewer.live.plan.stances[0] == ("D2a:3", "D2b:4")
+
+
+def test_a_click_tells_why_a_point_cannot_be_held(viewer):
+    viewer.clicked(*sight(viewer, "D2b:4"))
+    told = said(viewer, "told")
+    assert told.startswith("**D2b:4**, deck")
+    assert "limb 0: point 'D2b:4' is held by limb 1" in told
+
+
+def test_why_there_is_no_plan_is_said(viewer):
+    x = viewer.live.graph.grasp_map.positions[:, 0]
+    viewer.live.graph.occupy(np.flatnonzero((x > 2.9) & (x < 4.6)).tolist())
+    viewer.change(viewer.live.replan)
+    assert "No plan" in said(viewer, "summary")
+    assert "plan/path" not in viewer.page
+    until(lambda: "cut off by obstacles and occupied points" in said(viewer, "summary"))
+
+
+def test_what_cannot_be_changed_is_said(viewer):
+    viewer.change(lambda: viewer.live.graph.occupy(["X9:9"]))
+    assert "X9:9" in said(viewer, "summary")
+
+
+def test_a_box_is_added_and_removed(viewer, walk):
+    viewer.add_box()
+    (box,) = viewer.live.graph.obstacles
+    assert "obstacles/0" in viewer.page
+    assert f"handles/{box.id}" in viewer.page
+    viewer.clear()
+    assert not viewer.live.graph.obstacles
+    assert f"handles/{box.id}" not in viewer.page
+    assert viewer.live.plan.stances == walk.stances
+
+
+def test_colours_tell_of_the_stance_that_is_shown(viewer):
+    viewer.mark(viewers.REACH)
+    first = said(viewer, "legend")
+    assert "limb 0:" in first
+    viewer.seek(2 * STEP_TIME)
+    assert said(viewer, "legend") != first
+    viewer.mark(f"{viewers.WHY}1")
+    assert "can be stepped to" in said(viewer, "legend")
+    viewer.mark(viewers.PLAIN)
+    assert said(viewer, "legend") == ""
+
+
+def test_a_policy_without_its_extra_is_said(viewer, monkeypatch):
+    monkeypatch.setattr("mlivr_gym.viewer.policy_view.NEEDED", ("no_such_package",))
+    viewer.mark(viewers.POLICY)
+    assert "pip install 'mlivr-gym[agents]'" in said(viewer, "legend")
+
+
+def test_a_start_that_cannot_be_held_shows_no_robot(page, live):
+    """Not even at first, when there was no other."""
+    live.asked = replace(live.asked, start=("D2a:4", "O2a:4"))
+    live.plan = None
+    live.replan()
+    viewer = viewers.Viewer(page, live)
+    add_panel(viewer)
+    viewer.refresh()
+    assert "No plan" in said(viewer, "summary")
+    assert not node(viewer, "robot").visible
+    viewer.change(lambda: live.hold(1, "D2b:4"))
+    assert live.plan is not None
+    assert node(viewer, "robot").visible
+
+
+def test_near_walls_are_left_out(viewer):
+    grasp_map = viewer.live.graph.grasp_map
+    low, high = grasp_map.cabin
+    middle = 0.5 * (low + high)
+    assert drawing.hidden_faces(grasp_map, middle) == set()
+    aft, above = np.array([0.0, 6.0, 0.0]), np.array([0.0, 0.0, 6.0])
+    assert drawing.hidden_faces(grasp_map, middle - aft) == {"forward"}
+    assert drawing.hidden_faces(grasp_map, middle + aft + above) == {"aft", "overhead"}
+    viewer.see_from(middle + aft)
+    assert not node(viewer, "module/aft").visible
+    assert not node(viewer, "points/aft").visible
+    assert node(viewer, "module/forward").visible
+    viewer.leave_out(False)
+    assert node(viewer, "module/aft").visible
+
+
+def test_switches_stay_as_they_are_when_it_is_planned_anew(viewer):
+    viewer.switch("tree", True)
+    viewer.switch("plan", False)
+    viewer.change(viewer.live.replan)
+    assert node(viewer, "tree").visible
+    assert not node(viewer, "plan").visible
+
+
+def test_collision_shapes_alone_leave_the_rods_out(viewer):
+    viewer.show_checked(True)
+    paths = drawing._paths("robot", viewer.scene)
+    for k, solid in enumerate(viewer.scene.robot):
+        assert node(viewer, f"{paths[solid.link]}/shape{k}").visible == solid.checked
+
+
+def test_an_execution_is_played_until_it_is_planned_anew(page, live, walk):
+    recording = recording_of(walk)
+    viewer = viewers.Viewer(page, live, recording)
+    add_panel(viewer)
+    viewer.refresh()
+    assert viewer.frames.duration == pytest.approx(200.0)
+    assert page._items["torques"].visible
+    assert page._items["forces"].visible
+    viewer.seek(120.0)
+    at = np.argmin(np.abs(recording.times - recording.times[0] - 120.0))
+    place = node(viewer, "robot/base").position
+    assert np.linalg.norm(place - recording.base_positions[at]) < 0.1
+    viewer.change(live.replan)
+    assert viewer.frames.duration == pytest.approx(4 * STEP_TIME)
+    assert not page._items["torques"].visible
+
+
+def test_two_plans_are_shown_in_one_module_or_in_two(viewer, checked_graph):
+    other = Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "base").unwrap()
+    viewer.compare(other, stance_frames(other))
+    viewer.refresh()
+    assert f"| steps | 4 | {len(other.steps)} |" in said(viewer, "summary")
+    viewer.seek(STEP_TIME)
+    np.testing.assert_allclose(
+        node(viewer, "second/robot/base").position, other.motion.base_positions[1], atol=1e-9
+    )
+    assert viewer.duration == pytest.approx(STEP_TIME * len(other.steps))
+    viewer.seek(99.0)
+    np.testing.assert_allclose(
+        node(viewer, "second/robot/base").position, other.motion.base_positions[-1], atol=1e-9
+    )
+    viewer.place_second(second_plan.APART)
+    np.testing.assert_array_equal(node(viewer, "second").position, second_plan.BELOW)
+    assert "second/module" in viewer.page
+    viewer.place_second(second_plan.HIDDEN)
+    assert "second" not in viewer.page
+    viewer.seek(0.0)
