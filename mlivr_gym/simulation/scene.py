@@ -104,7 +104,7 @@ def scene_spec(
         world.add_site(
             name=scene_name(POINT, point), pos=position, quat=_quaternion(rotation),
             type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.016, 0.003, 0.0], rgba=_POINT,
-            group=FACE_GROUPS[face],
+            group=FACE_GROUPS.get(face, 0),
         )  # fmt: skip
     _add_robot(spec, robot)
     return spec
