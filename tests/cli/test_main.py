@@ -149,7 +149,7 @@ from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores the signal
 print("ready", flush=True)
-exit(main(["plan", "--method", "dijkstra"]))
+exit(main(["plan", "--method", "dijkstra", "--quiet"]))
 """
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", code], **pipes) as process:
