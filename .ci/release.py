@@ -61,6 +61,7 @@ def problems(number: str) -> list[str]:
     )
     found = {
         f"CHANGELOG.md has no entry '## {number}'": f"\n## {number}" not in changelog,
+        "CHANGELOG.md has an entry '## Unreleased'": "\n## Unreleased" in changelog,
         f"CITATION.cff is not of version {number}": f"\nversion: {number}\n" not in citation,
         "there are changes that are not committed": bool(status.stdout.strip()),
     }

@@ -71,7 +71,9 @@ def described(name: str) -> str:
     if "## Arguments" in arguments:
         first = arguments.index("## Arguments")
         last = arguments.find("\n## ", first + 1)
-        text += "\n" + arguments[first : last if last > 0 else None]
+        made = arguments[first : last if last > 0 else None]
+        before, history, after = text.partition("## Version History")
+        text = f"{before}\n{made}\n{history}{after}"
     return text
 
 

@@ -191,6 +191,23 @@ def test_the_version_stands_in_one_place(release):
     assert f"\nversion: {__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
 
 
+def test_a_version_whose_changes_are_not_told_is_not_released(release, tmp_path, monkeypatch):
+    (tmp_path / "CITATION.cff").write_text("title: x\nversion: 1.1\n")
+    changelog = tmp_path / "CHANGELOG.md"
+    changelog.write_text("# Changelog\n\n## Unreleased\n\n* New.\n\n## 1.0 (2026-01-02)\n")
+    subprocess.run(["git", "init", "--quiet", str(tmp_path)], check=True)
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    assert release.problems("1.1") == [
+        "CHANGELOG.md has no entry '## 1.1'",
+        "CHANGELOG.md has an entry '## Unreleased'",
+        "there are changes that are not committed",
+    ]
+    (tmp_path / ".gitignore").write_text("*\n")
+    changelog.write_text("# Changelog\n\n## 1.1 (2026-03-04)\n\n* New.\n")
+    assert release.problems("1.1") == []
+    assert release.problems("1.0")[1:] == ["CITATION.cff is not of version 1.0"]
+
+
 def test_what_readme_links_to_is_there_and_absolute_in_a_release(release):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 120

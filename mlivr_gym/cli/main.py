@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 import io
 import json
+import math
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from typing import Any, NoReturn
+
+import numpy as np
 
 from mlivr_gym import __version__
 from mlivr_gym.cli import (
@@ -93,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code, error = _run(args)
         if args.json:
             told = {"exit_code": code} | ({"error": error} if error else {}) | args.result
-            print(json.dumps(told, indent=1, default=_plain, allow_nan=False), flush=True)
+            print(json.dumps(plain(told), indent=1), flush=True)
     except BrokenPipeError:
         return FAILED
     return code
@@ -112,9 +115,17 @@ def _run(args: argparse.Namespace) -> tuple[int, str]:
         return INTERRUPTED, str(stop) or "interrupted"
 
 
-def _plain(value: Any) -> Any:
-    """What is no plain data, for JSON: arrays and numbers of NumPy, and paths."""
-    return value.tolist() if hasattr(value, "tolist") else str(value)
+def plain(value: Any) -> Any:
+    """A result as JSON knows it: of NumPy's arrays, of paths, and of numbers that are none."""
+    if isinstance(value, dict):
+        return {str(name): plain(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, str | int) else str(value)
 
 
 if __name__ == "__main__":

@@ -67,6 +67,7 @@ class SceneRenderer:
         self.grasp_map, self.obstacles = grasp_map, tuple(obstacles)
         self.model = compiled(scene_spec(grasp_map, robot, obstacles))
         self.data, self._size = mujoco.MjData(self.model), (width, height)
+        self._rise = max(robot.heights) + 0.5 * robot.body_size
         try:
             self._renderer: Any = mujoco.Renderer(self.model, height, width)
             # Registered after the GL loader's exit hook, hence run before it.
@@ -125,8 +126,9 @@ class SceneRenderer:
         return with_labels(image, pixels, [(text, colour) for _, text, colour in labels])
 
     def overview(self) -> Camera:
-        """The camera that sees the whole map."""
-        points = self.grasp_map.positions
+        """The camera that sees the whole map, and the room in which a robot stands on it."""
+        points, normals = self.grasp_map.positions, self.grasp_map.normals
+        points = np.concatenate([points, points + self._rise * normals])
         x, y, z = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
         width, height = self._size
         return Camera((x, y, z)).seeing(points, MARGIN, width / height)

@@ -52,7 +52,7 @@ def test_ctrl_c_ends_the_command_train_with_a_checkpoint_and_130(
 
     monkeypatch.setattr("mlivr_gym.cli.train.Progress.show", interrupt)
     code = main(
-        ["train", "--map", str(ladder_file), "--no-collisions", "--method", "bc",
+        ["train", "--map", str(ladder_file), "--no-collisions", "--method", "bc", "--quiet",
          "--hyperparameters", str(tmp_path / "hyper.json"), "--out", str(tmp_path / "policy")]
     )  # fmt: skip
     told = capsys.readouterr().err

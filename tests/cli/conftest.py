@@ -4,6 +4,12 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.planners import Planner
 
 
+@pytest.fixture(autouse=True)
+def patience(monkeypatch):
+    """What takes long tells so on standard error, which on a busy machine could be any command."""
+    monkeypatch.setattr("mlivr_gym.cli.progress.PATIENCE", 1e9)
+
+
 @pytest.fixture
 def run(capsys):
     """Runs a command; returns its exit code and what it printed on both streams."""

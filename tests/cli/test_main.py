@@ -7,12 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mlivr_gym import __version__
 from mlivr_gym.cli.examples import EXAMPLES
-from mlivr_gym.cli.main import COMMANDS, _parser, main
+from mlivr_gym.cli.main import COMMANDS, _parser, main, plain
 from mlivr_gym.planners import Planner
 
 
@@ -108,6 +110,12 @@ def test_json_is_all_that_is_printed_also_where_a_command_fails(run, checked_gra
     assert err.endswith(f"mlivr-gym: {told['error']}\n")
 
 
+def test_a_result_becomes_what_json_knows():
+    given = {"a": np.array([1.0, np.nan]), "b": (Path("x"), np.int64(3), True, None), 4: np.inf}
+    told = json.loads(json.dumps(plain(given), allow_nan=False))
+    assert told == {"a": [1.0, None], "b": ["x", 3, True, None], "4": None}
+
+
 def test_quiet_prints_errors_alone(run):
     assert run("info", "--quiet") == (0, "", "")
     code, out, err = run("plan", "-q", "--cost", "fast")
@@ -141,7 +149,7 @@ from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores the signal
 print("ready", flush=True)
-exit(main(["plan", "--method", "dijkstra"]))
+exit(main(["plan", "--method", "dijkstra", "--quiet"]))
 """
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", code], **pipes) as process:

@@ -23,6 +23,12 @@ class Stream(io.StringIO):
         return self.terminal
 
 
+@pytest.fixture(autouse=True)
+def patience(monkeypatch):
+    """As it ships."""
+    monkeypatch.setattr(progress, "PATIENCE", 2.0)
+
+
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]

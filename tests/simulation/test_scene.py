@@ -244,3 +244,11 @@ def test_a_window_without_a_screen_is_one_clear_error(jem, graph, monkeypatch):
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(RenderError, match="needs a screen"):
         SceneWindow(jem, graph.robot)
+
+
+def test_faces_of_a_map_may_have_any_name_in_the_scene_too(ladder):
+    data = ladder.to_dict()
+    data["faces"] = ["floor"] * len(ladder)
+    data["segments"] = [segment | {"face": "floor"} for segment in data["segments"]]
+    scene = compiled(scene_spec(GraspMap.from_dict(data), robot_spec("mlivr2")))
+    assert scene.nsite >= len(ladder)
