@@ -54,6 +54,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/interrupted_walk.py
 	$(BIN)/python experiments/benchmark_planning.py
 	$(BIN)/python experiments/dynamic_simulation.py
+	$(BIN)/python experiments/disturbances.py
 	$(BIN)/python experiments/paper_figures.py
 	$(BIN)/python experiments/overview.py
 	$(BIN)/python experiments/concept_figures.py

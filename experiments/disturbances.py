@@ -130,6 +130,35 @@ def markdown(data: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def readme_text(data: dict[str, Any]) -> str:
+    """What the site says of the studies."""
+    lines = []
+    for name in CONTROLLERS:
+        whole = data["studies"].get(f"{name}: all")
+        if whole is None:
+            continue
+        low, high = whole["interval"]
+        alone = {
+            field: row
+            for field in NAMES
+            if (row := data["studies"].get(f"{name}: {field}")) is not None
+        }
+        failing = [
+            f"{NAMES[field]} ({100 * (1.0 - row['share']):.0f} %)"
+            for field, row in alone.items()
+            if row["share"] < 1.0
+        ]
+        lines.append(
+            f"* {name[0].upper()}{name[1:]}: all disturbances at once, {whole['carried_out']} of "
+            f"{whole['walks']} walks carried out ({100 * low:.1f} to {100 * high:.1f} %), "
+            f"{whole['walks_with_tries']} with a second try, grasp force at most "
+            f"{whole['grasp_force_N'][2]:.0f} N (95 % below {whole['grasp_force_N'][1]:.0f} N). "
+            f"Of {len(alone)} disturbances by themselves fail some walks: "
+            f"{', '.join(failing) if failing else 'none'}.\n"
+        )
+    return "".join(lines)
+
+
 def table_row(field: str, row: dict[str, Any]) -> str:
     """One study as a row of its table."""
     low, high = row["interval"]

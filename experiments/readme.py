@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import comparison_report
+import disturbances
 import dynamic_report
 import format_tables
 import paper_figures_report
@@ -192,6 +193,7 @@ def parts(results: Path) -> dict[str, str]:
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
         "dynamic_simulation": dynamic_report.readme_text(data("dynamic_simulation")),
+        "disturbances": disturbances.readme_text(data("disturbances")),
         "paper_figures": paper_figures_report.readme_text(data("paper_figures")),
         "benchmark_planning": targets(planning_report.report(data("benchmark_planning"))),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
@@ -224,6 +226,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "table1_statistics": table1_statistics.told,
     "truth": told,
     "dynamic_simulation": dynamic_report.markdown,
+    "disturbances": disturbances.markdown,
     "paper_figures": paper_figures_report.markdown,
     "benchmark_planning": planning_report.report,
     "planner_vs_rl": comparison_report.full_report,

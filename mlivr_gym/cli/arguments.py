@@ -134,7 +134,10 @@ def query_arguments() -> argparse.ArgumentParser:
         "--goal", nargs=3, type=float, metavar=("X", "Y", "Z"), help="goal position of the base [m]"
     )
     parser.add_argument(
-        "--cost", default="base", help="base, steps or weighted (default: %(default)s)"
+        "--cost",
+        default="base",
+        help="base, steps or weighted, or time: the fastest of several plans "
+        "(default: %(default)s)",
     )
     parser.add_argument(
         "--regrasp-price",

@@ -105,6 +105,27 @@ def told_of(plan: Plan) -> dict[str, Any]:
     }
 
 
+def _fastest(
+    planner: Planner, start: tuple[str, ...], goal: tuple[float, ...], args: argparse.Namespace
+) -> tuple[str, float | None]:
+    """Cost and price of a regrasp of the fastest plan; tells those that were considered."""
+    from mlivr_gym.fastest import fastest_plan  # imports MuJoCo, hence GL
+
+    without = "regrasp_price", "method", "heuristic", "inflation", "start_pose", "start_joints"
+    refuse_without_effect(args, "with --cost time", *without)
+    with Progress("looking for the fastest plan", quiet=args.quiet):
+        found = fastest_plan(
+            planner, start, goal, goal_tolerance=args.tolerance, goal_face=args.goal_face
+        )
+    for one in found:
+        plan, charged = one.plan, "" if one.price is None else f", price {one.price:g} m"
+        print(
+            f"  {one.seconds:5.1f} s: {len(plan.steps)} steps, {plan.base_translation:.3f} m "
+            f"(best for cost {one.cost}{charged})"
+        )
+    return found[0].cost, found[0].price
+
+
 CUT_OFF = ("goal outside the reachable set", "search exhausted")
 """Reasons for which there is no plan whose cause is looked for."""
 
@@ -120,13 +141,15 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         refuse_without_effect(args, f"with --method {args.method}", *names)
     with Progress("choosing start and goal", quiet=args.quiet):
         start, goal = chosen_task(graph, args)
-    planner = Planner(graph)
+    planner, cost, price = Planner(graph), args.cost, args.regrasp_price
+    if cost == "time":
+        cost, price = _fastest(planner, start, goal, args)
     with Progress("states explored", quiet=args.quiet) as progress:
         result = planner.plan(
             start,
             goal,
-            args.cost,
-            regrasp_price=args.regrasp_price,
+            cost,
+            regrasp_price=price,
             method=args.method,
             heuristic=args.heuristic,
             inflation=args.inflation,

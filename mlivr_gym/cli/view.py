@@ -11,6 +11,7 @@ from mlivr_gym.cli.arguments import (
     chosen_map,
     chosen_task,
     obstacle_arguments,
+    output_arguments,
     query_arguments,
     refuse_ignored,
     world_arguments,
@@ -41,7 +42,12 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "view",
-        parents=[world_arguments(), obstacle_arguments(), query_arguments()],
+        parents=[
+            world_arguments(),
+            obstacle_arguments(),
+            query_arguments(),
+            output_arguments(),
+        ],
         help="look at plans in a browser, and change them there",
         description="Serve a page on which a plan or an execution is played, and on which a click "
         "on a point, a new goal, another cost or a box plans anew. "

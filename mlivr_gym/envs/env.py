@@ -171,8 +171,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
         Args:
             robot: Name, path of a JSON file, or description of the robot, also as plain data.
-            map: Path of a map file, or a map, also as plain data (`GraspMap.to_dict`); by default
-                the measured JEM.
+            map: Path of a map file, or a map, also as plain data; by default the measured JEM.
             manipulability: Whether stances must meet both thresholds.
             transitions: Whether steps must be checked, rather than taken to be possible.
             limb_threshold: Least limb manipulability.
@@ -184,16 +183,14 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             success_bonus: Added on reaching the goal.
             shaping: Whether to add potential-based shaping.
             discount: Discount used by the shaping.
-            tasks: What draws starts and goals: `"walk"`, or an `envs.tasks.TaskGenerator`, also as
-                plain data.
+            tasks: What draws starts and goals: `"walk"`, `"far"`, or an `envs.tasks.TaskGenerator`.
             dynamics: `"kinematic"`: the step of the stance graph; `"mujoco"`: executed.
             limits: How fast; this and the next three see `Setup.of`: `"fast"`, `"gentle"`.
             controller: `"full"`, `"feedforward"`, `"paper"`.
             disturbances: `"none"`, `"all"`; each episode draws anew.
             physics: Figures of grasps and failures.
             grasp_failure: Mean probability that a grasp fails, or each point's; kinematic only.
-            grasp_failure_seed: Seed of the probabilities; whether an attempt fails is drawn from
-                the random numbers of the environment.
+            grasp_failure_seed: Seed of the probabilities.
             precompute: Whether to check every step beforehand, which makes each one fast; takes
                 minutes for the JEM, once, and is kept on disk. Two limbs, kinematic, only.
             render_mode: `"rgb_array"`, `"human"` or None.
