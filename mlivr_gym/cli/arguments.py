@@ -136,8 +136,7 @@ def query_arguments() -> argparse.ArgumentParser:
     parser.add_argument(
         "--cost",
         default="base",
-        help="base, steps or weighted, or time: the fastest of several plans "
-        "(default: %(default)s)",
+        help="base, steps, weighted, or time: fastest of several plans (default: %(default)s)",
     )
     parser.add_argument(
         "--regrasp-price",

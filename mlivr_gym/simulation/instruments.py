@@ -11,6 +11,9 @@ from mlivr_gym.simulation.dynamics import AXES
 from mlivr_gym.simulation.failures import Measured
 from mlivr_gym.simulation.recording import Peaks, Recording
 
+HUGE = mujoco.mjMAXVAL
+"""A state in which something is larger has diverged, as MuJoCo counts; so has one with NaN."""
+
 RECORD_PERIOD = 0.02
 """Spacing of the samples that are kept [s]."""
 
@@ -59,7 +62,7 @@ class Instruments:
         count = len(states)
         # MuJoCo resets a state that diverged, and its clock with it.
         on_time = np.abs(states[:, 0] - times) < 0.5 * self.model.opt.timestep
-        finite: BoolArray = np.asarray(np.isfinite(states).all(axis=1) & on_time)
+        finite: BoolArray = np.asarray((np.abs(states) < HUGE).all(axis=1) & on_time)
         # What a diverged state holds is not looked at; a failure is reported at the first of them.
         qpos, qvel = np.split(
             np.where(finite[:, None], states, 0.0)[:, 1 : 1 + self.model.nq + self.model.nv],

@@ -75,7 +75,7 @@ def test_both_files_of_a_picture_are_claimed(run, tmp_path):
 
 
 def test_a_simulation_that_is_refused_leaves_nothing(run, tmp_path, plan_file, monkeypatch):
-    def fail(*_):
+    def fail(*_, **__):
         raise PlanError("a step cannot be followed")
 
     monkeypatch.setattr("mlivr_gym.simulation.execution.execute", fail)

@@ -6,11 +6,16 @@ import mujoco
 import numpy as np
 import pytest
 
+from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import trajectory
 from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.timing import timed_path
+
+FED = Setup(Durations(), FEEDFORWARD)
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +31,7 @@ def path(checked_graph):
 
 @pytest.fixture(scope="module")
 def simulation(checked_graph):
-    return Simulation(checked_graph.grasp_map, checked_graph.robot, Physics())
+    return FED.simulation(checked_graph.grasp_map, checked_graph.robot)
 
 
 def gripper(simulation, path, found, k):
@@ -38,8 +43,8 @@ def gripper(simulation, path, found, k):
 
 
 def test_a_gripper_ends_as_far_beside_its_point_as_it_is_told(module, path, simulation):
-    planned = trajectory(path)
-    found = module.arriving(path, planned, module.Arrival(Physics(), offset=0.005))
+    planned = trajectory(timed_path(path, Durations()))
+    found = module.arriving(path, planned, module.Arrival(FED, offset=0.005))
     point = path.regrasp.to_point
     grasp_map = path.graph.grasp_map
     off = gripper(simulation, path, found, -1) - grasp_map.positions[point]
@@ -52,8 +57,8 @@ def test_a_gripper_ends_as_far_beside_its_point_as_it_is_told(module, path, simu
 
 
 def test_constant_speed_is_that_of_the_lift_over_the_time(module, path, simulation):
-    planned = trajectory(path)
-    found = module.arriving(path, planned, module.Arrival(Physics(), constant_speed=True))
+    planned = trajectory(timed_path(path, Durations()))
+    found = module.arriving(path, planned, module.Arrival(FED, constant_speed=True))
     point = path.regrasp.to_point
     normal = path.graph.grasp_map.normals[point]
     times = np.linspace(40.0, 50.0, 6)
@@ -67,14 +72,14 @@ def test_constant_speed_is_that_of_the_lift_over_the_time(module, path, simulati
 
 
 def test_without_a_reference_of_velocity_the_controller_is_told_none(module, path):
-    planned = trajectory(path)
-    found = module.arriving(path, planned, module.Arrival(Physics(), velocity_reference=False))
+    planned = trajectory(timed_path(path, Durations()))
+    found = module.arriving(path, planned, module.Arrival(FED, velocity_reference=False))
     assert not found.joint_velocities.any()
     np.testing.assert_array_equal(found.joint_positions, planned.joint_positions)
 
 
 def test_a_step_by_itself_is_measured_until_a_second_after_its_capture(module, path, simulation):
-    done = module.executed(path, module.Arrival(Physics()), simulation)
+    done = module.executed(path, module.Arrival(FED), simulation)
     told = done.figures()
     assert told["captured"]
     assert list(told["parts"]) == ["departure", "swing", "approach", "capture"]
@@ -84,13 +89,13 @@ def test_a_step_by_itself_is_measured_until_a_second_after_its_capture(module, p
 
 def test_a_gripper_beside_its_point_is_pulled_onto_it(module, path, simulation):
     """By a spring whose force just after the capture is stiffness times distance."""
-    arrival = module.Arrival(Physics(), offset=0.004)
+    arrival = module.Arrival(FED, offset=0.004)
     done = module.executed(path, arrival, simulation)
     (capture,) = done.captures
     assert capture.distance == pytest.approx(0.004, abs=2e-4)
     first = np.searchsorted(done.recording.times, capture.time - 1e-9)
     force = np.linalg.norm(done.recording.grasp_forces[first, path.regrasp.limb])
     assert force == pytest.approx(Physics().grasp_stiffness * capture.distance, rel=0.1)
-    exact = module.executed(path, module.Arrival(Physics()), simulation).figures()
+    exact = module.executed(path, module.Arrival(FED), simulation).figures()
     peak = done.figures()["parts"]["capture"]["peak_N_m"]
     assert peak > 20.0 * exact["parts"]["capture"]["peak_N_m"]

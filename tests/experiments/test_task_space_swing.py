@@ -8,11 +8,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import trajectory
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
-from mlivr_gym.simulation.timing import step_trajectory
+from mlivr_gym.simulation.timing import step_trajectory, timed_path
 
 PERIOD = 0.05
 
@@ -45,7 +46,9 @@ def followed(tried):
     regrasp, found = tried[0]
     chosen += [(0, regrasp, attempt) for attempt in found if attempt.followed]
     assert {attempt.half_turn for _, _, attempt in chosen} == {False, True}
-    return [(*entry, trajectory(entry[2].path, period=PERIOD)) for entry in chosen]
+    return [
+        (*entry, trajectory(timed_path(entry[2].path, Durations()), PERIOD)) for entry in chosen
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +133,7 @@ def test_on_the_plans_branch_it_starts_as_the_plan_does(checked_graph, plan, fol
     """In the same joint angles, departure included, with base and holding limb as planned."""
     seen = 0
     for index, regrasp, attempt, found in followed:
-        planned = step_trajectory(checked_graph, plan, index, period=PERIOD)
+        planned = step_trajectory(checked_graph, plan, index, Durations(), PERIOD)
         if attempt.branch == regrasp.branches[regrasp.limb]:
             departed = found.phase == PHASES.index("departure")
             np.testing.assert_allclose(

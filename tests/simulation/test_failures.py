@@ -80,7 +80,9 @@ def test_a_collision_is_a_failure_that_names_what_touches(checked_graph, plan, j
 def test_divergence_is_a_failure(checked_graph, plan, jem, tmp_path, monkeypatch):
     """The damping of a grasp is too stiff for an explicit integrator."""
     monkeypatch.chdir(tmp_path)  # MuJoCo leaves a log file
-    simulation = Simulation(jem, plan.world.robot, Physics(hold_force=1e9, hold_torque=1e9))
+    simulation = Simulation(
+        jem, plan.world.robot, Physics(hold_force=1e9, hold_torque=1e9, limit_margin=1e11)
+    )
     simulation.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     simulation.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     failure = execute(checked_graph, plan, simulation=simulation).failure
