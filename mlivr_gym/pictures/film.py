@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import RenderError
@@ -66,16 +67,46 @@ def film(
         RenderError: If there is no GL library, or the kind of file cannot be written.
         FileError: If the file cannot be written.
     """
+    check_kind(path)
+    chosen = np.unique(np.linspace(0, len(recording.times) - 1, frames).round().astype(int))
+    pictures = film_pictures(
+        grasp_map, robot, recording, chosen, plan=plan, size=size, obstacles=obstacles,
+        progress=progress,
+    )  # fmt: skip
+    save_film(pictures, path, rate)
+
+
+def save_film(pictures: list[NDArray[np.uint8]], path: str | Path, rate: float) -> None:
+    """Write pictures, shape (height, width, 3), as a film of `rate` pictures a second.
+
+    Raises:
+        RenderError: If the kind of file cannot be written.
+        FileError: If the file cannot be written.
+    """
     kind = check_kind(path)
+    write_whole(path, _gif(pictures, rate) if kind == ".gif" else _mp4(pictures, rate))
+
+
+def film_pictures(
+    grasp_map: GraspMap,
+    robot: RobotSpec,
+    recording: Recording,
+    samples: IntArray,
+    *,
+    plan: Plan | None = None,
+    size: tuple[int, int] = (640, 320),
+    obstacles: Sequence[Box] = (),
+    progress: Callable[[int], None] | None = None,
+) -> list[NDArray[np.uint8]]:
+    """The pictures of a film, one for each of some samples of a recording; see `film`."""
     width, height = size
     picture_height = height - (strip_height(height) if plan is not None else 0)
     renderer = SceneRenderer(grasp_map, robot, width, picture_height, obstacles)
-    chosen = np.unique(np.linspace(0, len(recording.times) - 1, frames).round().astype(int))
-    shown = [_configuration(recording, k) for k in chosen]
+    shown = [_configuration(recording, int(k)) for k in samples]
     cameras = film_cameras(robot, shown, width / picture_height)
     route = Route.of(grasp_map, plan) if plan is not None else None
     pictures = []
-    for done, (k, configuration, camera) in enumerate(zip(chosen, shown, cameras, strict=True), 1):
+    for done, (k, configuration, camera) in enumerate(zip(samples, shown, cameras, strict=True), 1):
         picture = renderer.render(*configuration, camera=camera, route=route)
         if plan is not None:
             picture = with_caption(picture, caption(recording, int(k), plan), height)
@@ -83,7 +114,7 @@ def film(
         if progress is not None:
             progress(done)
     renderer.close()
-    write_whole(path, _gif(pictures, rate) if kind == ".gif" else _mp4(pictures, rate))
+    return pictures
 
 
 def film_cameras(

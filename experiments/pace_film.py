@@ -1,0 +1,78 @@
+"""A film of Case 3 at the paper's pace and as fast as the limits allow, side by side.
+
+    python experiments/pace_film.py [--out results] [--frames 80]
+
+Both pictures of a frame are at the same time after the start; the film runs faster than the clock.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.paper import CASES, case_graph, default_setup
+from mlivr_gym.pictures.captions import with_caption
+from mlivr_gym.pictures.film import film_pictures, save_film
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.controller import FEEDFORWARD
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.setup import Setup
+
+SIZE = (560, 300)
+"""Size of one picture [px]."""
+
+PACES = {
+    "the paper's 10, 30 and 10 s": Setup(Durations(), FEEDFORWARD),
+    "as fast as the limits allow": Setup(Limits()),
+}
+"""What is shown side by side."""
+
+
+def headed(picture: NDArray[np.uint8], words: str) -> NDArray[np.uint8]:
+    """A picture with words above it."""
+    line = with_caption(picture[:1], words, SIZE[1])[1:]
+    return np.vstack([line, picture])
+
+
+def main() -> None:
+    """Carry the walk out twice and write `pace.gif`."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser.add_argument("--frames", type=int, default=80)
+    args = parser.parse_args()
+    case = default_setup()
+    graph = case_graph(3, case, "collisions")
+    found = Planner(graph).plan(
+        case["start"], case["goal"], CASES[3].cost, goal_face=case["goal_face"]
+    )
+    plan, recordings = found.unwrap(), []
+    for setup in PACES.values():
+        simulation = setup.simulation(graph.grasp_map, graph.robot, graph.obstacles)
+        execution = execute(graph, plan, setup.timing, simulation=simulation)
+        assert execution.failure is None
+        recordings.append(execution.recording)
+    end = max(float(recording.times[-1]) for recording in recordings)
+    # Half of the frames for the time in which both move.
+    both = min(float(recording.times[-1]) for recording in recordings)
+    half = args.frames // 2
+    times = np.concatenate([np.linspace(0.0, both, half), np.linspace(both, end, half + 1)[1:]])
+    sides = []
+    for words, recording in zip(PACES, recordings, strict=True):
+        samples = np.searchsorted(recording.times, times).clip(0, len(recording.times) - 1)
+        pictures = film_pictures(
+            graph.grasp_map, graph.robot, recording, samples, plan=plan, size=SIZE
+        )
+        sides.append([headed(picture, words) for picture in pictures])
+    frames = [np.hstack(pair) for pair in zip(*sides, strict=True)]
+    save_film(frames, args.out / "pace.gif", 8.0)
+
+
+if __name__ == "__main__":
+    main()
