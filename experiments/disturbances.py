@@ -153,8 +153,13 @@ def readme_text(data: dict[str, Any]) -> str:
             f"{whole['walks']} walks carried out ({100 * low:.1f} to {100 * high:.1f} %), "
             f"{whole['walks_with_tries']} with a second try, grasp force at most "
             f"{whole['grasp_force_N'][2]:.0f} N (95 % below {whole['grasp_force_N'][1]:.0f} N). "
-            f"Of {len(alone)} disturbances by themselves fail some walks: "
-            f"{', '.join(failing) if failing else 'none'}.\n"
+            + (
+                f"By themselves make walks fail: {', '.join(failing)}.\n"
+                if failing
+                else f"By itself none of {len(alone)} makes a walk fail.\n"
+                if alone
+                else "\n"
+            )
         )
     return "".join(lines)
 
@@ -189,7 +194,7 @@ def tornado(data: dict[str, Any], path: Path) -> None:
             low, high = row["interval"]
             failed = 100.0 * (1.0 - row["share"])
             axis.barh(place, failed, color=colour, height=0.7)
-            span = [[failed - 100.0 * (1.0 - high)], [100.0 * (1.0 - low) - failed]]
+            span = np.maximum([[failed - 100.0 * (1.0 - high)], [100.0 * (1.0 - low) - failed]], 0)
             axis.errorbar(failed, place, xerr=span, color="0.25", capsize=2.5, linewidth=1.0)
         axis.set_title(name, fontsize=10)
         axis.set_xlim(0.0, 100.0)

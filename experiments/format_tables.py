@@ -9,6 +9,8 @@ from typing import Any
 
 from mlivr_gym.motion.plan_files import FORM, FORMAT, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.limb import LIMB
+from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
 from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.schema import (
     Anything,
@@ -100,6 +102,10 @@ def kind_in_words(kind: Any) -> str:
             return "object with " + ", ".join(f"`{name}`" for name in kind.required)
         case Anything():
             return "anything"
+        case Named():
+            return f"{kind_in_words(kind.kind)}, or one of " + ", ".join(
+                f"`{name}`" for name in ARMS
+            )
     raise TypeError(f"no words for {kind!r}")
 
 
@@ -174,7 +180,8 @@ def tables() -> dict[str, str]:
         "fields_robot": "\n".join(
             (
                 table(robot),
-                table(robot.kinds["limb"], title="A limb:"),
+                table(LIMB, title="A limb:"),
+                table(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 table(capsules, title="A capsule:"),
             )
         ),

@@ -6,6 +6,7 @@ beside it. Frames of links are those of the manufacturer's description, their or
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -17,7 +18,7 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
 from mlivr_gym.robot.limb import Limb
-from mlivr_gym.schema import Choice, Place, Record, Tuples
+from mlivr_gym.schema import Choice, Kind, Place, Record, Tuples
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 
 ARMS = ("ur3e", "ur5e", "ur10e")
@@ -115,18 +116,23 @@ def arm_of(limb: Limb) -> str | None:
     return None
 
 
+@dataclass(frozen=True)
 class Named:
-    """A record of a limb, or the name of an arm that ships."""
+    """A record of a limb, or the name of an arm that ships.
 
-    def __init__(self, kind: Any, make: Any) -> None:
-        """`make` gives the record of a name, `kind` reads one that is spelled out."""
-        self._kind, self._make = kind, make
+    Attributes:
+        kind: Reads a record that is spelled out.
+        make: Gives the record of a name.
+    """
+
+    kind: Kind[Any]
+    make: Callable[[str], Any]
 
     def read(self, value: object, place: Place) -> Any:
         """The record."""
         if isinstance(value, str):
-            return self._make(Choice(ARMS).read(value, place))
-        return self._kind.read(value, place)
+            return self.make(Choice(ARMS).read(value, place))
+        return self.kind.read(value, place)
 
 
 LIMB_DYNAMICS = Record(
