@@ -190,6 +190,7 @@ def tornado(data: dict[str, Any], path: Path) -> None:
         for place, field in enumerate(reversed(order)):
             row = data["studies"].get(f"{name}: {field}")
             if row is None:
+                axis.text(2.0, place, "not measured", va="center", fontsize=8, color="0.5")
                 continue
             low, high = row["interval"]
             failed = 100.0 * (1.0 - row["share"])
@@ -199,8 +200,9 @@ def tornado(data: dict[str, Any], path: Path) -> None:
         axis.set_title(name, fontsize=10)
         axis.set_xlim(0.0, 100.0)
         axis.grid(axis="x", alpha=0.3)
-        axis.set_xlabel("walks that fail [%], with the 95 % interval")
+        axis.set_xlabel("walks that fail [%]")
     axes[0].set_yticks(range(len(order)), [NAMES.get(name, name) for name in reversed(order)])
+    figure.suptitle("Walks that fail, by disturbance; thin lines: 95 % intervals", fontsize=11)
     save_figure(figure, path)
 
 

@@ -25,6 +25,7 @@ import paper_figures_report
 import planning_report
 import reference_curves
 import table1_statistics
+import time_cost
 from table1 import study_markdown
 from truth import told
 
@@ -227,6 +228,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "truth": told,
     "dynamic_simulation": dynamic_report.markdown,
     "disturbances": disturbances.markdown,
+    "time_cost": time_cost.markdown,
     "paper_figures": paper_figures_report.markdown,
     "benchmark_planning": planning_report.report,
     "planner_vs_rl": comparison_report.full_report,

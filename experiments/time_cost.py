@@ -1,0 +1,115 @@
+"""Time, steps and base translation of plans for several costs, and the fastest of them.
+
+    python experiments/time_cost.py [--out results] [--tasks 40]
+
+For each random task the plans that are optimal for each cost of `fastest.COSTS` get clocks at the
+default limits. Means over the tasks make a front; `fastest` is the fastest of a task's plans.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.fastest import COSTS, step_seconds
+from mlivr_gym.files import write_whole
+from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.planners import Planner
+from mlivr_gym.stances.build import stance_graph
+
+SEED = 20270103
+"""Seed of the tasks."""
+
+
+def name_of(cost: str, price: float | None) -> str:
+    """A cost in words."""
+    return cost if price is None else f"{price:g} m a regrasp"
+
+
+def measured(tasks: int) -> dict[str, Any]:
+    """Seconds, steps and translation of each plan of each task."""
+    planner, rng = Planner(stance_graph()), np.random.default_rng(SEED)
+    rows = []
+    for _ in tqdm(range(tasks), desc="tasks", mininterval=5.0):
+        start, goal = sample_task(planner.graph, rng, 0.2)
+        row = {}
+        for cost, price in COSTS:
+            plan = planner.plan(start.stance, goal, cost, regrasp_price=price).unwrap()
+            seconds = sum(step_seconds(planner.graph, plan)) if plan.steps else 0.0
+            row[name_of(cost, price)] = [seconds, len(plan.steps), plan.base_translation]
+        row["fastest"] = min(row.values())
+        rows.append(row)
+    return {"tasks": rows}
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """The means as a page."""
+    rows = data["tasks"]
+    lines = [
+        "# Time as a cost",
+        "",
+        f"Made by `experiments/time_cost.py`: {len(rows)} random tasks, collisions checked, clocks "
+        "at the default limits. Means over the tasks; *fastest* is",
+        "the fastest of a task's plans, and *wins* counts the tasks in which a cost's plan is as "
+        "fast as that. There is no bound on what plans that were",
+        "not considered would take.",
+        "",
+        "| optimal for | time [s] | steps | base translation [m] | wins |",
+        "|---|---|---|---|---|",
+    ]
+    for name in rows[0]:
+        seconds, steps, translation = np.mean([row[name] for row in rows], axis=0)
+        wins = sum(row[name][0] <= row["fastest"][0] + 1e-9 for row in rows)
+        lines.append(f"| {name} | {seconds:.1f} | {steps:.2f} | {translation:.2f} | {wins} |")
+    return "\n".join(lines) + "\n"
+
+
+def front(data: dict[str, Any], path: Path) -> None:
+    """Mean time over mean translation and over mean steps."""
+    rows = data["tasks"]
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for name in rows[0]:
+        seconds, steps, translation = np.mean([row[name] for row in rows], axis=0)
+        best = name == "fastest"
+        for axis, value in zip(axes, (translation, steps), strict=True):
+            axis.plot(value, seconds, "*" if best else "o", color="#d62728" if best else "#1f5fd0")
+            axis.annotate(
+                name, (value, seconds), xytext=(5, 3), textcoords="offset points", fontsize=7
+            )
+    axes[0].set_xlabel("mean base translation [m]")
+    axes[1].set_xlabel("mean number of steps")
+    axes[0].set_ylabel("mean time of a plan [s]")
+    for axis in axes:
+        axis.grid(alpha=0.3)
+        axis.margins(0.15)
+    figure.suptitle(
+        f"Plans of {len(rows)} tasks, optimal for several costs (axes do not start at 0)",
+        fontsize=10,
+    )
+    save_figure(figure, path)
+
+
+def main() -> None:
+    """Measure and write `time_cost.{json,md,png}`."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser.add_argument("--tasks", type=int, default=40)
+    args = parser.parse_args()
+    data = measured(args.tasks)
+    write_whole(args.out / "time_cost.json", json.dumps(data, indent=1) + "\n")
+    write_whole(args.out / "time_cost.md", markdown(data))
+    front(data, args.out / "time_cost.png")
+
+
+if __name__ == "__main__":
+    main()
