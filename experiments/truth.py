@@ -94,7 +94,7 @@ def tell_execution(part: Part) -> str:
         + " |"
         for name in ("walks", "steps")
     )
-    return f"""**Carried out in MuJoCo**, {part["duration"]:g} s a step:
+    return f"""**Carried out in MuJoCo**, {part["pace"]}:
 
 | what | number | steps | ends |
 |---|---|---|---|
