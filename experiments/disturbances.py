@@ -138,6 +138,8 @@ def readme_text(data: dict[str, Any]) -> str:
         if whole is None:
             continue
         low, high = whole["interval"]
+        none = data["studies"].get(f"{name}: none")
+        plain = f"; {none['carried_out']} of {none['walks']} without any" if none else ""
         alone = {
             field: row
             for field in NAMES
@@ -150,7 +152,7 @@ def readme_text(data: dict[str, Any]) -> str:
         ]
         lines.append(
             f"* {name[0].upper()}{name[1:]}: all disturbances at once, {whole['carried_out']} of "
-            f"{whole['walks']} walks carried out ({100 * low:.1f} to {100 * high:.1f} %), "
+            f"{whole['walks']} walks carried out ({100 * low:.1f} to {100 * high:.1f} %{plain}), "
             f"{whole['walks_with_tries']} with a second try, grasp force at most "
             f"{whole['grasp_force_N'][2]:.0f} N (95 % below {whole['grasp_force_N'][1]:.0f} N). "
             + (

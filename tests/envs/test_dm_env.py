@@ -73,7 +73,8 @@ def test_the_exported_model_loads_and_steps_in_dm_control(jem, limbs):
     physics = Physics.from_xml_string(spec.to_xml())
     assert (physics.model.nv, physics.model.nu) == (model.nv, model.nu)
     assert physics.model.ngeom == model.ngeom
-    full_turn = np.tile([-2 * np.pi, 2 * np.pi], (6 * limbs, 1))
+    turns = np.tile([2.0, 2.0, 1.0, 2.0, 2.0, 2.0], limbs)  # the elbow's is half as far
+    full_turn = np.pi * np.column_stack([-turns, turns])
     names = [f"limb{i}/joint{k}" for i in range(limbs) for k in range(1, 7)]
     scene = Physics.from_xml_string(scene_spec(jem, robot_spec(f"mlivr{limbs}")).to_xml())
     for loaded in (physics, scene):

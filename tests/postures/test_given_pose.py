@@ -155,6 +155,10 @@ def test_a_joint_that_is_a_turn_off_is_told(checked_graph, pose, joint):
     joints = free.motion.joint_positions[0].copy()
     joints[1, joint] += -2.0 * np.pi if joints[1, joint] > 0.0 else 2.0 * np.pi
     how = {"start_pose": pose, "start_joints": joints}
+    if joint == 2:  # the elbow's limits are its window
+        with pytest.raises(SettingError, match=r"joint 3 of limb 1 .* outside its limits -3\.1416"):
+            Planner(checked_graph).plan(START, GOAL, "steps", **how)
+        return
     result = Planner(checked_graph).plan(START, GOAL, "steps", **how)
     assert result.reason == "start infeasible"
     assert f"joint {joint + 1} of limb 1 is at {joints[1, joint]:.4f} rad" in result.message
