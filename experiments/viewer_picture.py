@@ -11,8 +11,6 @@ import argparse
 import shutil
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
-
 from mlivr_gym import stance_graph
 from mlivr_gym.files import write_whole
 from mlivr_gym.viewer.live_plan import Asked, LivePlan
@@ -55,6 +53,8 @@ def main() -> None:
 
 def picture(address: str) -> bytes:
     """A picture of a page, once it is drawn."""
+    from playwright.sync_api import sync_playwright
+
     with sync_playwright() as playwright:
         chromium = shutil.which("chromium") or shutil.which("google-chrome")
         browser = playwright.chromium.launch(executable_path=chromium, args=list(FLAGS))

@@ -114,6 +114,8 @@ def test_view_serves_this_computer_alone_until_it_is_interrupted(plan_file):
     with subprocess.Popen(
         [*command, "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        # What runs in the background of a shell begins with interrupts ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as served:  # fmt: skip
         first, second = served.stdout.readline(), served.stdout.readline()
         assert first.startswith("4 steps")
