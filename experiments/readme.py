@@ -24,6 +24,7 @@ import format_tables
 import paper_figures_report
 import planning_report
 import reference_curves
+import simulation_figures
 import table1_statistics
 import time_cost
 from table1 import study_markdown
@@ -194,6 +195,8 @@ def parts(results: Path) -> dict[str, str]:
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
         "dynamic_simulation": dynamic_report.readme_text(data("dynamic_simulation")),
+        "limits": simulation_figures.limits(),
+        "controller": simulation_figures.controller(),
         "disturbances": disturbances.readme_text(data("disturbances")),
         "paper_figures": paper_figures_report.readme_text(data("paper_figures")),
         "benchmark_planning": targets(planning_report.report(data("benchmark_planning"))),
