@@ -321,6 +321,18 @@ class Record(Generic[T]):
             return value
         return place.build(self.made, **self.fields.read(value, place))
 
+    def given(self, value: object, place: Place, known: Mapping[str, T] | None = None) -> T:
+        """The record as it is, of plain data, by name, or, of None, with all its defaults.
+
+        Args:
+            value: What was given.
+            place: Where it stands.
+            known: Records that have names.
+        """
+        if isinstance(value, str) and known is not None:
+            return known[Choice(tuple(known)).read(value, place)]
+        return self.read({} if value is None else value, place)
+
     def check(self, record: T, place: Place) -> None:
         """Check the fields of a record that is being made, and keep what their kinds make of them.
 

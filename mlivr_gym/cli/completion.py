@@ -76,7 +76,7 @@ def _values() -> dict[str, tuple[str, ...]]:
 
     return {
         "--robot": tuple(ROBOTS),
-        "--cost": COSTS,
+        "--cost": (*COSTS, "time"),
         "--heuristic": HEURISTICS,
         "plan --method": METHODS,
         "simulate --method": METHODS,

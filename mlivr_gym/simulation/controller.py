@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.errors import SettingError
 from mlivr_gym.schema import Flag, Place, Record, Tuples, Whole
 
 
@@ -74,9 +74,7 @@ class Controller:
         Raises:
             SettingError: If there is no such name or field, or a field has a faulty value.
         """
-        if isinstance(given, str):
-            return CONTROLLERS[choice("controller", given, CONTROLLERS)]
-        return CONTROLLER.read({} if given is None else given, Place("controller", SettingError))
+        return CONTROLLER.given(given, Place("controller", SettingError), CONTROLLERS)
 
 
 CONTROLLER = Record(

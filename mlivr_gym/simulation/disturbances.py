@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.errors import SettingError
 from mlivr_gym.schema import Place, Record, Tuples
 
 STANDARD_GRAVITY = 9.80665
@@ -74,11 +74,7 @@ class Disturbances:
         Raises:
             SettingError: If there is no such name or field, or a field has a faulty value.
         """
-        if isinstance(given, str):
-            return KNOWN[choice("disturbances", given, KNOWN)]
-        return DISTURBANCES.read(
-            {} if given is None else given, Place("disturbances", SettingError)
-        )
+        return DISTURBANCES.given(given, Place("disturbances", SettingError), KNOWN)
 
     def only(self, name: str) -> Disturbances:
         """One of them, the others as they are by default."""

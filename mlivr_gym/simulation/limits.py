@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.clocks import LONGEST_STEP
 from mlivr_gym.schema import Choice, Maybe, Place, Record, Tuples
 
@@ -52,9 +52,7 @@ class Limits:
         Raises:
             SettingError: If there is no such name or field, or a field has a faulty value.
         """
-        if isinstance(given, str):
-            return PACES[choice("limits", given, PACES)]
-        return LIMITS.read({} if given is None else given, Place("limits", SettingError))
+        return LIMITS.given(given, Place("limits", SettingError), PACES)
 
 
 LIMITS = Record(

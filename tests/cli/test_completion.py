@@ -34,7 +34,8 @@ def text(capsys):
 def test_commands_options_and_values_are_completed(text):
     assert completed(text, "mlivr-gym", "ren") == ["render"]
     assert completed(text, "mlivr-gym", "plan", "--goal-") == ["--goal-face"]
-    assert completed(text, "mlivr-gym", "plan", "--cost", "") == ["base", "steps", "weighted"]
+    costs = ["base", "steps", "weighted", "time"]
+    assert completed(text, "mlivr-gym", "plan", "--cost", "") == costs
     assert completed(text, "mlivr-gym", "train", "--method", "d") == ["dagger"]
     assert completed(text, "mlivr-gym", "plan", "--method", "d") == ["dijkstra"]
     assert completed(text, "mlivr-gym", "evaluate", "--split", "ha") == ["half"]
