@@ -7,7 +7,7 @@ page, in a comment above it, and is counted as skipped.
 import json
 
 import pytest
-from page_blocks import OTHERS, blocks, pages, run
+from page_blocks import OTHERS, ROOT, blocks, pages, run
 
 RUN = ("bash", "python", "json")
 PAGES = {page: list(blocks(page)) for page in pages()}
@@ -35,21 +35,28 @@ def test_what_is_not_run_has_its_reason_above_a_block():
         assert comments == sum(bool(block.not_run) for block in found), page
 
 
-@pytest.fixture(scope="module")
-def folders(tmp_path_factory):
-    """A folder for each page."""
-    return {block.page: tmp_path_factory.mktemp("page") for block in BLOCKS}
+PAGES_RUN = [
+    pytest.param(found, id=page.relative_to(ROOT).as_posix())
+    for page, found in PAGES.items()
+    if any(block.language in RUN for block in found)
+]
+NOT_RUN = [block for block in BLOCKS if block.not_run]
 
 
-def marked(block):
-    marks = [pytest.mark.docs, pytest.mark.xdist_group(block.page)]
-    if block.not_run:
-        marks.append(pytest.mark.skip(reason=f"{block.page}:{block.line}: {block.not_run}"))
-    return pytest.param(block, id=f"{block.page}:{block.line}", marks=marks)
+@pytest.mark.docs
+@pytest.mark.parametrize("found", PAGES_RUN)
+def test_a_page_runs(found, tmp_path):
+    """One test for a page, since its blocks need what those above them wrote."""
+    for block in found:
+        if block.language not in RUN or block.not_run:
+            continue
+        if block.language == "json":
+            json.loads(block.text)
+        printed = run(block, tmp_path)
+        assert not printed, f"{block.page}:{block.line}: {printed}"
 
 
-@pytest.mark.parametrize("block", [marked(block) for block in BLOCKS])
-def test_a_block_runs(block, folders):
-    if block.language == "json":
-        json.loads(block.text)
-    assert not run(block, folders[block.page])
+@pytest.mark.docs
+@pytest.mark.parametrize("block", NOT_RUN, ids=lambda block: f"{block.page}:{block.line}")
+def test_a_block_is_not_run(block):
+    pytest.skip(f"{block.page}:{block.line}: {block.not_run}")
