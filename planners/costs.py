@@ -21,6 +21,11 @@ HEURISTICS = ("consistent", "paper", "zero", "cost_to_go")
 """Names of the heuristics; `cost_to_go` is the exact one without step checks."""
 
 
+STRIDE, EAGERNESS = 0.3, 3.0
+"""Advance of a typical step of many limbs [m], and how much a first plan is preferred to a good
+one: factors of `Cost.promise`, see `experiments/many_limbs.py`."""
+
+
 @dataclass(frozen=True)
 class Cost:
     """Cost `base_weight * displacement + step_weight` of one step.
@@ -80,3 +85,11 @@ class Cost:
             return self.base_weight * distance + self.step_weight * distance / max_step
         short = np.maximum(distance - tolerance, 0.0)
         return self.base_weight * short + self.step_weight * np.ceil(short / max_step - 1e-9)
+
+    def promise(self, distance: Array) -> Array:
+        """Guess of the cost from base positions to the goal, no bound: it leads to a first plan.
+
+        Args:
+            distance: Distances to the goal [m], any shape.
+        """
+        return EAGERNESS * distance * (self.base_weight + self.step_weight / STRIDE)

@@ -1,39 +1,109 @@
-"""Best-first search over the stances of any number of limbs.
+"""Best-first search over the stances of any number of limbs, which can stop at any time.
 
-The same states, costs and tie-breaks as `pair_search`, in Python over `StanceGraph.candidates`:
-neighbours are worked out in batches, and a step is checked only when its state is taken from the
-queue.
+A stance of many limbs has hundreds of neighbours, of which few are nodes and fewer can be stepped
+to, and to know that takes longer than all else. So an entry of the queue goes through three stages,
+each when it is the most promising: a neighbour of which its points alone are known; one whose
+posture is known; and a state, once the step to it is checked. Entries of one stage are worked out
+in batches.
+
+Every entry has a lower bound of the cost of the plans through it, from the triangle inequality and
+`move_bounds`. The least of those in the queue bounds the cost of every plan, so a plan is told with
+the factor within which it is proved. A search for the least cost takes entries by their bound.
+Others take them in an order of promise until there is a plan, then by turns in that order, to find
+a better one, and by bound, to prove it good.
 """
 
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.planners.move_bounds import MoveBounds
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
 from mlivr_gym.planners.query import Search
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
+
+POSTURES, STEPS = 32, 16
+"""Most entries whose postures are worked out, and most whose steps are checked, at once."""
+
+ROUNDING = 1e-9
+"""Costs that differ by this share are equal."""
+
+
+@dataclass
+class Entry:
+    """A stance in the queue.
+
+    Attributes:
+        stance: Its points.
+        parent: Index of the expanded state before it, -1 at the start.
+        cost: Cost so far; a lower bound of it until the posture is known.
+        low: Lower bound of the cost of a plan through it.
+        promise: What it is ordered by in the search for a first plan, the least first.
+        posture: Its posture, once known.
+        state: Its state, once the step to it is checked.
+        done: Whether it is expanded or dropped.
+    """
+
+    stance: tuple[int, ...]
+    parent: int
+    cost: float
+    low: float
+    promise: float
+    posture: Postures | None = None
+    state: State | None = None
+    done: bool = False
+
+    @property
+    def stage(self) -> int:
+        """0 if its points are known, 1 if its posture is, 2 if its state is."""
+        return 0 if self.posture is None else 1 if self.state is None else 2
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """A plan that a search found before it ended.
+
+    Attributes:
+        time: When [s], from the start of the search.
+        cost: Cost of the plan.
+        bound: Factor of the least cost within which it was proved then; infinite if within none.
+    """
+
+    time: float
+    cost: float
+    bound: float
 
 
 @dataclass
 class Found:
-    """Outcome of a search: expanded states with their parents, costs and postures."""
+    """Outcome of a search: expanded states with their parents, costs and postures.
 
-    status: int
-    states: list[State]
-    parents: list[int]
-    costs: list[float]
-    postures: list[Postures]
-    generated: int
+    Attributes:
+        status: `FOUND`, `EXHAUSTED` or `LIMIT`.
+        goal: Index of the state that ends the best plan, or of the last expanded one.
+        bound: Factor of the least cost within which the plan is proved.
+    """
+
+    status: int = EXHAUSTED
+    states: list[State] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    costs: list[float] = field(default_factory=list)
+    postures: list[Postures] = field(default_factory=list)
+    generated: int = 1
+    goal: int = -1
+    bound: float = np.inf
+    improvements: list[Improvement] = field(default_factory=list)
 
 
-def lazy_search(graph: StanceGraph, start: State, search: Search) -> Found:
+def lazy_search(graph: LazyGraph, start: State, search: Search) -> Found:
     """Best-first search from a state to any stance whose base lies in the goal region.
 
     Args:
@@ -44,94 +114,243 @@ def lazy_search(graph: StanceGraph, start: State, search: Search) -> Found:
     return _LazySearch(graph, start, search).run()
 
 
-class _LazySearch:
-    """A search in progress: its queue, and what was expanded."""
+class _Queue:
+    """Entries in an order; one that was pushed again or is done counts no more."""
 
-    def __init__(self, graph: StanceGraph, start: State, search: Search) -> None:
-        self.graph, self.start, self.search = graph, start, search
-        self.max_step = graph.max_step
-        self.found = Found(EXHAUSTED, [], [], [], [], 1)
+    def __init__(self) -> None:
+        self._heap: list[tuple[float, float, int, int, Entry]] = []
+        self._pushed = 0
+
+    def push(self, order: float, entry: Entry) -> None:
+        """Add an entry, or put it in another place; ties go to the larger cost so far."""
+        self._pushed += 1
+        heapq.heappush(self._heap, (order, -entry.cost, self._pushed, entry.stage, entry))
+
+    def top(self) -> Entry | None:
+        """The first entry, which stays; None if there is none."""
+        while self._heap:
+            *_, stage, entry = self._heap[0]
+            if not entry.done and stage == entry.stage:
+                return entry
+            heapq.heappop(self._heap)
+        return None
+
+    def pop(self) -> Entry | None:
+        """Take the first entry."""
+        entry = self.top()
+        if entry is not None:
+            heapq.heappop(self._heap)
+        return entry
+
+
+class _LazySearch:
+    """A search in progress: its queues, and what was expanded."""
+
+    def __init__(self, graph: LazyGraph, start: State, search: Search) -> None:
+        self.graph, self.search, self.began = graph, search, time.perf_counter()
+        self.goal, self.cost = search.goal, search.goal.cost
+        self.max_step, self.moves = graph.max_step, MoveBounds(graph, search.goal)
+        self.found, self.turn = Found(), 0
+        self.by_bound, self.by_promise = _Queue(), _Queue()
+        self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
+        """Masks and costs with which each stance was expanded."""
+        self.complete: dict[tuple[int, ...], float] = {}
+        """Least cost with which each stance was expanded with all its branches."""
         first = graph.posture_of(start)
-        self.queue: list[tuple[float, float, int]]
-        """Estimate, minus the cost so far, and index of the entry."""
-        self.queue = [(float(self._estimate(first.base_position)[0]), 0.0, 0)]
-        self.entries: list[tuple[tuple[int, ...], Postures, int]] = [(start.stance, first, -1)]
-        """Stance, its posture, and index of the expanded state before it, -1 at the start."""
-        self.closed: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
-        """Masks with which each stance was expanded."""
-        self.complete: set[tuple[int, ...]] = set()
-        """Stances expanded with all their branches."""
-        self.best: dict[tuple[int, ...], float] = {}
-        """Least cost to each stance where steps are not checked."""
+        entry = Entry(start.stance, -1, 0.0, 0.0, 0.0, first, start)
+        entry.low = float(self._low(np.array([start.stance]), first.base_position, np.zeros(1))[0])
+        self._push(entry)
 
     def run(self) -> Found:
-        """Expand states until one is at the goal."""
-        found, search = self.found, self.search
-        while self.queue:
-            _, negative, index = heapq.heappop(self.queue)
-            stance, posture, parent = self.entries[index]
-            state = self.start if parent < 0 else self._state(stance, posture, parent)
-            if state is None or not self._close(state, posture):
-                continue
-            here = len(found.states)
-            found.states.append(state)
-            found.parents.append(parent)
-            found.costs.append(-negative)
-            found.postures.append(posture)
-            if search.goal.reached(posture.base_position[0], stance):
-                found.status = FOUND
-                return found
-            if here + 1 >= search.limit:
-                found.status = LIMIT
-                return found
-            if search.progress is not None and here % 20 == 0:
-                search.progress(here)
-            self._expand(here)
+        """Work entries out until a plan is as good as is asked for."""
+        found = self.found
+        while self._goes_on():
+            queue = self._queue()
+            entry = queue.pop()
+            if entry is None:
+                break
+            if entry.stage == 2:
+                self._expand(entry)
+            elif entry.stage == 1:
+                self._check(self._batch(queue, entry, STEPS))
+            else:
+                self._pose(self._batch(queue, entry, POSTURES))
+        if found.goal < 0:
+            found.goal = len(found.states) - 1
+        else:
+            found.status, found.bound = FOUND, self._bound()
         return found
 
-    def _estimate(self, positions: Array) -> Array:
-        """Estimate of the cost to the goal from base positions, shape (k, 3) -> (k,)."""
-        return self.search.estimate(self.search.goal.distance(positions), self.max_step)
+    @property
+    def best(self) -> float:
+        """Cost of the best plan so far, infinite if there is none."""
+        return self.found.costs[self.found.goal] if self.found.goal >= 0 else np.inf
 
-    def _state(self, stance: tuple[int, ...], posture: Postures, parent: int) -> State | None:
-        """The state at a stance after an expanded one; None if no such step leaves that."""
-        if stance in self.complete:
-            return None
-        both = join(self.found.postures[parent], posture)
-        return self.graph.transition(self.found.states[parent], stance, both)
+    def _bound(self) -> float:
+        """Factor of the least cost within which the best plan is proved."""
+        top = self.by_bound.top()
+        low = min(self.best, top.low if top is not None else np.inf)
+        if self.best <= low * (1.0 + ROUNDING):
+            return 1.0
+        return self.best / low if low > 0.0 else np.inf
 
-    def _close(self, state: State, posture: Postures) -> bool:
-        """Note that a state is expanded; False if one with its branches was expanded before."""
-        # The start may be in a given pose; its stance is another state.
-        seen = self.closed.setdefault(state.stance, []) if state.pose is None else []
-        if any(
-            all(m & ~old == 0 for m, old in zip(state.masks, masks, strict=True)) for masks in seen
-        ):
+    def _goes_on(self) -> bool:
+        """Whether to search on."""
+        search, found = self.search, self.found
+        if found.goal >= 0 and self._bound() <= search.inflation:
             return False
-        seen.append(state.masks)
-        if state.pose is None and state.masks == tuple(posture.mask[0].tolist()):
-            self.complete.add(state.stance)
+        late = time.perf_counter() - self.began > search.time_limit
+        if found.states and (late or len(found.states) >= search.limit):
+            found.status = LIMIT
+            return False
         return True
 
-    def _expand(self, here: int) -> None:
-        """Put the neighbours of an expanded state into the queue."""
-        graph, cost = self.graph, self.search.goal.cost
-        state, position = self.found.states[here], self.found.postures[here].base_position
-        limb, point, postures = graph.candidates(state.stance)
-        if not len(limb):
+    def _queue(self) -> _Queue:
+        """Which queue to take from: see the module."""
+        self.turn += 1
+        if not self.search.guided and self.search.inflation == 1.0:
+            return self.by_bound
+        proving = self.found.goal >= 0 and self.turn % 2 == 0
+        return self.by_bound if proving else self.by_promise
+
+    def _batch(self, queue: _Queue, first: Entry, most: int) -> list[Entry]:
+        """An entry, and those after it that are in the same stage."""
+        batch = [first]
+        while len(batch) < most:
+            entry = queue.top()
+            if entry is None or entry.stage != first.stage:
+                break
+            queue.pop()
+            if self._hopeful(entry):
+                batch.append(entry)
+        return batch if self._hopeful(first) else batch[1:]
+
+    def _hopeful(self, entry: Entry) -> bool:
+        """Whether an entry may lead to a better plan; if not it is dropped."""
+        known = self.complete.get(entry.stance, np.inf) <= entry.cost
+        if known or entry.low >= self.best * (1.0 - ROUNDING):
+            entry.done = True
+        return not entry.done
+
+    def _push(self, entry: Entry) -> None:
+        """Put an entry into the queues, in its stage."""
+        self.by_bound.push(entry.low, entry)
+        self.by_promise.push(entry.promise, entry)
+
+    def _low(self, stances: IntArray, positions: Array, costs: Array) -> Array:
+        """Lower bounds of plans through stances with known base positions, shape (k,)."""
+        goal, cost = self.goal, self.cost
+        if self.search.heuristic == "zero":
+            return costs
+        away = np.maximum(goal.distance(positions) - goal.tolerance, 0.0)
+        by_distance = cost.step_weight * np.ceil(away / self.max_step - 1e-9)
+        steps = np.maximum(self._steps(stances), by_distance)
+        low: Array = costs + cost.base_weight * away + steps
+        return low
+
+    def _steps(self, stances: IntArray) -> Array:
+        """Lower bounds of what is charged for the steps from stances, shape (k,)."""
+        if self.cost.step_weight == 0.0:
+            return np.zeros(len(stances))
+        return self.cost.step_weight * self.moves.steps(stances)
+
+    def _promise(self, positions: Array, costs: Array) -> Array:
+        """What stances are ordered by in the search for a first plan, shape (k,)."""
+        distances = self.goal.distance(positions)
+        if self.search.guided:
+            return costs + self.cost.promise(distances)
+        return self.search.g_weight * costs + self.search.estimate(distances, self.max_step)
+
+    def _pose(self, batch: list[Entry]) -> None:
+        """Work out postures, and drop what is no node."""
+        if not batch:
             return
-        shift = np.linalg.norm(postures.base_position - position, axis=1)
-        g = self.found.costs[here] + cost.base_weight * shift
-        g += cost.step_weight
-        f = self.search.g_weight * g + self._estimate(postures.base_position)
-        for k in range(len(limb)):
-            after = state.stance_after(int(limb[k]), int(point[k]))
-            if not graph.settings.transitions:
-                if g[k] >= self.best.get(after, np.inf):
-                    continue
-                self.best[after] = float(g[k])
-            elif after in self.complete:
+        stances = np.array([entry.stance for entry in batch], dtype=np.int64)
+        postures = self.graph.nodes(stances)
+        before = [self.found.postures[entry.parent].base_position[0] for entry in batch]
+        shift = np.linalg.norm(postures.base_position - np.array(before), axis=1)
+        costs = np.array([self.found.costs[entry.parent] for entry in batch])
+        costs += self.cost.base_weight * shift + self.cost.step_weight
+        low = self._low(stances, postures.base_position, costs)
+        promise, node = self._promise(postures.base_position, costs), self.graph.is_node(postures)
+        for k, entry in enumerate(batch):
+            entry.done = not node[k]
+            entry.cost, entry.low = float(costs[k]), float(low[k])
+            if node[k] and self._hopeful(entry):
+                entry.promise, entry.posture = float(promise[k]), postures.take(np.array([k]))
+                self._push(entry)
+
+    def _check(self, batch: list[Entry]) -> None:
+        """Check the steps to stances, parent by parent, and drop what cannot be stepped to."""
+        by_parent: dict[int, list[Entry]] = {}
+        for entry in batch:
+            by_parent.setdefault(entry.parent, []).append(entry)
+        for parent, entries in by_parent.items():
+            before, here = self.found.states[parent], self.found.postures[parent]
+            postures = [entry.posture for entry in entries if entry.posture is not None]
+            stances = np.array([entry.stance for entry in entries], dtype=np.int64)
+            masks = self.graph.masks_after(before, here, stances, join(*postures))
+            for entry, after in zip(entries, masks, strict=True):
+                entry.done = not after.all()
+                if not entry.done:
+                    entry.state = State(entry.stance, tuple(after.tolist()))
+                    self._push(entry)
+
+    def _expand(self, entry: Entry) -> None:
+        """Note a state, and put its neighbours into the queues, unless it is at the goal."""
+        found, state, posture = self.found, entry.state, entry.posture
+        hopeful, entry.done = self._hopeful(entry), True
+        if state is None or posture is None or not hopeful or not self._close(state, entry):
+            return
+        here = len(found.states)
+        found.states.append(state)
+        found.parents.append(entry.parent)
+        found.costs.append(entry.cost)
+        found.postures.append(posture)
+        if self.goal.reached(posture.base_position[0], state.stance):
+            found.goal = here
+            passed = time.perf_counter() - self.began
+            found.improvements.append(Improvement(passed, entry.cost, self._bound()))
+            return
+        if self.search.progress is not None and here % 20 == 0:
+            self.search.progress(here)
+        self._neighbours(here)
+
+    def _close(self, state: State, entry: Entry) -> bool:
+        """Note that a state is expanded; False if one no worse was expanded before."""
+        # The start may be in a given pose; its stance is another state.
+        seen = self.closed.setdefault(state.stance, []) if state.pose is None else []
+        for masks, cost in seen:
+            covers = all(m & ~old == 0 for m, old in zip(state.masks, masks, strict=True))
+            if covers and cost <= entry.cost:
+                return False
+        seen.append((state.masks, entry.cost))
+        every = () if entry.posture is None else tuple(entry.posture.mask[0].tolist())
+        if state.pose is None and state.masks == every:
+            self.complete[state.stance] = entry.cost
+        return True
+
+    def _neighbours(self, here: int) -> None:
+        """Put the neighbours of an expanded state into the queues; their points alone are known."""
+        graph, goal, cost = self.graph, self.goal, self.cost
+        state, posture, so_far = (
+            self.found.states[here], self.found.postures[here], self.found.costs[here]
+        )  # fmt: skip
+        stances = graph.neighbours(state, posture)
+        if not len(stances):
+            return
+        costs = np.full(len(stances), so_far + cost.step_weight)
+        low, guess = costs, graph.likely_base(stances)
+        if self.search.heuristic != "zero":
+            # No plan through a neighbour is shorter than the straight line from here.
+            away = max(float(goal.distance(posture.base_position[0])) - goal.tolerance, 0.0)
+            low = costs + cost.base_weight * away + self._steps(stances)
+        shift = np.linalg.norm(guess - posture.base_position, axis=1)
+        promise = self._promise(guess, costs + cost.base_weight * shift)
+        for k in np.flatnonzero(np.isfinite(low) & (low < self.best)).tolist():
+            stance = tuple(stances[k].tolist())
+            if self.complete.get(stance, np.inf) <= costs[k]:
                 continue
-            self.entries.append((after, postures.take(np.array([k])), here))
-            heapq.heappush(self.queue, (float(f[k]), -float(g[k]), len(self.entries) - 1))
+            entry = Entry(stance, here, float(costs[k]), float(low[k]), float(promise[k]))
+            self._push(entry)
             self.found.generated += 1

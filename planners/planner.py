@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
@@ -17,6 +18,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.estimates import CACHED_TABLES, Estimates, unchecked
+from mlivr_gym.planners.lazy_search import Improvement
 from mlivr_gym.planners.pair_search import FOUND, LIMIT, NO_LIMIT
 from mlivr_gym.planners.query import GOAL_TOLERANCE, Goal, Search, SearchOptions
 from mlivr_gym.planners.refinement import refined
@@ -28,6 +30,7 @@ from mlivr_gym.planners.searches import (
     Searcher,
 )
 from mlivr_gym.planners.why_not import Cause, cause_of
+from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -47,6 +50,7 @@ class PlanningResult:
         feasibility_time: Time spent on postures and stances for this query [s].
         search_time: Time spent on search and step checks [s].
         tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+        improvements: With more than two limbs, when each better plan was found, at what cost.
     """
 
     plan: Plan | None
@@ -57,6 +61,7 @@ class PlanningResult:
     feasibility_time: float
     search_time: float
     tree: Array
+    improvements: tuple[Improvement, ...] = ()
 
     def __repr__(self) -> str:
         """The message, in one line."""
@@ -102,13 +107,13 @@ class Planner:
     """
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Plan on `graph`."""
+        """Plan on `graph`, as `stance_graph` makes it."""
         self.graph = graph
         self._estimates: Estimates | None = None
         if isinstance(graph, PairGraph):
             self._estimates = Estimates(graph)
             self._searcher: Searcher = PairSearcher(graph, self._estimates)
-        else:
+        elif isinstance(graph, LazyGraph):
             self._searcher = LazySearcher(graph)
         self._exact: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
 
@@ -127,6 +132,7 @@ class Planner:
         start_pose: Sequence[Any] | None = None,
         start_joints: Sequence[Any] | Array | None = None,
         limit: int = 10_000_000,
+        time_limit: float | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> PlanningResult:
         """Plan from a stance to a goal position of the base.
@@ -143,9 +149,9 @@ class Planner:
             heuristic: `"cost_to_go"` (exact cost when steps are not checked; default for two
                 limbs), `"consistent"` (default for more and of `"algorithm1"`), `"paper"` (may lose
                 optimality; default of `"greedy"`) or `"zero"`.
-            inflation: Factor on the heuristic, at least 1; the plan costs at most this many times
-                the least. By default 1 for two limbs and `"algorithm1"`, else 2, as the search for
-                the least takes long.
+            inflation: The plan costs at most this many times the least. By default 1 for two
+                limbs and `"algorithm1"`; with more limbs the first plan found is taken, and
+                `plan.statistics.bound` tells within what factor it is proved.
             goal_tolerance: Radius of the goal region [m].
             goal_face: Face of the map whose points all limbs hold at the goal, for example
                 `"overhead"`; by default they may hold any.
@@ -156,6 +162,9 @@ class Planner:
                 that hold the points at that pose, on their windings (`Limb.windows`): the plan
                 then keeps their branches for as long as each limb holds.
             limit: Most expansions.
+            time_limit: With more than two limbs, how long a plan is looked for and improved [s],
+                unless one is proved within `inflation` (by default 1) before. What is found then
+                depends on the machine.
             progress: Called with the number of expansions now and then (`"algorithm1"`, or more
                 than two limbs).
 
@@ -167,7 +176,7 @@ class Planner:
             MlivrError: If an argument cannot be used; the message names it.
         """
         target = Goal.checked(self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
-        options = SearchOptions(method, heuristic, inflation, limit, progress)
+        options = SearchOptions(method, heuristic, inflation, limit, progress, time_limit)
         search, clock = Search.checked(self.graph, target, options), _Clock()
         self.graph.indices(start.stance if isinstance(start, State) else start)
         try:
@@ -188,11 +197,14 @@ class Planner:
         if committed.motion is None:
             return _no_plan("no swing", self._no_swing(path, committed), clock, path)
         times = clock.feasibility, clock.search
-        statistics = Statistics(path.cost, path.expanded, path.generated, *times, path.backward)
+        bound = path.bound if path.bound < math.inf else None
+        statistics = Statistics(
+            path.cost, path.expanded, path.generated, *times, path.backward, bound
+        )
         plan = Plan(search.record, World.of(self.graph), committed.motion, statistics)
         return PlanningResult(
             plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m",
-            path.expanded, path.generated, *times, path.tree,
+            path.expanded, path.generated, *times, path.tree, path.improvements,
         )  # fmt: skip
 
     def why_not(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -29,9 +30,10 @@ class SearchOptions:
     Attributes:
         method: One of `METHODS`.
         heuristic: One of `costs.HEURISTICS`.
-        inflation: Factor on the heuristic, at least 1.
+        inflation: Factor of the least cost that a plan may cost, at least 1.
         limit: Most expansions.
         progress: Called with the number of expansions now and then.
+        time_limit: Longest that a plan is looked for and improved [s].
     """
 
     method: str = "astar"
@@ -39,6 +41,7 @@ class SearchOptions:
     inflation: float | None = None
     limit: int = 10_000_000
     progress: Callable[[int], None] | None = None
+    time_limit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -114,9 +117,11 @@ class Search:
         goal: Where to go and at what cost.
         method: One of `METHODS`.
         heuristic: One of `costs.HEURISTICS`.
-        inflation: Factor on the heuristic, at least 1.
+        inflation: Factor of the least cost that a plan may cost, at least 1; infinite for any.
         limit: Most expansions.
         progress: Called with the number of expansions now and then.
+        time_limit: Longest that a plan is looked for and improved [s].
+        guided: Whether a first plan is looked for by promise, see `lazy_search`.
     """
 
     goal: Goal
@@ -125,6 +130,8 @@ class Search:
     inflation: float
     limit: int
     progress: Callable[[int], None] | None = None
+    time_limit: float = math.inf
+    guided: bool = False
 
     @classmethod
     def checked(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> Search:
@@ -154,17 +161,37 @@ class Search:
             raise SettingError(f"limit is {options.limit!r}; it must be at least 1")
         # No search is longer; the compiled one takes 64 bits.
         limit = min(options.limit, sys.maxsize)
-        inflation = options.inflation
-        if inflation is None:
-            inflation = 1.0 if tables or plain else 2.0
-        if not 1.0 <= inflation < float("inf"):
+        inflation, seconds = options.inflation, options.time_limit
+        if inflation is not None and not 1.0 <= inflation < math.inf:
             raise SettingError(f"inflation is {inflation!r}; it must be finite and at least 1")
-        return cls(goal, method, heuristic, inflation, limit, options.progress)
+        if seconds is not None and (tables or plain):
+            name = graph.robot.name
+            raise SettingError(
+                f"time_limit is {seconds!r}; it is for more than two limbs and other methods than "
+                f"'algorithm1': robot {name!r} has {graph.limbs}, and the method is {method!r}"
+            )
+        seconds = math.inf if seconds is None else nonnegative("time_limit", seconds)
+        optimal = tables or plain or method == "dijkstra" or seconds < math.inf
+        if inflation is None:
+            inflation = 1.0 if optimal else math.inf
+        guided = not (tables or plain) and method == "astar" and heuristic == "consistent"
+        guided &= inflation > 1.0 or seconds < math.inf
+        if not (tables or plain) and (method == "greedy" or heuristic == "paper"):
+            inflation = math.inf
+        return cls(goal, method, heuristic, inflation, limit, options.progress, seconds, guided)
 
     @property
     def g_weight(self) -> float:
         """Weight of the cost so far in the order of the queue; that of the estimate is 1."""
-        return 0.0 if self.method == "greedy" else 1.0 / self.inflation
+        if self.method == "greedy":
+            return 0.0
+        return 1.0 / self.inflation if self.inflation < math.inf else 1.0
+
+    @property
+    def guarantee(self) -> float:
+        """Factor of the least cost that plans of two limbs keep; infinite if none is proved."""
+        proved = self.method != "greedy" and self.heuristic != "paper"
+        return self.inflation if proved else math.inf
 
     def estimate(self, distance: Array, max_step: float) -> Array:
         """Estimate of the cost to the goal at distances from it [m], see `Cost.heuristic`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,7 +12,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.estimates import Estimates
-from mlivr_gym.planners.lazy_search import lazy_search
+from mlivr_gym.planners.lazy_search import Improvement, lazy_search
 from mlivr_gym.planners.pair_search import (
     EXHAUSTED,
     FOUND,
@@ -24,6 +25,7 @@ from mlivr_gym.planners.pair_search import (
 )
 from mlivr_gym.planners.query import Search
 from mlivr_gym.postures.postures import Postures
+from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -56,6 +58,8 @@ class Path:
         generated: States generated.
         tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
         backward: Stances that searches backward have expanded for the heuristic.
+        bound: Factor of the least cost within which the path is proved; infinite if within none.
+        improvements: The plans found one after the other, each better than the last.
     """
 
     status: int
@@ -65,6 +69,8 @@ class Path:
     generated: int
     tree: Array
     backward: int = 0
+    bound: float = math.inf
+    improvements: tuple[Improvement, ...] = ()
 
 
 class Searcher(Protocol):
@@ -89,7 +95,7 @@ class PairSearcher:
         arrived = bool(goal.reached(origin.base_position[0], first.stance))
         if seeds.given and (arrived or not len(seeds.all.stance)):
             status = FOUND if arrived else EXHAUSTED
-            return Path(status, (first,), 0.0, 1, 1, np.zeros((0, 2, 3)))
+            return Path(status, (first,), 0.0, 1, 1, np.zeros((0, 2, 3)), bound=1.0)
         region, known = self.estimates.region(goal), self.estimates.expanded
         if not set(graph.components[1][seeds.all.stance].tolist()) & region.parts:
             return None
@@ -102,9 +108,11 @@ class PairSearcher:
         )
         tree = np.stack([before, graph.base_in_world[stance]], axis=1)
         if not seeds.given:
-            return Path(int(status), states, float(g[-1]), explored, generated, tree[1:], backward)
-        counts = explored + 1, generated + 1
-        return Path(int(status), (first, *states), float(g[-1]), *counts, tree, backward)
+            counts, tree = (explored, generated), tree[1:]
+        else:
+            counts, states = (explored + 1, generated + 1), (first, *states)
+        cost, bound = float(g[-1]), search.guarantee
+        return Path(int(status), states, cost, *counts, tree, backward, bound)
 
     def _search(
         self, search_: Search, seeds: _Seeds, origin: Postures
@@ -188,7 +196,7 @@ def _seeds(rows: Sequence[tuple[int, int, int]], costs: Array) -> Seeds:
 class LazySearcher:
     """The search of any number of limbs."""
 
-    def __init__(self, graph: StanceGraph) -> None:
+    def __init__(self, graph: LazyGraph) -> None:
         """Search `graph`."""
         self.graph = graph
 
@@ -196,9 +204,12 @@ class LazySearcher:
         """See `Searcher.find`."""
         found = lazy_search(self.graph, first, search)
         position = np.concatenate([p.base_position for p in found.postures])
-        states = tuple(found.states[k] for k in _chain(np.array(found.parents)))
-        counts = len(found.states), found.generated
-        return Path(found.status, states, found.costs[-1], *counts, _tree(position, found.parents))
+        states = tuple(found.states[k] for k in _chain(np.array(found.parents), found.goal))
+        counts, tree = (len(found.states), found.generated), _tree(position, found.parents)
+        return Path(
+            found.status, states, found.costs[found.goal], *counts, tree,
+            bound=found.bound, improvements=tuple(found.improvements),
+        )  # fmt: skip
 
 
 class Algorithm1Searcher:
@@ -223,7 +234,7 @@ class Algorithm1Searcher:
         states = tuple(found.states[k] for k in _chain(np.array(found.parents)))
         tree = _tree(np.array(found.positions), found.parents)
         counts = len(found.states), found.generated
-        return Path(found.status, states, found.costs[-1], *counts, tree)
+        return Path(found.status, states, found.costs[-1], *counts, tree, bound=search.guarantee)
 
 
 def _tree(position: Array, parents: Sequence[int]) -> Array:
@@ -232,9 +243,9 @@ def _tree(position: Array, parents: Sequence[int]) -> Array:
     return np.stack([position[above], position[1:]], axis=1)
 
 
-def _chain(parent: IntArray) -> list[int]:
-    """Indices from the first to the last entry along the parents."""
-    chain = [len(parent) - 1]
+def _chain(parent: IntArray, last: int = -1) -> list[int]:
+    """Indices from the first to the last entry, or to another one, along the parents."""
+    chain = [last % len(parent)]
     while parent[chain[-1]] >= 0:
         chain.append(int(parent[chain[-1]]))
     return chain[::-1]

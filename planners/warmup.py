@@ -31,7 +31,7 @@ class PlainSolver(PostureSolver):
         """Nothing, at any point."""
         return np.zeros(len(self.grasp_map), dtype=np.int64)
 
-    def solve(self, stances: IntArray) -> Postures:
+    def solve(self, stances: IntArray, *, nodes_only: bool = False) -> Postures:
         """Postures of stances given as point indices, shape (k, 2)."""
         grasps = self.grasp_map.positions[stances]
         centroid = grasps.mean(axis=1)

@@ -119,8 +119,10 @@ def _leads(
         return False
     steps = replace(goal, cost=Cost.named("steps"))
     search = Search.checked(other, steps, SearchOptions(limit=limit))
-    searcher: Searcher = LazySearcher(other)
+    searcher: Searcher
     if isinstance(other, PairGraph):
         searcher = PairSearcher(other, Estimates(other))
+    else:
+        searcher = LazySearcher(other)
     path = searcher.find(search, start)
     return path is not None and path.status == FOUND

@@ -91,6 +91,7 @@ STATISTICS = Record(
         "expanded": COUNT,
         "generated": COUNT,
         "backward": COUNT,
+        "bound": Maybe(Tuples((), 1.0)),
         "feasibility_time": SPENT,
         "search_time": SPENT,
     },

@@ -137,6 +137,8 @@ class Statistics:
         feasibility_time: Time spent on postures and stances for this query [s].
         search_time: Time spent on search and step checks [s].
         backward: Stances that searches backward have expanded for the heuristic, for this query.
+        bound: Factor of the least cost of any plan of the graph within which the cost is proved to
+            be, 1 if it is the least; None if nothing is proved.
     """
 
     cost: float
@@ -145,3 +147,4 @@ class Statistics:
     feasibility_time: float = 0.0
     search_time: float = 0.0
     backward: int = 0
+    bound: float | None = None

@@ -74,21 +74,22 @@ class PostureTable:
         self._arrays: list[NDArray[Any]] = [
             np.zeros((0, *shape), dtype=kind) for shape, kind in shapes
         ]
-        self._used = 0
+        self.used = 0
+        """Number of postures."""
 
     def append(self, new: Postures) -> None:
         """Add postures at the end."""
         parts = [getattr(new, name) for name in FIELDS]
-        end = self._used + len(new.w_b)
+        end = self.used + len(new.w_b)
         for i, part in enumerate(parts):
             if end > len(self._arrays[i]):
                 grown = np.zeros(
                     (max(end, 2 * len(self._arrays[i])), *part.shape[1:]), dtype=part.dtype
                 )
-                grown[: self._used] = self._arrays[i][: self._used]
+                grown[: self.used] = self._arrays[i][: self.used]
                 self._arrays[i] = grown
-            self._arrays[i][self._used : end] = part
-        self._used = end
+            self._arrays[i][self.used : end] = part
+        self.used = end
 
     def take(self, index: IntArray) -> Postures:
         """Postures by index."""

@@ -48,6 +48,8 @@ class PostureRule(Record):
     """Base manipulability that counts as margin 1."""
     nodes_margin: float
     """A margin below that of every node."""
+    nodes_only: bool
+    """Whether of stances that are no nodes nothing need be told: most are then soon rejected."""
     first_avoid: bool
     """Whether the best posture of all is known to touch something."""
     check: bool

@@ -30,11 +30,11 @@ from mlivr_gym.postures.rule import best_posture, enter, touches_nothing
 
 
 @kernel
-def reach(robot: Robot, held: HeldStance, tried: Tried, room: PostureRoom) -> float:
+def reach(robot: Robot, held: HeldStance, floor: float, tried: Tried, room: PostureRoom) -> float:
     """Flange poses and `w_m` of the classes of each limb at a base pose, into `tried.limbs`.
 
     Returns:
-        The least over the limbs of the best class.
+        The least over the limbs of the best class; 0 as soon as that of one is below `floor`.
     """
     least = np.inf
     terms = room.holding.proof.terms
@@ -50,6 +50,8 @@ def reach(robot: Robot, held: HeldStance, tried: Tried, room: PostureRoom) -> fl
             square = terms[c, 3]
             reached.w[c] = unit * np.sqrt(square) if square > SINGULAR * SINGULAR else 0.0
             best = max(best, reached.w[c])
+        if best < floor:
+            return 0.0
         least = min(least, best)
     return least
 
@@ -62,7 +64,7 @@ def reach_all(robots: Any, held: Any, tried: Any, rooms: Any) -> None:
     (1,).
     """
     for k in range(len(held)):
-        tried[k].bound = reach(robots[0], held[k], tried[k], rooms[0])
+        tried[k].bound = reach(robots[0], held[k], 0.0, tried[k], rooms[0])
 
 
 @entry
@@ -137,7 +139,9 @@ def _solve(
             avoid == 1 and not (rule.first_avoid or touches != CLEAR)
         ):
             continue
-        search, lowest = (strict, rule.nodes_margin) if avoid else (loose, 0.0)
+        search, lowest = (strict if avoid else loose), 0.0
+        if avoid or rule.nodes_only:
+            lowest = rule.nodes_margin
         out.cause = touches
         found = best_posture(search, lowest, avoid == 0, room, out.branch)
         chosen = found.pose
@@ -162,6 +166,7 @@ def _solve(
 @kernel
 def _try_poses(held: HeldStance, robot: Robot, rule: PostureRule, room: PostureRoom) -> int:
     """Set up the base poses of a stance; returns their number."""
+    floor = rule.nodes_margin * rule.scale_m if rule.nodes_only else 0.0
     rolls, heights = rule.rolls, rule.heights
     roll_count, height_count = rule.roll_count, rule.height_count
     if held.opposed:
@@ -179,7 +184,7 @@ def _try_poses(held: HeldStance, robot: Robot, rule: PostureRule, room: PostureR
             tried.base.position[k] = height * up[k]
             for col in range(3):
                 tried.base.rotation[k, col] = axes[col][k]
-        tried.bound = reach(robot, held, tried, room) / rule.scale_m
+        tried.bound = reach(robot, held, floor, tried, room) / rule.scale_m
     return roll_count * height_count
 
 

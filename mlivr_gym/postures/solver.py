@@ -102,6 +102,8 @@ class PostureSolver:
         if settings.collisions:
             self.point_cause = self.hands_touch(self.boxes)
         self._rows: dict[bytes, int] = {}
+        self._rejected: set[int] = set()
+        """Solved geometries of which it is known that they are no nodes, and no more."""
         self._solved = PostureTable(robot.limbs)
 
     def _thresholds(self, least: tuple[float, float]) -> Any:
@@ -149,20 +151,24 @@ class PostureSolver:
         """Number of relative geometries solved so far."""
         return len(self._rows)
 
-    def solve(self, stances: IntArray) -> Postures:
-        """Postures of stances given as point indices, shape (k, N)."""
+    def solve(self, stances: IntArray, *, nodes_only: bool = False) -> Postures:
+        """Postures of stances given as point indices, shape (k, N).
+
+        With `nodes_only` nothing but its zero masks is told of a stance that cannot be held, which
+        is found much sooner.
+        """
         rows, inverse = relative_geometries(self.grasp_map, stances)
         new: list[int] = []
         where = np.empty(len(rows), dtype=np.int64)
         for r, row in enumerate(rows):
             key = row.tobytes()
             found = self._rows.get(key)
-            if found is None:
-                found = self._rows[key] = len(self._rows)
+            if found is None or (not nodes_only and found in self._rejected):
+                found = self._rows[key] = self._solved.used + len(new)
                 new.append(r)
             where[r] = found
         if new:
-            self._solve_new(rows[np.array(new)])
+            self._solve_new(rows[np.array(new)], nodes_only)
         local = self._solved.take(where[inverse])
         frames = self.grasp_map.rotations[stances[:, 0]]
         postures = Postures(
@@ -208,10 +214,13 @@ class PostureSolver:
         centres = points.mean(axis=1)
         return Grasps(points - centres[:, None], rotations[..., 2], rotations[..., 0], centres)
 
-    def _solve_new(self, rows: IntArray) -> None:
+    def _solve_new(self, rows: IntArray, nodes_only: bool) -> None:
         grasps, centroid = grasps_of_geometries(rows, self.robot.limbs)
-        out = self._solve_in_place(grasps, self._no_boxes, avoid=False)
+        out = self._solve_in_place(grasps, self._no_boxes, avoid=False, nodes_only=nodes_only)
         out.base_position[:] += centroid
+        if nodes_only:
+            rejected = np.flatnonzero(~np.all(out.mask > 0, axis=1)) + self._solved.used
+            self._rejected.update(rejected.tolist())
         self._solved.append(out)
 
     def _scales(self) -> tuple[float, float]:
@@ -287,10 +296,12 @@ class PostureSolver:
             np.array(geometric_order(wide_rolls)),
         )
 
-    def _solve_in_place(self, held: Grasps, grid: BoxGrid, *, avoid: bool) -> Postures:
+    def _solve_in_place(
+        self, held: Grasps, grid: BoxGrid, *, avoid: bool, nodes_only: bool = False
+    ) -> Postures:
         """Postures among the robot's candidates, base positions from the grasps' centroids.
 
-        With `avoid` the best posture of all is known to touch something.
+        With `avoid` the best posture of all is known to touch something; see `solve`.
         """
         return self._run(
             held,
@@ -299,6 +310,7 @@ class PostureSolver:
             thresholds=self.settings.thresholds(self.robot.limbs),
             avoid=avoid,
             collisions=self.settings.collisions,
+            nodes_only=nodes_only,
         )
 
     def _run(
@@ -310,6 +322,7 @@ class PostureSolver:
         thresholds: tuple[float, float],
         avoid: bool,
         collisions: bool,
+        nodes_only: bool = False,
     ) -> Postures:
         """The posture that the rule takes of some candidates, for each stance."""
         settings, k = self.settings, len(held.grasps)
@@ -328,6 +341,7 @@ class PostureSolver:
         least = min(a / b for a, b in zip(thresholds, self._scales(), strict=True))
         rule["nodes_margin"], rule["first_avoid"] = least * (1.0 - 3.0 * TIE), avoid
         rule["check"], rule["collide"] = settings.transitions, collisions
+        rule["nodes_only"] = nodes_only
         names = ("height", "roll", "wide_height", "wide_roll")
         for name, values in zip(names, candidates[1:], strict=True):
             rule[f"{name}_count"] = len(values)

@@ -150,8 +150,6 @@ class CheckedSteps(ChangingWorld):
         return edge_of(steps[0])
 
 
-def join(first: Postures, second: Postures) -> Postures:
-    """Postures of two groups one after the other."""
-    return Postures(
-        *(np.concatenate([getattr(first, name), getattr(second, name)]) for name in FIELDS)
-    )
+def join(*groups: Postures) -> Postures:
+    """Postures of groups one after the other."""
+    return Postures(*(np.concatenate([getattr(g, name) for g in groups]) for name in FIELDS))

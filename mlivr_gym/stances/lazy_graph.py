@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import IntArray
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import OPPOSED_HEIGHTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.records import StanceSet
+from mlivr_gym.transitions.rule import can_release
+from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
 
@@ -29,8 +32,14 @@ class LazyGraph(StanceGraph):
 
         Stances that touch an obstacle or hold an occupied point cannot be held.
         """
-        stances = self.rows_of_points(stances)
-        found = super().postures(stances)
+        return self._as_the_world_is(stances, super().postures(stances))
+
+    def nodes(self, stances: IntArray) -> Postures:
+        """As `postures`, but of stances that are no nodes only that, by masks of 0."""
+        return self._as_the_world_is(stances, super().nodes(stances))
+
+    def _as_the_world_is(self, stances: IntArray, found: Postures) -> Postures:
+        """Postures without what obstacles and occupied points take away."""
         if self.obstacles:
             self.clear_of_obstacles(np.arange(len(stances)), stances, found)
         if self.occupied:
@@ -58,24 +67,48 @@ class LazyGraph(StanceGraph):
 
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
         """Feasible neighbouring stances, steps not yet checked; see `StanceGraph.candidates`."""
-        limbs: list[IntArray] = []
-        points: list[IntArray] = []
-        for i in range(self.limbs):
-            partners = [self.partners(p) for k, p in enumerate(stance) if k != i]
-            common = partners[0]
-            for other in partners[1:]:
-                common = np.intersect1d(common, other, assume_unique=True)
-            common = common[common != stance[i]]
-            limbs.append(np.full(len(common), i, dtype=np.int64))
-            points.append(common)
-        limb, point = np.concatenate(limbs), np.concatenate(points)
-        if not len(limb):
-            return limb, point, self.postures(np.zeros((0, self.limbs), dtype=np.int64))
-        stances = np.tile(np.array(stance, dtype=np.int64), (len(limb), 1))
-        stances[np.arange(len(limb)), limb] = point
-        postures = self.postures(stances)
+        limb, point, stances = self._next_to(stance, range(self.limbs))
+        postures = self.nodes(stances)
         node = self.is_node(postures)
         return limb[node], point[node], postures.take(node)
+
+    def neighbours(self, state: State, posture: Postures) -> IntArray:
+        """Stances one move from a state by limbs that can be released there, shape (k, N).
+
+        Neither their postures nor the steps to them are known.
+        """
+        able = [
+            limb
+            for limb in range(self.limbs)
+            if not self.settings.transitions
+            or can_release(state.masks[limb], self.released(state.stance, posture, limb))
+        ]
+        return self._next_to(state.stance, able)[2]
+
+    def _next_to(
+        self, stance: tuple[int, ...], limbs: Iterable[int]
+    ) -> tuple[IntArray, IntArray, IntArray]:
+        """Limb, point and stance of moves of some limbs to points that the others let them hold."""
+        moved, points = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+        for limb in limbs:
+            others = [point for i, point in enumerate(stance) if i != limb]
+            able = np.flatnonzero(self.together[others].all(axis=0))
+            points.append(able[able != stance[limb]])
+            moved.append(np.full(len(points[-1]), limb, dtype=np.int64))
+        limb_of, point = np.concatenate(moved), np.concatenate(points)
+        stances = np.tile(np.array(stance, dtype=np.int64), (len(limb_of), 1))
+        stances[np.arange(len(limb_of)), limb_of] = point
+        return limb_of, point, stances
+
+    def likely_base(self, stances: IntArray) -> Array:
+        """Where the base is likely to be at stances, shape (k, N) -> (k, 3) [m].
+
+        Over the centroid of the grasps at the middle height; the posture may be another.
+        """
+        positions, normals = self.grasp_map.positions[stances], self.grasp_map.normals[stances]
+        height = float(np.mean(self.robot.heights))
+        likely: Array = positions.mean(axis=1) + height * normals.mean(axis=1)
+        return likely
 
     @property
     def max_step(self) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -82,6 +83,13 @@ class StanceGraph(CheckedSteps):
             self.pairs[:, 0], np.arange(len(grasp_map) + 1)
         )
 
+    @cached_property
+    def together(self) -> BoolArray:
+        """Which points may be held at once by two limbs, shape (m, m)."""
+        together = np.zeros((len(self.grasp_map),) * 2, dtype=np.bool_)
+        together[tuple(self.pairs.T)] = True
+        return together
+
     def partners(self, point: int) -> IntArray:
         """Points that may be held together with `point`."""
         return self.pairs[self.partner_start[point] : self.partner_start[point + 1], 1]
@@ -127,6 +135,10 @@ class StanceGraph(CheckedSteps):
             StanceError: If they are not point indices in rows of N.
         """
         return self.solver.solve(self.rows_of_points(stances))
+
+    def nodes(self, stances: IntArray) -> Postures:
+        """As `postures`, but of stances that are no nodes only that, by masks of 0."""
+        return self.solver.solve(self.rows_of_points(stances), nodes_only=True)
 
     def rows_of_points(self, stances: Any) -> IntArray:
         """Stances as point indices, shape (k, N); refuses others, see `postures`."""
