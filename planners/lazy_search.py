@@ -30,7 +30,7 @@ from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
 
-POSTURES, STEPS = 32, 16
+POSTURES, STEPS = 128, 32
 """Most entries whose postures are worked out, and most whose steps are checked, at once."""
 
 ROUNDING = 1e-9
