@@ -21,6 +21,7 @@ import comparison_report
 import disturbances
 import dynamic_report
 import format_tables
+import many_limbs
 import paper_figures_report
 import planning_report
 import reference_curves
@@ -232,6 +233,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "dynamic_simulation": dynamic_report.markdown,
     "disturbances": disturbances.markdown,
     "time_cost": time_cost.markdown,
+    "many_limbs": many_limbs.markdown,
     "paper_figures": paper_figures_report.markdown,
     "benchmark_planning": planning_report.report,
     "planner_vs_rl": comparison_report.full_report,

@@ -154,8 +154,14 @@ def query_arguments() -> argparse.ArgumentParser:
         "--inflation",
         type=float,
         metavar="E",
-        help="factor on the heuristic: faster, cost at most E times the least "
-        "(default: 1 for two limbs, 2 for more)",
+        help="the plan costs at most E times the least (default: 1 for two limbs; with more the "
+        "first plan found is taken, and within what factor it is proved is told)",
+    )
+    parser.add_argument(
+        "--time-limit",
+        type=float,
+        metavar="S",
+        help="more than two limbs: look for a plan and improve it for S seconds at most",
     )
     parser.add_argument(
         "--tolerance",

@@ -99,6 +99,7 @@ def told_of(plan: Plan) -> dict[str, Any]:
             }
             for step in plan.steps
         ],
+        "bound": spent.bound,
         "expanded": spent.expanded,
         "generated": spent.generated,
         "query_time": spent.feasibility_time + spent.search_time,
@@ -111,7 +112,10 @@ def _fastest(
     """Cost and price of a regrasp of the fastest plan; tells those that were considered."""
     from mlivr_gym.fastest import fastest_plan  # imports MuJoCo, hence GL
 
-    without = "regrasp_price", "method", "heuristic", "inflation", "start_pose", "start_joints"
+    without = (
+        "regrasp_price", "method", "heuristic", "inflation", "time_limit", "start_pose",
+        "start_joints",
+    )  # fmt: skip
     refuse_without_effect(args, "with --cost time", *without)
     with Progress("looking for the fastest plan", quiet=args.quiet):
         found = fastest_plan(
@@ -158,6 +162,7 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
             start_pose=args.start_pose,
             start_joints=args.start_joints,
             limit=args.limit,
+            time_limit=args.time_limit,
             progress=progress.show,
         )
     if result.reason in CUT_OFF:
@@ -175,6 +180,9 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
             f"  {k:2d}. limb {step.limb}: {step.from_point:>6} -> {step.to_point:<6} "
             f"base {step.displacement:.3f} m, {step.path}, swing {step.swing}"
         )
+    bound = plan.statistics.bound
+    if bound is not None and graph.limbs > 2:
+        print(f"cost {plan.statistics.cost:.3f}, proved within {bound:.2f} times the least")
     print(
         f"{plan.statistics.expanded} states explored, {plan.statistics.generated} generated, "
         f"{1e3 * (plan.statistics.feasibility_time + plan.statistics.search_time):.1f} ms "

@@ -132,6 +132,7 @@ def _found(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
     asked = Asked(
         start, (x, y, z), args.cost, args.regrasp_price, args.tolerance, args.goal_face,
         args.start_pose, args.start_joints, args.method, args.heuristic, args.inflation, args.limit,
+        args.time_limit,
     )  # fmt: skip
     live = LivePlan(graph, asked)
     live.replan()

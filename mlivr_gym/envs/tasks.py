@@ -176,7 +176,7 @@ def random_state(graph: StanceGraph, rng: Randomness) -> State:
         StanceError: If none is found.
     """
     for _ in range(TRIES):
-        state = _random_stance(graph, rng)
+        state = random_stance(graph, rng)
         if state is not None and graph.successors(state):
             return state
     raise StanceError(
@@ -184,7 +184,7 @@ def random_state(graph: StanceGraph, rng: Randomness) -> State:
     )
 
 
-def _random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
+def random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
     """A random stance, or None if the one drawn cannot be held.
 
     It is one of all, or where these are not known one of a batch round a random point.
@@ -204,7 +204,7 @@ def _random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
         if not rows:
             return None
         stances = np.array(rows, dtype=np.int64)
-        nodes = np.flatnonzero(graph.is_node(graph.postures(stances)))
+        nodes = np.flatnonzero(graph.is_node(graph.nodes(stances)))
         if not len(nodes):
             return None
         stance = stances[nodes[0]].tolist()

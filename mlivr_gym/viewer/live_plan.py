@@ -45,8 +45,9 @@ class Asked:
         start_joints: Joint angles at the start, if they are given.
         method: Search method.
         heuristic: Heuristic; None for that of the method.
-        inflation: Factor on the heuristic; None for that of the robot.
+        inflation: Factor of the least cost that plans keep; None for that of the robot.
         limit: Most expansions.
+        time_limit: Longest that a plan is improved, with more than two limbs [s].
     """
 
     start: tuple[str, ...]
@@ -61,6 +62,7 @@ class Asked:
     heuristic: str | None = None
     inflation: float | None = None
     limit: int = 200_000
+    time_limit: float | None = None
 
     @classmethod
     def of_plan(cls, graph: StanceGraph, plan: Plan) -> Asked:
@@ -139,6 +141,7 @@ class LivePlan:
             start_pose=asked.start_pose,
             start_joints=asked.start_joints,
             limit=asked.limit,
+            time_limit=asked.time_limit,
         )
 
     def cause(self) -> str:

@@ -1,0 +1,210 @@
+"""Three and four limbs: how steps fan out, and plans of random tasks with what is proved of them.
+
+    python experiments/many_limbs.py [--out results] [--tasks 20] [--seconds 10]
+
+A task leads from a random stance, from which some step leads away, to the base position of another,
+1 to 5 m off, on the JEM with collisions checked. Each is asked with two costs for some seconds, in
+a process of its own; plans are then carried out in MuJoCo at default timing. Some tasks have no
+plan: the search says so where it exhausts the states; of the others it is not known. Writes
+`many_limbs.json`, `many_limbs.md` and `many_limbs.png`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from processes import Processes
+
+from mlivr_gym import stance_graph
+from mlivr_gym.arrays import Array
+from mlivr_gym.envs.tasks import random_stance, random_state
+from mlivr_gym.files import write_whole
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.planners import Planner
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
+
+ROBOTS, COSTS = ("mlivr3", "mlivr4"), ("steps", "base")
+NEAREST, FARTHEST = 1.0, 5.0
+"""How far goals are [m]."""
+
+STANCES = 40
+"""Random stances whose steps are counted."""
+
+
+def fan(robot: str) -> dict[str, Any]:
+    """How many nodes and steps are next to random stances, and how long it takes to know."""
+    graph, rng = stance_graph(robot=robot), np.random.default_rng(0)
+    states: list[State] = []
+    while len(states) < STANCES:
+        states += filter(None, [random_stance(graph, rng)])
+    graph = stance_graph(robot=robot)  # knows nothing
+    rows = []
+    for state in states:
+        began = time.perf_counter()
+        nodes = len(graph.candidates(state.stance)[0])
+        known = time.perf_counter()
+        steps = len(graph.successors(state).limb)
+        checked = time.perf_counter()
+        graph.candidates(state.stance)
+        again = time.perf_counter()
+        rows.append((nodes, steps, known - began, checked - known, again - checked))
+    names = ("nodes", "steps", "nodes_s", "steps_s", "again_s")
+    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
+
+
+def random_task(graph: StanceGraph, rng: np.random.Generator) -> tuple[State, Array]:
+    """A state from which some step leads away, and where the base is at another."""
+    while True:
+        start, end = random_state(graph, rng), random_state(graph, rng)
+        goal = graph.posture_of(end).base_position[0]
+        away = float(np.linalg.norm(goal - graph.posture_of(start).base_position[0]))
+        if NEAREST <= away <= FARTHEST:
+            return start, goal
+
+
+def asked(seed: int, robot: str, seconds: float) -> dict[str, Any]:
+    """What is found for a task, with both costs."""
+    graph = stance_graph(robot=robot)
+    assert isinstance(graph, LazyGraph)
+    start, goal = random_task(graph, np.random.default_rng([seed, graph.limbs]))
+    away = float(np.linalg.norm(goal - graph.posture_of(start).base_position[0]))
+    out: dict[str, Any] = {"distance": away}
+    for cost in COSTS:
+        fresh = stance_graph(robot=robot)
+        found = Planner(fresh).plan(start.stance, goal.tolist(), cost, time_limit=seconds)
+        out[cost] = {
+            "reason": found.reason,
+            "improvements": [[one.time, one.cost, one.bound] for one in found.improvements],
+            "bound": found.plan.statistics.bound if found.plan else None,
+            "steps": len(found.plan.steps) if found.plan else None,
+            "executed": executed(fresh, found.plan) if found.plan else None,
+        }
+    return out
+
+
+def executed(graph: LazyGraph, plan: Plan) -> bool:
+    """Whether MuJoCo carries a plan out, touching nothing."""
+    from mlivr_gym.simulation.execution import execute  # loads GL
+
+    return execute(graph, plan).failure is None
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """The report."""
+    lines = [
+        "# Three and four limbs",
+        "",
+        f"Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data['seconds']:g} s "
+        "a task and cost on a graph that knows nothing yet; times are those of a machine with two "
+        "cores that did other work beside it.",
+        "",
+        "![Share of tasks with a plan over time](many_limbs.png)",
+        "",
+        "## Steps next to a random stance",
+        "",
+        "*Without steps*: share of the stances that no step leaves.",
+        "",
+        "| robot | neighbours that are nodes, median | steps, mean | without steps "
+        "| nodes, new [ms] | steps, new [ms] | nodes, known [ms] |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for robot in ROBOTS:
+        found = data["fan"][robot]
+        steps = np.array(found["steps"])
+        new, checked, again = (
+            1e3 * np.median(found[name]) for name in ("nodes_s", "steps_s", "again_s")
+        )
+        lines.append(
+            f"| `{robot}` | {np.median(found['nodes']):.0f} | {steps.mean():.1f} | "
+            f"{(steps == 0).mean():.0%} | {new:.1f} | {checked:.1f} | {again:.1f} |"
+        )
+    lines += [
+        "",
+        "## Random tasks",
+        "",
+        "*First plan*: median over the tasks that have one. *Bound*: factor of the least cost "
+        "within which the last plan is proved, median; *within 1.5*: share of all tasks but those "
+        "that have no plan. *Undecided*: neither a plan nor the proof that there is none.",
+        "",
+        "| robot | cost | tasks | plans | none exists | undecided | first plan [s] | bound "
+        "| within 1.5 | steps | carried out |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for robot in ROBOTS:
+        lines += [
+            _row(robot, cost, [task[cost] for task in data["tasks"][robot]]) for cost in COSTS
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _row(robot: str, cost: str, found: list[dict[str, Any]]) -> str:
+    """A row of the table of tasks."""
+    plans = [one for one in found if one["improvements"]]
+    none = sum(one["reason"] == "search exhausted" for one in found)
+    undecided = len(found) - len(plans) - none
+    start = f"| `{robot}` | {cost} | {len(found)} | {len(plans)} | {none} | {undecided} |"
+    if not plans:
+        return f"{start} - | - | - | - | - |"
+    bounds = np.array([one["bound"] or np.inf for one in plans])
+    good = (bounds <= 1.5).sum() / max(len(found) - none, 1)
+    first = np.median([one["improvements"][0][0] for one in plans])
+    steps = np.mean([one["steps"] for one in plans])
+    done = sum(bool(one["executed"]) for one in plans)
+    return (
+        f"{start} {first:.2f} | {np.median(bounds):.2f} | {good:.0%} | {steps:.1f} "
+        f"| {done} of {len(plans)} |"
+    )
+
+
+def curves(data: dict[str, Any], path: Path) -> None:
+    """Share of the tasks that have a plan, over time."""
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for axis, robot in zip(axes, ROBOTS, strict=True):
+        for cost, colour in zip(COSTS, ("#1f5fd0", "#d62728"), strict=True):
+            found = [task[cost] for task in data["tasks"][robot]]
+            first = sorted(one["improvements"][0][0] for one in found if one["improvements"])
+            share = np.arange(1, len(first) + 1) / len(found)
+            axis.step([0.0, *first, data["seconds"]], [0.0, *share, share[-1] if first else 0.0],
+                      where="post", color=colour, label=f"cost {cost}")  # fmt: skip
+        axis.set_title(robot)
+        axis.set_xlabel("time [s]")
+        axis.grid(alpha=0.3)
+        axis.legend()
+    axes[0].set_ylabel("share of the tasks with a plan")
+    axes[0].set_ylim(0.0, 1.0)
+    save_figure(figure, path)
+
+
+def main() -> None:
+    """Measure and write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser.add_argument("--tasks", type=int, default=20)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    args = parser.parse_args()
+    alone = Processes(1)
+    data: dict[str, Any] = {"seconds": args.seconds, "fan": {}, "tasks": {}}
+    for robot in ROBOTS:
+        data["fan"][robot] = fan(robot)
+        work = partial(asked, robot=robot, seconds=args.seconds)
+        data["tasks"][robot] = list(alone.answers(work, range(args.tasks), f"tasks of {robot}"))
+    write_whole(args.out / "many_limbs.json", json.dumps(data, indent=1) + "\n")
+    write_whole(args.out / "many_limbs.md", markdown(data))
+    curves(data, args.out / "many_limbs.png")
+
+
+if __name__ == "__main__":
+    main()
