@@ -199,6 +199,19 @@ def readme_text(data: dict[str, Any]) -> str:
     )
 
 
+def in_one_line(data: dict[str, Any], disturbed: dict[str, Any]) -> str:
+    """What README says of it, with what disturbances do."""
+    fast = data["random_plans"]["fast"]
+    walks = disturbed["studies"]["guided, gentle: all"]
+    low, high = (f"{100 * share:.0f}" for share in walks["interval"])
+    return (
+        f"In MuJoCo {fast['succeeded']} of {fast['plans']} random plans are carried out at "
+        f"{fast['seconds_a_step'][0]:.1f} s a step (the paper: 50 s), and gently, with all "
+        f"disturbances at once, {walks['carried_out']} of {walks['walks']} ({low} to {high} %)\n"
+        "([simulation](docs/how-to/simulate.md)).\n"
+    )
+
+
 def pace_figure(data: dict[str, Any], path: Path) -> None:
     """Seconds a step over each limit."""
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")

@@ -197,6 +197,7 @@ def parts(results: Path) -> dict[str, str]:
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
         "dynamic_simulation": dynamic_report.readme_text(data("dynamic_simulation")),
+        "carried_out": dynamic_report.in_one_line(data("dynamic_simulation"), data("disturbances")),
         "limits": simulation_figures.limits(),
         "controller": simulation_figures.controller(),
         "disturbances": disturbances.readme_text(data("disturbances")),

@@ -63,8 +63,8 @@ def partitions(limbs: tuple[int, ...]) -> Iterator[Partition]:
         return
     first, rest = limbs[0], limbs[1:]
     for other in rest:
-        left_over = tuple(limb for limb in rest if limb != other)
-        for more in partitions(left_over):
+        others = tuple(limb for limb in rest if limb != other)
+        for more in partitions(others):
             yield ((first, other), *more)
     if len(limbs) % 2:
         for more in partitions(rest):

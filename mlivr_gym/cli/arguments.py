@@ -134,6 +134,22 @@ def query_arguments() -> argparse.ArgumentParser:
         "--goal", nargs=3, type=float, metavar=("X", "Y", "Z"), help="goal position of the base [m]"
     )
     parser.add_argument(
+        "--tolerance",
+        type=float,
+        default=0.2,
+        metavar="M",
+        help="radius of the goal [m] (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--goal-face", metavar="FACE", help="all limbs are to hold points of this face at the goal"
+    )
+    _search_arguments(parser)
+    return parser
+
+
+def _search_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of cost and search."""
+    parser.add_argument(
         "--cost",
         default="base",
         help="base, steps, weighted, or time: fastest of several plans (default: %(default)s)",
@@ -164,19 +180,8 @@ def query_arguments() -> argparse.ArgumentParser:
         help="more than two limbs: look for a plan and improve it for S seconds at most",
     )
     parser.add_argument(
-        "--tolerance",
-        type=float,
-        default=0.2,
-        metavar="M",
-        help="radius of the goal [m] (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--goal-face", metavar="FACE", help="all limbs are to hold points of this face at the goal"
-    )
-    parser.add_argument(
         "--limit", type=int, default=200_000, help="most states explored (default: %(default)s)"
     )
-    return parser
 
 
 def chosen_map(args: argparse.Namespace) -> GraspMap:

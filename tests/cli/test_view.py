@@ -125,4 +125,6 @@ def test_view_serves_this_computer_alone_until_it_is_interrupted(plan_file):
         served.send_signal(signal.SIGINT)
         _, told = served.communicate(timeout=30)
     assert served.returncode == 0
-    assert told == ""
+    # Where the machine is busy what takes long is told; nothing else is.
+    lines = [line for line in told.splitlines() if not re.fullmatch(r".*, \d+ s", line)]
+    assert not lines
