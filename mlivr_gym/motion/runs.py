@@ -32,7 +32,7 @@ class Run:
     corners: Array
 
     @cached_property
-    def _ends(self) -> Array:
+    def ends(self) -> Array:
         """Where knots would be passed without rounding, as shares of the run, shape (k,)."""
         longer = np.cumprod(self.corners[:, 0] / self.corners[:, 1])
         ends = np.cumsum(np.concatenate([[0.0, 1.0], longer]))
@@ -41,7 +41,7 @@ class Run:
 
     def at(self, share: Array) -> Array:
         """Base parameter and joint angles at shares of the run, shape (n, 7)."""
-        ends, knots = self._ends, self.knots
+        ends, knots = self.ends, self.knots
         values: Array = np.column_stack([np.interp(share, ends, column) for column in knots.T])
         for k, (before, _) in enumerate(self.corners, start=1):
             half = before * (ends[k] - ends[k - 1])
