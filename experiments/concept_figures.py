@@ -30,6 +30,7 @@ from mlivr_gym import stance_graph
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.motion.regrasp import PHASES
+from mlivr_gym.motion.runs import Run
 from mlivr_gym.pictures.figures import write_figure
 from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE, NAMES
 from mlivr_gym.pictures.robot_shapes import LIMB_COLOURS, robot_parts
@@ -181,7 +182,8 @@ def swing_figure(graph: PairGraph, plan: Plan) -> None:
     draw_points(axes, FROM_THE_SIDE, graph.grasp_map.positions, GREY, 5)
     knots = np.array(step.knots)
     swing = np.flatnonzero(motion.phase == PHASES.index("swing"))
-    places = swing[np.linspace(0, len(swing) - 1, len(knots)).round().astype(int)]
+    off = np.abs(motion.joint_positions[swing, step.limb][:, None] - knots[:, 1:]).max(axis=2)
+    places = swing[off.argmin(axis=0)]
     for k, place in enumerate(places):
         draw_parts(axes, FROM_THE_SIDE, [
             part for part in robot_parts(graph.robot, at(motion, int(place)))
@@ -203,12 +205,18 @@ def swing_figure(graph: PairGraph, plan: Plan) -> None:
             zorder=8,
         )
     axes.set_title(
-        "the gripper's way and the limb at the knots", fontsize=9.5, loc="left", color="0.25"
-    )
+        "the gripper's way, and the limb where it is closest to the knots",
+        fontsize=9.5, loc="left", color="0.25",
+    )  # fmt: skip
     right = figure.add_axes((0.57, 0.14, 0.41, 0.68))
-    for joint in range(6):
+    run, share = Run(knots, np.array(step.rounded)[1:-1]), np.linspace(0.0, 1.0, 200)
+    at_knots, curve = range(len(knots)), run.at(share)
+    for joint in range(1, 7):
+        (line,) = right.plot(
+            np.interp(share, run.ends, at_knots), curve[:, joint], label=f"joint {joint}"
+        )
         right.plot(
-            range(len(knots)), knots[:, joint + 1], marker="o", ms=4, label=f"joint {joint + 1}"
+            at_knots, knots[:, joint], color=line.get_color(), marker="o", ms=4, lw=0.8, ls=":"
         )
     right.set_xticks(
         range(len(knots)), [f"{k}\ns = {s:g}" for k, s in enumerate(knots[:, 0].round(2))]
@@ -221,7 +229,8 @@ def swing_figure(graph: PairGraph, plan: Plan) -> None:
         fontsize=7.5, frameon=False, ncols=6, loc="lower center", bbox_to_anchor=(0.5, 1.0)
     )
     figure.suptitle(
-        f"A swing of kind '{step.swing}': linear between knots, of limb and base together",
+        f"A swing of kind '{step.swing}': lines between knots, of limb and base together, "
+        "and rounded corners",
         x=0.05, ha="left", fontsize=11,
     )  # fmt: skip
     write_figure(figure, OUT / "swing.png")

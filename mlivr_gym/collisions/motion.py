@@ -38,6 +38,8 @@ class LimbMotion(Record):
     """Its flange in the world while it holds, or before it departs."""
     start: Joints
     """Joint angles at the start of a swing [rad]."""
+    corner: Joints
+    """Those at the corner that a swing rounds [rad]; of a line they do not count."""
     end: Joints
     """Joint angles at its end [rad]."""
 
@@ -49,8 +51,12 @@ class Motion(Record):
     """Path of the base."""
     begin: float
     """Where the base is on it at the start."""
+    corner: float
+    """Where it is at the corner that the motion rounds; on a line that does not count."""
     finish: float
     """Where it is at the end."""
+    rounded: bool
+    """Whether base and swings round a corner; else they go in a line."""
     first: LimbMotion
     """What the limb does that is checked."""
     second: LimbMotion

@@ -11,6 +11,12 @@ what was not clear on the whole is compared again.
 **Motions.** A limb departs from a grasp along the surface normal, swings along a line in joint
 space, or holds its grasp; the base rests or follows a path. It is compared with boxes, with itself
 and the body, with limbs at rest, and with one other limb that swings or holds meanwhile.
+
+**Corners.** Instead of a line, joint angles x of a swing and the base parameter may round a corner
+C between start A and end B: `x(s) = C + (A - C) f(1 - s) + (B - C) f(s)`, `f(s) = s^3 (2 - s)`, the
+B-spline that joins lines smoothly to the second derivative. Since `f'(s) + f'(1 - s) = 2`, its
+derivative lies between `2 (C - A)` and `2 (B - C)`, and what bounds the motion on lines along these
+bounds that on the curve: how far a link turns between two postures depends on them alone.
 """
 
 from __future__ import annotations
@@ -29,6 +35,7 @@ from mlivr_gym.collisions.motion import (
     SWINGS,
     Interval,
     LimbMotion,
+    Motion,
     Sweep,
 )
 from mlivr_gym.collisions.placing import (
@@ -49,7 +56,7 @@ from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics.base_path import pose_on_path, travel_seen, turn_seen
 from mlivr_gym.kinematics.limb import angles_at
 from mlivr_gym.kinematics.poses import along, columns, vector
-from mlivr_gym.kinematics.turns import FlangeMotion, come_back, held_turns, line_turns
+from mlivr_gym.kinematics.turns import FlangeMotion, come_back, held_turns, line_turns, more_turns
 
 MOST_PIECES = 512
 """Most intervals of the first division."""
@@ -67,10 +74,11 @@ def joints_at(robot: Robot, limb: LimbMotion, s: float, room: Sweep, q: Joints) 
     motion = room.motion
     if limb.kind == SWINGS:
         for k in range(6):
-            q[k] = limb.start[k] + s * (limb.end[k] - limb.start[k])
+            corner = limb.corner[k]
+            q[k] = _between(motion.rounded, limb.start[k], corner, limb.end[k], s)
         return True
     if limb.kind == HOLDS:
-        pose_on_path(motion.path, motion.begin + s * (motion.finish - motion.begin), room.base)
+        pose_on_path(motion.path, _base_at(motion, s), room.base)
         return angles_at(robot.limbs[limb.limb], room.base, limb.flange, limb.branch, 0.0, q)
     flange, lifted = limb.flange, room.lifted
     for k in range(3):
@@ -78,6 +86,31 @@ def joints_at(robot: Robot, limb: LimbMotion, s: float, room: Sweep, q: Joints) 
         for axis in range(3):
             lifted.rotation[k, axis] = flange.rotation[k, axis]
     return angles_at(robot.limbs[limb.limb], motion.path.first, lifted, limb.branch, 0.0, q)
+
+
+@kernel
+def _between(rounded: bool, start: float, corner: float, end: float, s: float) -> float:
+    """Where a coordinate is at a share `s` of its way in a line or round a corner."""
+    if not rounded:
+        return start + s * (end - start)
+    rest = 1.0 - s
+    before, after = rest * rest * rest * (2.0 - rest), s * s * s * (2.0 - s)
+    return corner + before * (start - corner) + after * (end - corner)
+
+
+@kernel
+def _base_at(motion: Motion, s: float) -> float:
+    """Where the base is on its path at a share `s` of a motion."""
+    return _between(motion.rounded, motion.begin, motion.corner, motion.finish, s)
+
+
+@kernel
+def _base_span(motion: Motion) -> float:
+    """How fast the base goes along its path at most, by the share of the motion."""
+    if not motion.rounded:
+        return abs(motion.finish - motion.begin)
+    corner = motion.corner
+    return 2.0 * max(abs(corner - motion.begin), abs(motion.finish - corner))
 
 
 @kernel
@@ -94,7 +127,7 @@ def sweep(robot: Robot, grid: BoxGrid, clearance: float, room: Sweep) -> int:
         `CLEAR`, `UNDECIDED` (too close for the depth, or out of reach on the way), or the cause.
     """
     motion, intervals = room.motion, room.intervals
-    span = abs(motion.finish - motion.begin)
+    span = _base_span(motion)
     travel, swing = motion.path.speed * span, motion.path.angle * span
     pieces = _pieces(robot, travel + swing, room)
     shortest = 0.5**DEPTH if motion.first.kind == DEPARTS else 0.5 ** (DEPTH + 1)
@@ -131,8 +164,8 @@ def _pieces(robot: Robot, travel: float, room: Sweep) -> int:
     motion = room.motion
     if motion.first.kind == DEPARTS:
         return 1
-    _whole_motion(robot, motion.first, room.first)
-    _whole_motion(robot, motion.second, room.second)
+    _whole_motion(robot, motion.first, room, room.first)
+    _whole_motion(robot, motion.second, room, room.second)
     if motion.first.kind == SWINGS:
         travel += room.first.shift[0, WRIST_POINT]
     interval = FIRST_INTERVAL[0] if motion.first.kind == SWINGS else FIRST_INTERVAL[1]
@@ -140,12 +173,17 @@ def _pieces(robot: Robot, travel: float, room: Sweep) -> int:
 
 
 @kernel
-def _whole_motion(robot: Robot, limb: LimbMotion, placed: Placed) -> None:
+def _whole_motion(robot: Robot, limb: LimbMotion, room: Sweep, placed: Placed) -> None:
     """Bounds for the whole of a swing, of which an interval has its share."""
     if limb.kind == SWINGS:
         for k in range(6):
             placed.plus[k] = limb.end[k] - limb.start[k]
+            if room.motion.rounded:
+                placed.minus[k] = 2.0 * (limb.corner[k] - limb.start[k])
+                placed.plus[k] = 2.0 * (limb.end[k] - limb.corner[k])
         line_turns(placed.plus, placed.turns)
+        if room.motion.rounded:
+            more_turns(placed.minus, placed.turns)
         joint_motion(robot.limbs[limb.limb].arm, placed)
 
 
@@ -207,8 +245,7 @@ def _flange_motion(robot: Robot, limb: LimbMotion, here: Interval, room: Sweep) 
     if limb.kind == DEPARTS:
         return FlangeMotion(here.half * robot.lift, 0.0, 0.0)
     motion = room.motion
-    half = here.half * abs(motion.finish - motion.begin)
-    at = motion.begin + here.middle * (motion.finish - motion.begin)
+    half, at = here.half * _base_span(motion), _base_at(motion, here.middle)
     _, _, z = columns(limb.flange.rotation)
     wrist = along(vector(limb.flange.position), -robot.limbs[limb.limb].arm.d6, z)
     path = motion.path
@@ -276,8 +313,7 @@ def _compare_with_boxes(
     """Compare the first limb, and a base that moves while it swings, with boxes."""
     motion, first, limb = room.motion, room.first, robot.limbs[room.motion.first.limb]
     travel, swing = speed[0] * here.half, speed[1] * here.half
-    at = motion.begin + here.middle * (motion.finish - motion.begin)
-    pose_on_path(motion.path, at, room.base)
+    pose_on_path(motion.path, _base_at(motion, here.middle), room.base)
     to_world(limb, room.base, first.in_body, first.in_world)
     moved_by_base(limb, travel, swing, first)
     todo, on_base = here.boxes, only(limb.capsule_count)

@@ -68,6 +68,17 @@ def line_turns(change: Joints, turns: Turns) -> None:
 
 
 @kernel
+def more_turns(change: Joints, turns: Turns) -> None:
+    """Raise turns to those on a line in joint space where these are larger, see `line_turns`."""
+    turns.q1, turns.q2 = max(turns.q1, abs(change[0])), max(turns.q2, abs(change[1]))
+    turns.q3, turns.q4 = max(turns.q3, abs(change[2])), max(turns.q4, abs(change[3]))
+    turns.q5, turns.q6 = max(turns.q5, abs(change[4])), max(turns.q6, abs(change[5]))
+    turns.q23 = max(turns.q23, abs(change[1] + change[2]))
+    turns.q34 = max(turns.q34, abs(change[2] + change[3]))
+    turns.q234 = max(turns.q234, abs(change[1] + change[2] + change[3]))
+
+
+@kernel
 def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
     """How far joints turn on their way from the middle of an interval to its ends.
 

@@ -27,6 +27,9 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb
 
+LENGTH_SAMPLES = 17
+"""Places on a base path at which joints of limbs that hold are looked at to tell its length."""
+
 
 class Committed(NamedTuple):
     """A step that the robot is committed to."""
@@ -59,10 +62,21 @@ def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None
     path = RegraspPath(graph, regrasp)
     ends = path.departure(np.ones(1))[0], path.approach(np.zeros(1))[0]
     points = regrasp.before[regrasp.limb], regrasp.to_point
-    swing = SwingFinder.of(graph, regrasp).find(*ends, points, edge)
+    finder = SwingFinder.of(graph, regrasp)
+    swing = finder.find(*ends, points, edge)
     if swing is None:
         return None
-    return Committed(replace(regrasp, knots=swing.knots), swing.kind)
+    rounded = finder.rounded(swing.knots, _lengths(path, swing.knots))
+    return Committed(replace(regrasp, knots=swing.knots, rounded=rounded), swing.kind)
+
+
+def _lengths(path: RegraspPath, knots: Array) -> Array:
+    """How far any joint turns on the lines between knots, about, shape (k - 1,) [rad]."""
+    holding = path.supports(np.linspace(0.0, 1.0, LENGTH_SAMPLES))
+    turned = np.nanmax(np.abs(np.diff(holding, axis=0)).sum(axis=0))
+    lines = np.abs(np.diff(knots, axis=0))
+    longest: Array = np.maximum(lines[:, 1:].max(axis=1), turned * lines[:, 0])
+    return longest
 
 
 def holds(points: IntArray, limb: int) -> list[tuple[int, int]]:
@@ -222,6 +236,7 @@ class _Draft:
             displacement=float(np.linalg.norm(regrasp.positions[1] - regrasp.positions[0])),
             swing=committed.swing,
             knots=tuple(tuple(knot) for knot in regrasp.knots.tolist()),
+            rounded=tuple(tuple(corner) for corner in regrasp.rounded.tolist()),
         )
 
     def manipulability(self) -> tuple[Array, Array]:

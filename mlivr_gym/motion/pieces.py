@@ -1,9 +1,9 @@
 """The pieces of a step: curves in the robot's configurations, each run through from rest to rest.
 
-A step departs, swings along the lines between its knots, and approaches. A piece is the curve of
-one of these with its first and second derivatives by the share of the piece, from 0 to 1. Dynamics
-along it are then a matter of the share and of how fast it changes, see
-`simulation.path_dynamics`.
+A step departs, swings along the lines between its knots, and approaches. Lines that meet in a
+rounded corner are one piece. A piece is the curve of one of these with its first and second
+derivatives by the share of the piece, from 0 to 1. Dynamics along it are then a matter of the share
+and of how fast it changes, see `simulation.path_dynamics`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.motion.regrasp import RegraspPath
 
 NODES = 97
-"""Places at which a piece is looked at."""
+"""Places at which a line, departure or approach is looked at."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,16 @@ def path_pieces(path: RegraspPath, nodes: int = NODES) -> tuple[Piece, ...]:
 
     Args:
         path: The step.
-        nodes: Places at which each is looked at.
+        nodes: Places at which a line, departure or approach is looked at.
 
     Raises:
         PlanError: If a limb that holds cannot follow the base.
     """
     share, limb = np.linspace(0.0, 1.0, nodes), path.regrasp.limb
-    swings = [path.swing(piece, share) for piece in range(path.pieces)]
+    shares = [
+        share, *(np.linspace(0.0, 1.0, lines * (nodes - 1) + 1) for lines in path.lines), share
+    ]  # fmt: skip
+    swings = [path.swing(piece, at) for piece, at in enumerate(shares[1:-1])]
     parts = [
         (np.zeros(nodes), path.departure(share)), *swings, (np.ones(nodes), path.approach(share))
     ]  # fmt: skip
@@ -72,16 +75,17 @@ def path_pieces(path: RegraspPath, nodes: int = NODES) -> tuple[Piece, ...]:
     positions, rotations = path.base(u)
     turned = Rotation.from_matrix(rotations)
     found = []
-    for k in range(len(parts)):
-        here = slice(k * nodes, (k + 1) * nodes)
+    ends = np.cumsum([0, *map(len, shares)])
+    for k, at in enumerate(shares):
+        here = slice(ends[k], ends[k + 1])
         found.append(
             Piece(
                 0 if k == 0 else 2 if k == len(parts) - 1 else 1,
-                share,
+                at,
                 positions[here],
                 turned[here].as_quat(scalar_first=True),
                 joints[here],
-                _curve(share, positions[here], turned[here], joints[here]),
+                _curve(at, positions[here], turned[here], joints[here]),
             )
         )
     return tuple(found)

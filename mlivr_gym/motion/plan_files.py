@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, fields, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ from mlivr_gym.settings import GRAPH_RULES, SETTINGS, check_rules
 from mlivr_gym.values import LONGEST, MOST_PARTS, MOST_POINTS
 from mlivr_gym.world.boxes import Boxes
 
-FORMAT = 4
+FORMAT = 5
 """Version of the file format."""
 
 BRANCHES = 8
@@ -45,6 +46,9 @@ BRANCHES = 8
 
 UNIT_TOLERANCE = 1e-6
 """Largest deviation of a quaternion's length from 1."""
+
+ROUNDING = 1e-9
+"""Shares of a line that exceed it by less are those of the whole line."""
 
 MOST_STEPS = 10_000
 """Most steps of a plan that is read; a walk through the JEM and back takes about twenty."""
@@ -125,6 +129,7 @@ def step_fields(limbs: int) -> Record[Step]:
             "displacement": Tuples((), 0.0),
             "swing": Choice(SWING_KINDS),
             "knots": Tuples((None, 7), -FARTHEST_TURN, FARTHEST_TURN, "rad", (0, MOST_PARTS)),
+            "rounded": Tuples((None, 2), 0.0, 1.0, "", (0, MOST_PARTS)),
         },
         complete=True,
     )
@@ -198,8 +203,22 @@ def _motion(data: Any, limbs: int) -> Motion:
                 "must be none, or two or more with base parameters that rise from 0 to 1, "
                 f"not {shown(u.tolist())}"
             )
+        _check_corners(place.field("steps").entry(i).field("rounded"), step)
     _check_order(motion.stances, motion.steps)
     return replace(motion, branches=np.array(motion.branches, dtype=np.int64))
+
+
+def _check_corners(place: Place, step: Step) -> None:
+    """Corners must be those of the knots, and the swing at rest at its ends."""
+    corners = step.rounded
+    if len(corners) != len(step.knots):
+        raise place.fault(f"has {len(corners)} corners for {len(step.knots)} knots")
+    if any((before > 0.0) != (after > 0.0) for before, after in corners):
+        raise place.fault(f"must have both shares of a corner or none, not {shown(corners)}")
+    if corners and (any(corners[0]) or any(corners[-1])):
+        raise place.fault(f"must be 0 at both ends, not {shown([corners[0], corners[-1]])}")
+    if any(here[1] + ahead[0] > 1.0 + ROUNDING for here, ahead in pairwise(corners)):
+        raise place.fault(f"must share each line between its two corners, not {shown(corners)}")
 
 
 def _check_order(stances: tuple[tuple[str, ...], ...], steps: tuple[Step, ...]) -> None:

@@ -55,14 +55,17 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
     if not len(step.knots):
         raise PlanError(f"step {index} has no swing; make the plan with collisions=True")
     path, share = RegraspPath(graph, step), np.linspace(0.0, 1.0, samples)
-    pieces = [path.swing(piece, share) for piece in range(path.pieces)]
+    pieces = [
+        path.swing(piece, np.linspace(0.0, 1.0, samples * lines))
+        for piece, lines in enumerate(path.lines)
+    ]
     u = np.concatenate([np.zeros(samples), *(u for u, _ in pieces), np.ones(samples)])
     joints = path.supports(u)
     joints[:, step.limb] = np.concatenate(
         [path.departure(share), *(joints for _, joints in pieces), path.approach(share)]
     )
     positions, rotations = path.base(u)
-    phase = np.repeat(range(len(PHASES)), [samples, samples * path.pieces, samples])
+    phase = np.repeat(range(len(PHASES)), [samples, samples * sum(path.lines), samples])
     return StepMotion(
         phase, positions, np.array([quaternion(rotation) for rotation in rotations]), joints
     )

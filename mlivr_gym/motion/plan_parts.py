@@ -32,6 +32,8 @@ class Step:
         knots: Base parameter from 0 to 1 and the limb's six joint angles [rad] at each knot of its
             swing, from above the point it leaves to above the point it grasps; in between both
             change linearly.
+        rounded: Shares of the lines before and after each knot that lie on its rounded corner,
+            see `mlivr_gym.motion.runs`; 0 and 0 where the swing comes to rest.
     """
 
     limb: int
@@ -42,6 +44,7 @@ class Step:
     displacement: float
     swing: str = "unchecked"
     knots: tuple[tuple[float, ...], ...] = ()
+    rounded: tuple[tuple[float, ...], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,14 @@ places along it, so that a picture, a trajectory and a simulation all follow the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, BasePath, base_path, base_poses
@@ -20,6 +21,7 @@ from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.runs import Run
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 UNCHECKED_KNOTS: Array = np.zeros((0, 7))
@@ -56,6 +58,8 @@ class Regrasp:
         grasp_joints: Joint angles of the moving limb after the step, shape (6,) [rad].
         knots: Base parameter and joint angles at each knot of the swing, shape (k, 7); none if the
             swing was not checked.
+        rounded: Shares of the lines before and after each knot that lie on its rounded corner,
+            shape (k, 2); 0 where the swing comes to rest. None is rounded by default.
     """
 
     limb: int
@@ -69,6 +73,7 @@ class Regrasp:
     joints: Array
     grasp_joints: Array
     knots: Array
+    rounded: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def after(self) -> tuple[int, ...]:
@@ -85,9 +90,9 @@ class Regrasp:
 class RegraspPath:
     """Configurations along a regrasp.
 
-    A swing that was checked is followed on its knots. One that was not runs in task space, the
-    gripper on a straight line with its rotation by slerp, where the limb can do so on one branch
-    inside its joint limits; else in joint space.
+    A swing that was checked is followed on its knots, round the corners that are rounded. One that
+    was not runs in task space, the gripper on a straight line with its rotation by slerp, where the
+    limb can do so on one branch inside its joint limits; else in joint space.
     """
 
     def __init__(self, graph: StanceGraph, regrasp: Regrasp) -> None:
@@ -95,13 +100,17 @@ class RegraspPath:
         self.graph, self.regrasp = graph, regrasp
 
     @cached_property
+    def _kept(self) -> BoolArray:
+        """Which knots count: each once."""
+        moved = np.abs(np.diff(self.regrasp.knots, axis=0)).max(axis=1) > SAME_KNOT
+        kept: BoolArray = np.concatenate([[True], moved])
+        return kept
+
+    @cached_property
     def _knots(self) -> Array:
         """Knots of the swing, each once; of one that was not checked, those at its ends."""
-        knots = self.regrasp.knots
-        if len(knots):
-            moved = np.abs(np.diff(knots, axis=0)).max(axis=1) > SAME_KNOT
-            kept: Array = knots[np.concatenate([[True], moved])]
-            return kept
+        if len(self.regrasp.knots):
+            return self.regrasp.knots[self._kept]
         ends = [self.departure(np.array([0.0, 1.0]))[1:], self.approach(np.array([0.0, 1.0]))[:1]]
         return np.column_stack([[0.0, 1.0], np.concatenate(ends)])
 
@@ -110,10 +119,27 @@ class RegraspPath:
         """Whether the gripper swings on a straight line."""
         return not len(self.regrasp.knots) and self._serves_in_task_space()
 
+    @cached_property
+    def _runs(self) -> list[Run]:
+        """The pieces of the swing, chains of lines with rounded corners between them."""
+        rounded, corners = self.regrasp.rounded, np.zeros((len(self._knots), 2))
+        if len(rounded):
+            corners[1:-1] = rounded[self._kept][1:-1]
+        stops = np.flatnonzero((corners == 0.0).any(axis=1))
+        return [
+            Run(self._knots[first : last + 1], corners[first + 1 : last])
+            for first, last in pairwise(stops)
+        ]
+
     @property
     def pieces(self) -> int:
         """Number of pieces of the swing, each from rest to rest."""
-        return len(self._knots) - 1
+        return len(self._runs)
+
+    @property
+    def lines(self) -> list[int]:
+        """Number of lines between knots in each of them."""
+        return [len(run.knots) - 1 for run in self._runs]
 
     def departure(self, share: Array) -> Array:
         """Joint angles of the moving limb at shares of its departure, shape (k, 6) [rad]."""
@@ -145,8 +171,7 @@ class RegraspPath:
         """
         if self.in_task_space:
             return share, self._in_a_straight_line(share)
-        first, last = self._knots[piece : piece + 2]
-        values = first + share[:, None] * (last - first)
+        values = self._runs[piece].at(share)
         return values[:, 0], values[:, 1:]
 
     def _serves_in_task_space(self) -> bool:
@@ -253,4 +278,5 @@ def planned_regrasp(graph: StanceGraph, plan: Plan, index: int) -> Regrasp:
         joints=motion.joint_positions[index],
         grasp_joints=motion.joint_positions[index + 1, step.limb],
         knots=np.array(step.knots, dtype=np.float64).reshape(-1, 7),
+        rounded=np.array(step.rounded, dtype=np.float64).reshape(-1, 2),
     )

@@ -16,7 +16,9 @@ by which the graph has shown that it can be released are among them. So an edge 
 swing: every line of `folded` and `changed` was found free when it was checked. Joint 6 turns while
 the base moves, and of a limb's shapes moves none.
 
-Each line is checked as a whole, see `collisions.sweep`.
+Each line is checked as a whole, see `collisions.sweep`. So is the curve that rounds a corner
+between two lines, see `motion.runs`; the largest that keeps the clearance is taken of some, and
+where none does the robot stops.
 """
 
 from __future__ import annotations
@@ -36,6 +38,12 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions import motions
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.grasp_poses import angles_above
+
+ROUNDINGS = (1.0, 0.8, 0.6, 0.4, 0.2)
+"""Parts of the most that the rounding of a corner may take of two lines, which are tried."""
+
+SHORTEST_LINE = 1e-3
+"""A line on which no joint turns farther has no rounded corner [rad]."""
 
 
 class Swing(NamedTuple):
@@ -156,6 +164,40 @@ class SwingFinder:
     def clear(self, knots: Array) -> bool:
         """Whether the robot touches nothing along a chain of knots."""
         return all(self._clear_line(a, b) for a, b in pairwise(knots))
+
+    def rounded(self, knots: Array, lengths: Array) -> Array:
+        """Shares of the lines before and after each knot on which its corner can be rounded.
+
+        Args:
+            knots: Of a swing whose lines are clear, shape (k, 7).
+            lengths: Lengths of its lines, shape (k - 1,); a corner takes as much of either. What
+                lies between two corners is theirs by halves.
+
+        Returns:
+            Shape (k, 2); 0 at the ends and where no rounding keeps the clearance.
+        """
+        shares, most = np.zeros((len(knots), 2)), lengths.copy()
+        most[1:-1] *= 0.5
+        for k in range(1, len(knots) - 1):
+            pair = lengths[k - 1 : k + 1]
+            if pair.min() < SHORTEST_LINE:
+                continue
+            for part in ROUNDINGS:
+                before, after = part * most[k - 1 : k + 1].min() / pair
+                first = knots[k] + before * (knots[k - 1] - knots[k])
+                last = knots[k] + after * (knots[k + 1] - knots[k])
+                if self.clear_corner(first, knots[k], last):
+                    shares[k] = before, after
+                    break
+        return shares
+
+    def clear_corner(self, first: Array, corner: Array, last: Array) -> bool:
+        """Whether the robot touches nothing on the rounding of a corner, from its first place."""
+        piece = self._pieces[0]
+        piece["rounded"], piece["turning"], piece["corner"]["q"] = True, corner[0], corner[1:]
+        clear = self._clear_line(first, last)
+        piece["rounded"] = False
+        return clear
 
     def _clear_line(self, a: Array, b: Array) -> bool:
         """Whether the robot touches nothing from one knot to the next."""

@@ -1,7 +1,8 @@
 """Trajectories: steps with a clock.
 
-Each piece of a step runs from rest to rest on its clock, so that velocity and acceleration vanish
-at every corner of the path that was checked and the path itself is kept exactly.
+Each piece of a step runs from rest to rest on its clock, and the path that was checked is kept
+exactly: on lines, on corners that are rounded, and at those that are not, where velocity and
+acceleration vanish.
 """
 
 from __future__ import annotations

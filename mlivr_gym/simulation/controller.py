@@ -14,6 +14,11 @@ A limb that holds carries the whole robot, some 30 kg m^2 about its joints, and 
 grasp; a limb that is free ends in a wrist of hardly more than its rotor's 0.1 kg m^2. Sampled, a
 gain of the speed error must stay below the inertia over the period, 50 N m s/rad for that wrist at
 500 Hz. So the two have gains of their own.
+
+On one limb the robot rocks slowly. What guides the free limb pushes the base the other way and
+feeds that motion; shoulder and elbow of the limb that holds, between heavy parts, damp it. A
+gripper waits until it is at rest in the world, since a grasp that takes hold of one that moves
+pulls at once by its damper.
 """
 
 from __future__ import annotations
@@ -44,14 +49,15 @@ class Controller:
         guided: Whether a sensor on the gripper guides the approach.
         sensor_period: Time from one reading of that sensor to the next [s].
         guidance: Share of the error seen that is taken out in a second [1/s].
-        patience: How long the gripper may wait before the point until the error seen is small [s].
+        patience: How long the gripper may wait before the point until the error seen is small and
+            the gripper at rest [s].
         tries: Approaches that are tried, all but the last of which must come close to the point.
     """
 
     kp_free: tuple[float, ...] = (800.0, 1200.0, 1200.0, 200.0, 200.0, 160.0)
     kd_free: tuple[float, ...] = (40.0, 60.0, 60.0, 10.0, 10.0, 8.0)
     kp_hold: tuple[float, ...] = (800.0, 1200.0, 1200.0, 1000.0, 1400.0, 1200.0)
-    kd_hold: tuple[float, ...] = (40.0, 60.0, 60.0, 50.0, 70.0, 60.0)
+    kd_hold: tuple[float, ...] = (80.0, 120.0, 120.0, 50.0, 70.0, 60.0)
     integral: float = 0.0
     period: float = 0.002
     feedforward: bool = True
@@ -60,7 +66,7 @@ class Controller:
     guided: bool = True
     sensor_period: float = 0.02
     guidance: float = 1.0
-    patience: float = 3.0
+    patience: float = 6.0
     tries: int = 2
 
     def __post_init__(self) -> None:

@@ -79,9 +79,26 @@ class Grippers:
 
     def jacobian(self, limb: int) -> Array:
         """How a limb's joints move its gripper, in world axes, shape (6, 6)."""
+        return self._jacobian(limb)[:, 6 + 6 * limb : 12 + 6 * limb]
+
+    def _jacobian(self, limb: int) -> Array:
+        """How base and joints move a gripper, in world axes, shape (6, 6 + 6 N)."""
         both = np.zeros((6, self._model.nv))
         mujoco.mj_jacSite(self._model, self._data, both[:3], both[3:], self._sites[limb])
-        return both[:, 6 + 6 * limb : 12 + 6 * limb]
+        return both
+
+    def speeds(self, limb: int, joints: Array) -> tuple[float, float]:
+        """How fast a gripper moves [m/s] and turns [rad/s] if those that hold stand still.
+
+        Args:
+            limb: Its limb.
+            joints: Speeds of all joints, shape (6 N,) [rad/s].
+        """
+        holding = [other for other, point in enumerate(self.points) if point != FREE]
+        held, here = np.concatenate([self._jacobian(i) for i in holding]), self._jacobian(limb)
+        base = np.linalg.lstsq(held[:, :6], -held[:, 6:] @ joints)[0]
+        speed = here[:, :6] @ base + here[:, 6:] @ joints
+        return float(np.linalg.norm(speed[:3])), float(np.linalg.norm(speed[3:]))
 
     def error(self, limb: int, point: int) -> tuple[float, float]:
         """Distance [m] and angle [rad] of a gripper from a point that it might hold."""

@@ -18,8 +18,8 @@ from mlivr_gym.simulation.joint_control import JointControl
 CLOSE_POSITION, CLOSE_ANGLE = 0.001, float(np.deg2rad(0.4))
 """An error seen that is smaller counts as none [m, rad]."""
 
-AT_REST = 0.01
-"""A joint that turns more slowly counts as at rest [rad/s]."""
+AT_REST = 0.004, 0.01
+"""A gripper that moves and turns more slowly counts as at rest [m/s, rad/s]."""
 
 MEMORY = 0.8
 """Share of the error seen before that is kept at each reading of the sensor."""
@@ -55,11 +55,21 @@ class Guidance:
 
     @property
     def close(self) -> bool:
-        """Whether the error seen is small, and the limb at rest."""
-        if self._seen is None or self._joints.fastest(self._limb) > AT_REST:
+        """Whether the error seen is small, and the gripper at rest.
+
+        A grasp stops a gripper at once, by its damper: what the gripper is seen to do counts, not
+        what its limb does, for the whole robot still rocks on the limbs that hold.
+        """
+        if self._seen is None:
             return False
         away, turned = np.linalg.norm(self._seen[:3]), np.linalg.norm(self._seen[3:])
-        return bool(away < CLOSE_POSITION and turned < CLOSE_ANGLE)
+        moves, turns = self._grippers.speeds(self._limb, self._joints.speeds)
+        return bool(
+            away < CLOSE_POSITION
+            and turned < CLOSE_ANGLE
+            and moves < AT_REST[0]
+            and turns < AT_REST[1]
+        )
 
     def correct(self, trajectory: Trajectory, k: int) -> None:
         """Read the sensor and move the references of the limb's joints.

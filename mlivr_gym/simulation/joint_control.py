@@ -92,10 +92,10 @@ class JointControl:
         self.shift = self._data.qpos[7:] + self._bias - positions
         self._integral[:] = 0.0
 
-    def fastest(self, limb: int) -> float:
-        """Largest speed of a limb's joints, as last read [rad/s]."""
-        speeds = self._past[-1][1][6 * limb : 6 * limb + 6]
-        return float(np.abs(speeds).max())
+    @property
+    def speeds(self) -> Array:
+        """Speeds of all joints as last read, shape (6 N,) [rad/s]."""
+        return self._past[-1][1]
 
     def _shifts(self, count: int, recovering: bool) -> Array:
         """The shift at each of the next time steps, shape (1 or count, 6 N) [rad]."""

@@ -18,18 +18,24 @@ from mlivr_gym.transitions.records import World
 
 
 class Piece(Record):
-    """A piece of a swing: a line in joint space while the base goes along a part of its path."""
+    """A line in joint space while the base goes along a part of its path, or a rounded corner."""
 
     path: BasePath
     """Path of the base."""
     begin: float
     """Where the base is on it at the start."""
+    turning: float
+    """Where it is at the corner."""
     finish: float
     """Where it is at the end."""
+    rounded: bool
+    """Whether this rounds a corner, see `collisions.sweep`."""
     limb: int
     """Limb that swings."""
     start: Angles
     """Its joint angles at the start."""
+    corner: Angles
+    """Those at the corner."""
     end: Angles
     """Those at the end."""
 
@@ -47,8 +53,9 @@ class Hold(Record):
 
 @kernel
 def follow_path(room: Sweep, path: BasePath, begin: float, finish: float) -> None:
-    """Let the base go from `begin` to `finish` on a path."""
+    """Let the base go from `begin` to `finish` on a path, and limbs swing in lines."""
     motion = room.motion
+    motion.rounded = False
     set_path(motion.path, path.first, path.last, path.kind, vector(path.pivot))
     motion.begin, motion.finish = begin, finish
 
@@ -59,6 +66,15 @@ def let_swing(motion: LimbMotion, limb: int, start: Angles, end: Angles) -> None
     motion.limb, motion.kind = limb, SWINGS
     for joint in range(6):
         motion.start[joint], motion.end[joint] = start.q[joint], end.q[joint]
+
+
+@kernel
+def let_round(room: Sweep, piece: Piece) -> None:
+    """Let base and swinging limbs round the corner of a piece."""
+    motion = room.motion
+    motion.rounded, motion.corner = True, piece.turning
+    for joint in range(6):
+        motion.first.corner[joint] = motion.second.corner[joint] = piece.corner.q[joint]
 
 
 @kernel
@@ -130,6 +146,8 @@ def piece_clear(pieces: Any, holds: Any, robots: Any, world: World, rooms: Any) 
     piece, robot, room = pieces[0], robots[0], rooms[0]
     room.resting.count = 0
     follow_path(room, piece.path, piece.begin, piece.finish)
+    if piece.rounded:
+        let_round(room, piece)
     for layer in range(world.first, world.stop):
         if not swing_clear(robot, world, layer, piece.limb, piece.start, piece.end, room):
             return False

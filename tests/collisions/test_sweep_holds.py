@@ -17,6 +17,7 @@ from limb_motions import (
     Limb,
     Spheres,
     answer,
+    at_corner,
     by_coal,
     draw,
     held_joints,
@@ -87,6 +88,26 @@ def test_a_limb_that_holds_keeps_the_clearance_to_the_one_that_swings_and_no_mor
             assert (hold.meeting(CLEARANCE, line, robot) == CLEAR) == (gap == FAR)
 
 
+def test_a_rounded_corner_keeps_clear_of_a_limb_that_holds_and_no_more(small_checked_graph):
+    """The base is anywhere on its path at the corner."""
+    rng, places = np.random.default_rng(7), np.linspace(0.0, 1.0, 301)
+    for _ in range(8):
+        hold = Hold.random(small_checked_graph, rng)
+        mover, start = 1 - hold.limb, rng.uniform(-np.pi, np.pi, 6)
+        corner, end = start + rng.uniform(-0.5, 0.5, (2, 6))
+        knots = np.column_stack([[0.0, rng.uniform(), 1.0], [start, corner, end]])
+        values = at_corner(*knots, places)
+        ours, theirs = (
+            in_body(hold.limb, hold.joints_at(values[:, 0])),
+            in_body(mover, values[:, 1:]),
+        )
+        direction = draw(rng)
+        for gap in (NEAR, FAR):
+            offset = shift_to(ours, theirs, direction, gap)
+            ends, robot = swinging(mover, start, end), with_shifted_mount(mover, offset)
+            assert (hold.meeting(CLEARANCE, ends, robot, knots[1]) == CLEAR) == (gap == FAR)
+
+
 def test_a_line_through_a_limb_that_holds_is_not_clear(small_checked_graph):
     """Random lines of the mover: clear only where coal finds the clearance at every sample."""
     rng, places = np.random.default_rng(3), np.linspace(0.0, 1.0, 201)
@@ -118,7 +139,8 @@ def both_hold(graph, rng):
         path = path_between((first, turn, first + 0.08 * draw(rng), turn))
         branches = graph.branch[s].tolist()
         try:
-            joints = [held_joints(graph, i, points[i], branches[i], path, 101) for i in range(2)]
+            places = np.linspace(0.0, 1.0, 101)
+            joints = [held_joints(graph, i, points[i], branches[i], path, places) for i in range(2)]
         except AssertionError:
             continue
         return joints, branches, path, points

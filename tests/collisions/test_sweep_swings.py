@@ -27,12 +27,14 @@ from limb_motions import (
     Limb,
     Spheres,
     answer,
+    at_corner,
     departing,
     draw,
     in_body,
     kind_of,
     let_rest,
     motion,
+    round_corner,
     shift_to,
     swinging,
     verdicts,
@@ -189,17 +191,25 @@ def test_a_departure_keeps_clear_of_boxes_and_no_more(small_checked_graph):
 
 
 class Swing(NamedTuple):
-    """A line in joint space of limb 0 while the base follows a path, or stands where it starts."""
+    """A line in joint space of limb 0 while the base follows a path, or stands where it starts.
+
+    Or, with a corner, base parameter and joint angles (7,), the rounding of that.
+    """
 
     path: object
     last: float
     start: np.ndarray
     end: np.ndarray
+    corner: np.ndarray | None = None
 
     def moments(self, places):
         """Where the robot is at some places along the swing; limb 1 does not count."""
-        where, turned = base_poses(self.path, places * self.last)
-        moving_limb = self.start + places[:, None] * (self.end - self.start)
+        ends = np.array([[0.0, *self.start], [self.last, *self.end]])
+        values = ends[0] + places[:, None] * (ends[1] - ends[0])
+        if self.corner is not None:
+            values = at_corner(ends[0], self.corner, ends[1], places)
+        where, turned = base_poses(self.path, values[:, 0])
+        moving_limb = values[:, 1:]
         joints = np.stack([moving_limb, np.zeros_like(moving_limb)], axis=1)
         return [(w, quaternion(r), q) for w, r, q in zip(where, turned, joints, strict=True)]
 
@@ -207,6 +217,8 @@ class Swing(NamedTuple):
         """What the compiled check says, boxes alone."""
         line = swinging(0, self.start, self.end)
         room = motion(self.path, (0.0, self.last), line, compared=("boxes",))
+        if self.corner is not None:
+            round_corner(room, self.corner[0], self.corner[1:])
         return answer(room, CLEARANCE, (box,))
 
 
@@ -217,15 +229,21 @@ CASES = (
 """What reaches farthest, and how far joints turn [rad] and the base travels [m] and turns [rad]."""
 
 
-def random_swing(rng, kind, joints, travel, swing):
-    """A swing from a random place; the base follows a path of a kind, or stays if that is None."""
+def random_swing(rng, kind, rounded, joints, travel, swing):
+    """A swing from a random place; the base follows a path of a kind, or stays if that is None.
+
+    In a line or, if `rounded`, round a corner at which the base is anywhere on its path.
+    """
     start, turn = rng.uniform(-np.pi, np.pi, 6), Rotation.random(rng=rng)
     first, more = rng.uniform(-1.0, 1.0, 3), travel * draw(rng)
     after = (turn * Rotation.from_rotvec(swing * draw(rng))).as_matrix()
     pivot = first + rng.uniform(-0.3, 0.3, 3) + (0.0, 0.0, -0.8)
     ends = first, turn.as_matrix(), first + more, after
-    path = path_between(ends, kind or STRAIGHT, pivot)
-    return Swing(path, float(kind is not None), start, start + joints * rng.uniform(-1.0, 1.0, 6))
+    path, last = path_between(ends, kind or STRAIGHT, pivot), float(kind is not None)
+    end, corner = start + joints * rng.uniform(-1.0, 1.0, 6), None
+    if rounded:
+        corner = np.array([last * rng.uniform(), *(start + joints * rng.uniform(-1.0, 1.0, 6))])
+    return Swing(path, last, start, end, corner)
 
 
 def moving(measured, still):
@@ -241,11 +259,11 @@ def moving(measured, still):
     return min(distances)
 
 
-def meeting(rng, kind, wanted, *motion):
+def meeting(rng, kind, rounded, wanted, *motion):
     """A random swing and a direction in which the limb, a mount or the body reaches farthest."""
     places = np.linspace(0.0, 1.0, 151)
     while True:
-        swing = random_swing(rng, kind, *motion)
+        swing = random_swing(rng, kind, rounded, *motion)
         moments = swing.moments(places)
         exact = Spheres.of(moments, kind is None)
         for direction in (draw(rng) for _ in range(30)):
@@ -254,13 +272,14 @@ def meeting(rng, kind, wanted, *motion):
                 return swing, moments, direction, point, k
 
 
+@pytest.mark.parametrize("rounded", [False, True], ids=["line", "corner"])
 @pytest.mark.parametrize("kind", [None, STRAIGHT, ARC], ids=["rest", "straight", "arc"])
-def test_a_swing_keeps_the_clearance_and_no_more(kind):
+def test_a_swing_keeps_the_clearance_and_no_more(kind, rounded):
     """A thin obstacle before limb, mount or body, whichever reaches farthest in a swing."""
     rng, ruler, still = np.random.default_rng(0), Ruler(ROBOT), kind is None
     for n in range(12 if still else 20):
         case, half = CASES[0 if still else n % len(CASES)], (PLATE, ROD)[n % 2]
-        swing, moments, direction, point, k = meeting(rng, kind, *case)
+        swing, moments, direction, point, k = meeting(rng, kind, rounded, *case)
         close = in_front(point, direction, NEAR, half)
         least = moving(ruler.among([close]).measured(moments[k]), still)
         assert least == pytest.approx(NEAR, abs=1e-5)

@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses, travel_seen, turn_seen
 from mlivr_gym.kinematics.poses import pose
-from mlivr_gym.kinematics.turns import FlangeMotion, Turns, come_back, held_turns, line_turns
+from mlivr_gym.kinematics.turns import (
+    FlangeMotion,
+    Turns,
+    come_back,
+    held_turns,
+    line_turns,
+    more_turns,
+)
 
 ARM = arm_of(LIMB)
 SUMS = {
@@ -146,3 +153,13 @@ def test_on_a_line_joints_turn_as_far_as_its_end(change):
     called(line_turns)(change, turns)
     for name, joints in SUMS.items():
         assert turns[name] == pytest.approx(abs(change[joints].sum()), abs=1e-12)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=50, deadline=None)
+def test_of_two_lines_joints_turn_as_far_as_on_the_longer_one(seed):
+    both, turns = np.random.default_rng(seed).normal(size=(2, 6)), Turns.row()
+    called(line_turns)(both[0], turns)
+    called(more_turns)(both[1], turns)
+    for name, joints in SUMS.items():
+        assert turns[name] == pytest.approx(np.abs(both[:, joints].sum(axis=1)).max(), abs=1e-15)

@@ -22,7 +22,7 @@ def changed(data, path, value):
     place = next(part for part in out.values() if isinstance(part, dict) and path[0] in part)
     for key in path[:-1]:
         place = place[key]
-    place[path[-1]] = value
+    place[path[-1]] = value(place[path[-1]]) if callable(value) else value
     return out
 
 
@@ -48,6 +48,19 @@ FAULTS = [
     ),
     (("steps", 0, "knots", 0, 0), 0.7, "rise from 0 to 1"),
     (("steps", 0, "knots"), [[u, *6 * [0.0]] for u in (0.0, 0.7, 0.3, 1.0)], "rise from 0 to 1"),
+    (("steps", 0, "rounded"), [], r"steps\[0\].rounded has 0 corners for \d knots"),
+    (("steps", 0, "rounded", 0), [0.5, 0.0], "both shares of a corner or none"),
+    (("steps", 0, "rounded", 0), [0.5, 0.5], "must be 0 at both ends"),
+    (("steps", 0, "rounded", 0), [0.5, 1.5], r"rounded\[0\]\[1\] is 1.5; it must be from 0 to 1"),
+    (
+        ("steps", 0),
+        lambda step: (
+            step
+            | {"knots": [[u, *6 * [0.0]] for u in (0.0, 0.3, 0.7, 1.0)]}
+            | {"rounded": [[0.0, 0.0], [1.0, 0.6], [0.5, 1.0], [0.0, 0.0]]}
+        ),
+        "share each line between its two corners",
+    ),
     (("steps", 0, "pivot"), ["a", "b", "c"], r"steps\[0\].pivot"),
     (("steps", 0, "pivot"), [1.0], r"steps\[0\].pivot has shape \(1,\)"),
     (("steps", 0, "path"), "curve", r"steps\[0\].path is 'curve'"),

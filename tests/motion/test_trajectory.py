@@ -1,5 +1,6 @@
 import csv
 from dataclasses import replace
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -8,6 +9,8 @@ import yaml
 from fuzz import damaged, few, loaded
 from hypothesis import given
 from hypothesis import strategies as st
+from limb_motions import at_corner, eased
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SettingError
@@ -130,18 +133,36 @@ def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, s
 
 
 def test_swings_that_were_checked_are_kept_exactly(checked_graph, plan):
-    """Every configuration of the swing lies on the line between two knots."""
-    step = step_trajectory(checked_graph, plan, 0, Durations(), period=0.05)
-    knots = np.array(plan.steps[0].knots)
-    swing = step.joint_positions[step.phase == 1, plan.steps[0].limb]
-    apart = []
-    for q in swing:
-        distance = []
-        for a, b in zip(knots[:-1, 1:], knots[1:, 1:], strict=True):
-            share = np.clip((q - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-            distance.append(np.abs(a + share * (b - a) - q).max())
-        apart.append(min(distance))
-    assert max(apart) < 1e-9
+    """Every configuration of the swing lies on a line between two knots or on a rounded corner.
+
+    That is the convex combination of its ends and its corner with the weights of
+    `collisions.sweep`.
+    """
+    off, rounded = [], 0
+    for index, planned in enumerate(plan.steps):
+        step = step_trajectory(checked_graph, plan, index, Durations(), period=0.05)
+        knots, corners = np.array(planned.knots)[:, 1:], np.array(planned.rounded)
+        curves = [(a, 0.5 * (a + b), b, False) for a, b in pairwise(knots)]
+        for k in np.flatnonzero(corners[:, 0]):
+            into, out = knots[k] - knots[k - 1], knots[k + 1] - knots[k]
+            ends = knots[k] - corners[k, 0] * into, knots[k] + corners[k, 1] * out
+            curves.append((ends[0], knots[k], ends[1], True))
+            rounded += 1
+        for q in step.joint_positions[step.phase == 1, planned.limb]:
+            off.append(min(distance_from(q, *curve) for curve in curves))
+    assert rounded > 0
+    assert max(off) < 1e-9
+
+
+def distance_from(q, first, corner, last, rounded):
+    """Largest difference of joint angles from the place of a line or corner that is like them."""
+    if not rounded:
+        share = np.clip((q - first) @ (last - first) / ((last - first) @ (last - first)), 0.0, 1.0)
+        return np.abs(first + share * (last - first) - q).max()
+    sides = np.column_stack([first - corner, last - corner])
+    after = np.clip(np.linalg.lstsq(sides, q - corner)[0][1], 0.0, 1.0)
+    t = brentq(lambda t: eased(t) - after, 0.0, 1.0, xtol=1e-15)
+    return np.abs(at_corner(first, corner, last, np.array([t]))[0] - q).max()
 
 
 def test_swings_that_were_not_checked_are_straight_where_they_can_be(graph, scene):

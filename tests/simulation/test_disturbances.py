@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from scipy.stats import binomtest
 
 from mlivr_gym.errors import SettingError
@@ -151,3 +152,43 @@ def test_no_disturbance_is_the_robot_that_the_controller_knows(jem, plan):
     np.testing.assert_array_equal(drawn.stiffness, 1.0)
     with pytest.raises(SettingError, match=r"disturbances.friction is -1.*from 0 to 1000 N m"):
         Disturbances(friction=-1.0)
+
+
+def test_a_gripper_moves_with_the_limbs_that_hold(jem, plan):
+    """By kinematics: the base is put where the gripper that holds has stayed, a moment later."""
+    simulation, start = Simulation(jem, plan.world.robot), plan.configuration(0)
+    limb, rng, moment = plan.steps[0].limb, np.random.default_rng(3), 1e-6
+    simulation.reset(*start, [jem.index(point) for point in plan.stances[0]])
+    grippers, data = simulation._grippers, simulation.data
+    grippers.release(limb)
+    speeds = rng.uniform(-0.5, 0.5, 12)
+    found = grippers.speeds(limb, speeds)
+    held, here = (pose_of(grippers, each) for each in (1 - limb, limb))
+    data.qpos[7:] += moment * speeds
+    mujoco.mj_kinematics(simulation.model, data)
+    moved = held @ np.linalg.inv(pose_of(grippers, 1 - limb)) @ pose_of(grippers, limb)
+    turn = Rotation.from_matrix(moved[:3, :3] @ here[:3, :3].T).magnitude()
+    away = np.linalg.norm(moved[:3, 3] - here[:3, 3])
+    np.testing.assert_allclose(found, np.array([away, turn]) / moment, rtol=1e-4)
+
+
+def pose_of(grippers, limb):
+    """Where a gripper is, shape (4, 4)."""
+    out = np.eye(4)
+    out[:3, 3], out[:3, :3] = grippers.pose(limb)
+    return out
+
+
+def test_a_gripper_is_close_only_while_the_robot_rests_on_the_limb_that_holds(jem, plan):
+    """Joints of the limb that approaches stand still; those of the other one turn, or do not."""
+    simulation, step = Simulation(jem, plan.world.robot), plan.steps[0]
+    simulation.reset(*plan.configuration(0), [jem.index(point) for point in plan.stances[0]])
+    simulation._grippers.release(step.limb)
+    guidance, joints = simulation._guidance, simulation._joints
+    guidance.begin(step.limb, jem.index(step.to_point))
+    guidance._seen = np.zeros(6)
+    for turning in (0.0, 0.02):
+        speeds = np.zeros((2, 6))
+        speeds[1 - step.limb, 0] = turning
+        joints._past.append((np.zeros(12), speeds.ravel()))
+        assert guidance.close == (turning == 0.0)

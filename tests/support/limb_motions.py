@@ -110,6 +110,31 @@ def swinging(limb, start, end):
     return out
 
 
+def eased(t):
+    """Of a rounded corner, `collisions.sweep`: the weight of its end at a share of it."""
+    return t**3 * (2.0 - t)
+
+
+def at_corner(first, corner, last, t):
+    """A rounded corner from its ends at shares of it, shape (k, n)."""
+    rest, share = eased(1.0 - t)[:, None], eased(t)[:, None]
+    return corner + rest * (first - corner) + share * (last - corner)
+
+
+def round_corner(room, corner, *joints):
+    """Let a motion, a row of `Sweep`, round a corner.
+
+    Args:
+        room: The motion, in a line so far.
+        corner: Where the base is on its path at the corner.
+        joints: Joint angles of the first and of the second limb there [rad].
+    """
+    moves = room["motion"]
+    moves["rounded"], moves["corner"] = True, corner
+    for limb, q in zip(("first", "second"), joints, strict=False):
+        moves[limb]["corner"] = q
+
+
 def holding(limb, branch, position, rotation):
     """A limb that holds with its flange at a place in the world, a row of `LimbMotion`."""
     out = LimbMotion.row()
@@ -193,7 +218,8 @@ class Hold(NamedTuple):
             graph.base_axes_in_world[s1],
         )
         path = path_between(ends, edge.kind, graph.solver.grasps["point"][point])
-        joints = held_joints(graph, limb, point, bit & 7, path, samples)
+        places = np.linspace(0.0, 1.0, samples)
+        joints = held_joints(graph, limb, point, bit & 7, path, places)
         return cls(graph, limb, point, bit & 7, path, joints)
 
     @property
@@ -215,10 +241,19 @@ class Hold(NamedTuple):
         room = motion(self.path, (0.0, 1.0), self.moves, compared=("boxes", "body"))
         return answer(room, clearance, boxes)
 
-    def meeting(self, clearance, mover, robot=SHAPES.robot):
-        """What the compiled check says of it and another limb that moves meanwhile."""
+    def meeting(self, clearance, mover, robot=SHAPES.robot, corner=None):
+        """What the compiled check says of it and another limb that moves meanwhile.
+
+        In a line, or round a corner: base parameter and joint angles of the mover, shape (7,).
+        """
         room = motion(self.path, (0.0, 1.0), self.moves, mover, ("meeting",))
+        if corner is not None:
+            round_corner(room, corner[0], np.zeros(6), corner[1:])
         return answer(room, clearance, robot=robot)
+
+    def joints_at(self, places):
+        """Its joint angles at places of the base path, from 0 on, shape (k, 6)."""
+        return held_joints(self.graph, self.limb, self.point, self.branch, self.path, places)
 
 
 def with_shifted_mount(limb, offset):
@@ -228,13 +263,13 @@ def with_shifted_mount(limb, offset):
     return robot
 
 
-def held_joints(graph, limb, point, branch, path, samples):
-    """Joint angles of a limb that holds along a base path, shape (samples, 6)."""
-    out = Angles.rows(samples)
-    bases = poses(*base_poses(path, np.linspace(0.0, 1.0, samples)))
+def held_joints(graph, limb, point, branch, path, places):
+    """Joint angles of a limb that holds at places of a base path, from 0 on, shape (k, 6)."""
+    out = Angles.rows(len(places))
+    bases = poses(*base_poses(path, places))
     flange = graph.solver.grasps["flange"][point : point + 1]
     reference = Angles.row()
-    assert joints_along(SHAPES.rows, limb, bases, flange, branch, reference, out) == samples
+    assert joints_along(SHAPES.rows, limb, bases, flange, branch, reference, out) == len(places)
     return out["q"]
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import networkx as nx
 import numpy as np
 from compiled import called
-from limb_motions import departing, holding, motion, swinging
+from limb_motions import departing, holding, motion, round_corner, swinging
 
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR
@@ -82,8 +82,13 @@ class PlainChecks:
         folds = self.robot["folds"][: len(self.spec.folds)]
         self.folds = [np.array([*fold, 0.0]) for fold in folds]
 
-    def clear(self, path, first, second, compared, resting=(), grasp=None, places=(0.0, 1.0)):
-        """Whether a limb keeps clear while the base follows a path, or stays if that is a pose."""
+    def clear(
+        self, path, first, second, compared, resting=(), grasp=None, places=(0.0, 1.0), corner=None
+    ):
+        """Whether a limb keeps clear while the base follows a path, or stays if that is a pose.
+
+        A corner that is rounded is base parameter and joint angles, shape (7,).
+        """
         stays = path.dtype.names == ("position", "rotation")
         moves = base_path(path, path, STRAIGHT, np.zeros(3)) if stays else path
         room = motion(moves, (0.0, 0.0) if stays else places, first, second, compared)
@@ -91,6 +96,8 @@ class PlainChecks:
         for k, (limb, ends) in enumerate(resting):
             room["resting"]["limb"][k] = limb
             room["resting"]["shapes"][k]["ends"][: len(ends)] = ends
+        if corner is not None:
+            round_corner(room, corner[0], corner[1:], corner[1:])
         if grasp is not None:
             behind = room["behind"]
             behind["applies"], behind["point"] = True, grasp["point"]

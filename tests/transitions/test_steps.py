@@ -143,16 +143,21 @@ def test_pieces_of_a_swing_are_clear_where_every_motion_in_them_is(small):
         piece["path"], piece["limb"] = path, limb
         piece["begin"], piece["finish"] = places
         piece["start"]["q"], piece["end"]["q"] = start, end
+        corner = None
+        if rng.integers(2):
+            at = rng.uniform(*places)
+            corner = np.array([at, *(start + rng.normal(size=6) * 0.3)])
+            piece["rounded"], piece["turning"] = True, corner[0]
+            piece["corner"]["q"] = corner[1:]
         chosen = {i: int(rng.choice([b for b, _ in standing[i]])) for i in of_step.held}
         for row, i in zip(holds, of_step.held, strict=True):
             row["limb"], row["point"], row["branch"] = i, after[i], chosen[i]
         world = graph.checks.world(None)
         ours = piece_clear(piece, holds, graph.checks.robots, world, Sweep.rows(1))
         swing = swinging(limb, start, end)
-        truth = plain.clear(path, swing, swing, ("boxes", "body"), places=places) and all(
-            plain.clear(
-                path, of_step.holds(i, b), swing, ("boxes", "body", "meeting"), places=places
-            )
+        motion = {"places": places, "corner": corner}
+        truth = plain.clear(path, swing, swing, ("boxes", "body"), **motion) and all(
+            plain.clear(path, of_step.holds(i, b), swing, ("boxes", "body", "meeting"), **motion)
             for i, b in chosen.items()
         )
         assert ours == truth
