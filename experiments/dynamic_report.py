@@ -110,17 +110,20 @@ def pace_lines(pace: dict[str, Any]) -> list[str]:
         "",
         f"Worked out for the {pace['steps']} steps of the random plans. In each piece of a step "
         "one limit decides; *pieces* counts them at the",
-        "default limits.",
+        f"default limits. Of the {pace['corners']} corners of their swings {pace['rounded']} are "
+        "rounded with the clearance kept; *stopping at corners* is how long the same",
+        "steps take with none.",
         "",
         "| clock | s a step | pieces that a limit decides |",
         "|---|---|---|",
     ]
-    for profile in ("fastest", "quintic"):
+    names = {"fastest": "fastest", "sharp": "fastest, stopping at corners", "quintic": "quintic"}
+    for profile, name in names.items():
         row = pace[profile]
         told = ", ".join(
-            f"{name.replace('_', ' ')} {count}" for name, count in sorted(row["deciding"].items())
+            f"{limit.replace('_', ' ')} {count}" for limit, count in sorted(row["deciding"].items())
         )
-        lines.append(f"| {profile} | {row['seconds_a_step']:.2f} | {told} |")
+        lines.append(f"| {name} | {row['seconds_a_step']:.2f} | {told} |")
     lines += ["", "One limit varied, the others at their defaults (`pace.png`):", ""]
     lines += ["| limit | s a step at each value |", "|---|---|"]
     for name, (told, unit) in LIMITS.items():
@@ -175,13 +178,14 @@ def readme_text(data: dict[str, Any]) -> str:
     """What README says of the simulation."""
     walks = {(row["controller"], row["pace"]): row for row in data["walks"]}
     fast, gentle = (data["random_plans"][name] for name in ("fast", "gentle"))
-    paper, plain = walks["paper", "paper"], data["pace"]["quintic"]["seconds_a_step"]
+    paper, pace = walks["paper", "paper"], data["pace"]
+    plain, sharp = (pace[name]["seconds_a_step"] for name in ("quintic", "sharp"))
     outcome = (
         "is carried out"
         if paper["success"]
         else f"ends in step {paper['failure']['step'] + 1} with a {paper['failure']['kind']}"
     )
-    deciding = data["pace"]["fastest"]["deciding"]
+    deciding = pace["fastest"]["deciding"]
     swing = {name: count for name, count in deciding.items() if name != "surface_speed"}
     first = max(swing, key=lambda name: swing[name]).replace("_", " ")
     return (
@@ -190,8 +194,9 @@ def readme_text(data: dict[str, Any]) -> str:
         f"{fast['peak_grasp_force_N']:.0f} N and {fast['peak_grasp_torque_N_m']:.0f} N m on a "
         f"grasp, the base at most {fast['largest_base_error_mm']:.0f} mm off; at the gentle pace "
         f"{gentle['succeeded']} at {gentle['seconds_a_step'][0]:.1f} s.\n"
-        f"Quintics in place of the fastest clocks would take {plain:.1f} s a step. In the swing "
-        f"the {first} decides most often. Case 3 with the paper's\n"
+        f"Quintics in place of the fastest clocks would take {plain:.1f} s a step; a stop at "
+        f"every corner {sharp:.1f} s. In the swing the {first} decides most often.\n"
+        "Case 3 with the paper's "
         f"controller at 50 s a step {outcome}; at its worst the base is "
         f"{paper['largest_base_error_mm']:.0f} mm off. "
         f"{data['overhead']['steps_a_second']:.1f} steps a second are\n"

@@ -25,8 +25,8 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import TimingError
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.clocks import Durations, duration_of
-from mlivr_gym.motion.pieces import path_pieces
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.pieces import Piece, path_pieces
+from mlivr_gym.motion.regrasp import Regrasp, RegraspPath, planned_regrasp
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner
@@ -158,27 +158,40 @@ def random_plans(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
 
 def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
     """Seconds a step that limits allow, and which limit decides, piece by piece."""
-    paths = [
-        RegraspPath(graph, planned_regrasp(graph, plan, index))
-        for plan in plans
-        for index in range(len(plan.steps))
+    steps = [
+        planned_regrasp(graph, plan, index) for plan in plans for index in range(len(plan.steps))
     ]
-    pieces = [path_pieces(path) for path in paths]
+    sharp = [replace(step, rounded=np.zeros_like(step.rounded)) for step in steps]
+    corners = np.concatenate([step.rounded[1:-1, 0] for step in steps])
 
-    def seconds(limits: Limits) -> tuple[float, Counter[str]]:
+    def pieces_of(steps: Sequence[Regrasp]) -> list[tuple[RegraspPath, tuple[Piece, ...]]]:
+        paths = [RegraspPath(graph, step) for step in steps]
+        return [(path, path_pieces(path)) for path in paths]
+
+    pieces = pieces_of(steps)
+
+    def seconds(limits: Limits, pieces: Any = pieces) -> tuple[float, Counter[str]]:
         total, deciding = 0.0, Counter[str]()
-        for path, parts in zip(paths, pieces, strict=True):
+        for path, parts in pieces:
             for piece in parts:
                 rows = piece_rows(graph.robot, path.regrasp, piece, limits)
                 clock = shortest_clock(rows, limits)
                 total += duration_of(clock)
                 deciding[rows.binding(clock).limit] += 1
-        return total / len(paths), deciding
+        return total / len(steps), deciding
 
-    data: dict[str, Any] = {"steps": len(paths), "fronts": {}}
-    for profile in ("fastest", "quintic"):
-        mean, deciding = seconds(Limits(profile=profile))
-        data[profile] = {"seconds_a_step": mean, "deciding": dict(deciding)}
+    data: dict[str, Any] = {
+        "steps": len(steps),
+        "corners": len(corners),
+        "rounded": int((corners > 0.0).sum()),
+        "fronts": {},
+    }
+    for name, profile, given in (
+        ("fastest", "fastest", pieces), ("sharp", "fastest", pieces_of(sharp)),
+        ("quintic", "quintic", pieces),
+    ):  # fmt: skip
+        mean, deciding = seconds(Limits(profile=profile), given)
+        data[name] = {"seconds_a_step": mean, "deciding": dict(deciding)}
     for name, values in (
         ("grasp_force", FORCES), ("grasp_torque", TORQUES), ("torque", SHARES),
     ):  # fmt: skip
