@@ -20,9 +20,10 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR, save_figure
+from mlivr_gym.pictures.studio import studio_spec
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.simulation.scene import FACE_GROUPS, compiled, rgba, scene_spec, set_configuration
+from mlivr_gym.simulation.scene import FACE_GROUPS, compiled, rgba, set_configuration
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.boxes import BOX, scene_name
 
@@ -68,7 +69,7 @@ class Drawing:
 
     def __init__(self, graph: PairGraph) -> None:
         """Compile the scene and open a GL context."""
-        self.model = compiled(scene_spec(graph.grasp_map, graph.robot))
+        self.model = compiled(studio_spec(graph.grasp_map, graph.robot))
         self.model.vis.quality.offsamples = 16
         self.model.vis.global_.offwidth, self.model.vis.global_.offheight = WIDTH, HEIGHT
         self.data = mujoco.MjData(self.model)

@@ -176,8 +176,8 @@ def caption(recording: Recording, k: int, plan: Plan, speed: float = 1.0) -> str
     number = min(int(recording.step[k]), len(plan.steps) - 1)
     step, phase = plan.steps[number], PHASES[int(recording.phase[k])]
     return (
-        f"{time:.0f} s of {end:.0f} s (x{speed:g}), step {number + 1} of {len(plan.steps)}: {phase}, "
-        f"limb {step.limb} from {step.from_point} to {step.to_point}"
+        f"{time:.0f} s of {end:.0f} s (x{speed:g}), step {number + 1} of {len(plan.steps)}: "
+        f"{phase}, limb {step.limb} from {step.from_point} to {step.to_point}"
     )
 
 

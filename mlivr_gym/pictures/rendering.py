@@ -61,7 +61,7 @@ class SceneRenderer:
         """
         try:
             from mlivr_gym.pictures.studio import studio_spec  # isort: skip
-            from mlivr_gym.simulation.scene import compiled
+            from mlivr_gym.simulation.scene import compiled  # isort: skip
             import mujoco
         except Exception as error:  # importing MuJoCo loads the GL library
             raise _no_gl(error) from None

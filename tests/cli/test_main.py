@@ -129,7 +129,7 @@ def test_quiet_prints_errors_alone(run):
         (["plan", "--no-collisions", "--clearance", "0.1"], "--clearance"),
         (["plan", "--method", "dijkstra", "--heuristic", "paper"], "--heuristic"),
         (["plan", "--method", "greedy", "--inflation", "2"], "--inflation"),
-        (["simulate", "--case", "3", "--no-film", "--frames", "7"], "--frames"),
+        (["simulate", "--case", "3", "--no-film", "--speed", "7"], "--speed"),
         (["evaluate", "--split", "same", "--episodes", "3"], "--episodes"),
         (["evaluate", "--policy", "astar", "--beam", "3"], "--beam"),
         (["train", "--method", "bc", "--shaping"], "--shaping"),
