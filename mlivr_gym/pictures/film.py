@@ -151,7 +151,7 @@ def film_pictures(
 def film_cameras(
     robot: RobotSpec, configurations: Sequence[Configuration], aspect: float
 ) -> list[Camera]:
-    """A camera for each picture, which goes along with the base and keeps its distance.
+    """A camera for each picture, which goes along x with the base and keeps its distance.
 
     Args:
         robot: The robot.
@@ -160,12 +160,19 @@ def film_cameras(
     """
     shapes = LimbShapes(robot)
     around = max(float(shapes.radii.max()), np.sqrt(0.75) * robot.body_size)
-    cameras = []
-    for configuration in configurations:
-        base = configuration[0]
-        ends = capsule_ends(robot, shapes, configuration).reshape(-1, 3)
-        camera = Camera((float(base[0]), 0.0, 0.0), azimuth=AZIMUTH, elevation=ELEVATION)
-        cameras.append(camera.seeing(np.vstack([base, ends]), around, aspect))
+    bases = [configuration[0] for configuration in configurations]
+    ends = [
+        np.vstack([base, capsule_ends(robot, shapes, configuration).reshape(-1, 3)])
+        for base, configuration in zip(bases, configurations, strict=True)
+    ]
+    everywhere = np.concatenate(ends)
+    _, y, z = (0.5 * (everywhere.min(axis=0) + everywhere.max(axis=0))).tolist()
+    cameras = [
+        Camera((float(base[0]), y, z), azimuth=AZIMUTH, elevation=ELEVATION).seeing(
+            places, around, aspect
+        )
+        for base, places in zip(bases, ends, strict=True)
+    ]
     farthest = max(camera.distance for camera in cameras)
     return [camera._replace(distance=farthest) for camera in cameras]
 

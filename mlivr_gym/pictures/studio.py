@@ -27,7 +27,6 @@ POINT_HALF = 0.013
 """Half the side of the square that marks a point [m]: a tenth of the work of a round one."""
 
 _HULL_COLOUR, _SKY = (0.58, 0.61, 0.65, 1.0), ((0.83, 0.87, 0.92), (0.47, 0.52, 0.60))
-_WALLS = ("panel", "bulkhead", "closeout")
 _SIDES = {
     "deck": (2, -1), "overhead": (2, 1), "forward": (1, -1), "aft": (1, 1),
     "starboard": (0, -1), "port": (0, 1),
@@ -54,7 +53,7 @@ def studio_spec(
     for site in spec.worldbody.sites:
         site.type, site.size = mujoco.mjtGeom.mjGEOM_BOX, [POINT_HALF, POINT_HALF, 0.003]
     _light(spec)
-    if any(box.kind in _WALLS for box in grasp_map.boxes):
+    if any(box.kind == "bulkhead" for box in grasp_map.boxes):  # a module, not boxes in a room
         _close(spec, grasp_map)
     return spec
 
