@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.paper import CASES, case_graph, default_setup
+from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR, save_figure
+from mlivr_gym.pictures.studio import aim, studio_spec
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.simulation.scene import FACE_GROUPS, compiled, rgba, scene_spec, set_configuration
+from mlivr_gym.simulation.scene import FACE_GROUPS, compiled, rgba, set_configuration
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.boxes import BOX, scene_name
 
@@ -68,7 +70,7 @@ class Drawing:
 
     def __init__(self, graph: PairGraph) -> None:
         """Compile the scene and open a GL context."""
-        self.model = compiled(scene_spec(graph.grasp_map, graph.robot))
+        self.model = compiled(studio_spec(graph.grasp_map, graph.robot))
         self.model.vis.quality.offsamples = 16
         self.model.vis.global_.offwidth, self.model.vis.global_.offheight = WIDTH, HEIGHT
         self.data = mujoco.MjData(self.model)
@@ -83,6 +85,7 @@ class Drawing:
         self.camera.lookat[:] = 0.5 * (points.min(axis=0) + points.max(axis=0))
         for name, value in CAMERA.items():
             setattr(self.camera, name, value)
+        aim(self.model, graph.grasp_map, Camera(tuple(self.camera.lookat), **CAMERA))
         for box in CUT_OPEN:
             self.model.geom(scene_name(BOX, box)).rgba[3] = 0.0
 
@@ -90,8 +93,6 @@ class Drawing:
         """Begin with the robot in stance `k`."""
         set_configuration(self.model, self.data, *plan.configuration(k))
         self.renderer.update_scene(self.data, self.camera, self.options)
-        # Hundreds of thin lines would darken the walls.
-        self.renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
 
     def add_robot(self, plan: Plan, k: int) -> None:
         """Draw the robot in stance `k` too."""
@@ -107,6 +108,11 @@ class Drawing:
         scene.ngeom += 1
         return scene.geoms[scene.ngeom - 1]
 
+    def _without_shadow(self) -> None:
+        """Let what was added last cast none: hundreds of thin lines would darken the walls."""
+        scene = self.renderer.scene
+        scene.geoms[scene.ngeom - 1].category = mujoco.mjtCatBit.mjCAT_DECOR
+
     def ball(self, centre: Array, radius: float, colour: str, opacity: float = 1.0) -> None:
         """Add a ball."""
         tint = np.array([*rgba(colour)[:3], opacity], dtype=np.float32)
@@ -114,6 +120,7 @@ class Drawing:
             self._geom(), mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, radius), centre,
             np.eye(3).ravel(), tint,
         )  # fmt: skip
+        self._without_shadow()
 
     def line(self, ends: Array, width: float, colour: str, opacity: float = 1.0) -> None:
         """Add a rod of a radius [m] between two points, shape (2, 3) [m]."""
@@ -121,6 +128,7 @@ class Drawing:
         kind = mujoco.mjtGeom.mjGEOM_CAPSULE
         mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), tint)
         mujoco.mjv_connector(geom, kind, width, ends[0], ends[1])
+        self._without_shadow()
 
     def image(self) -> NDArray[np.uint8]:
         """The picture, shape (height, width, 3)."""

@@ -1,8 +1,9 @@
 """A film of Case 3 at the paper's pace and as fast as the limits allow, side by side.
 
-    python experiments/pace_film.py [--out results] [--frames 80]
+    python experiments/pace_film.py [--out results]
 
-Both pictures of a frame are at the same time after the start; the film runs faster than the clock.
+Both pictures of a frame are at the same time after the start; the film runs faster than the clock,
+and says how much.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from numpy.typing import NDArray
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.captions import with_caption
-from mlivr_gym.pictures.film import film_pictures, save_film
+from mlivr_gym.pictures.film import film_pictures, film_samples, save_film, usual_speed
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.setup import Setup
 
-SIZE = (560, 300)
+SIZE = (400, 225)
 """Size of one picture [px]."""
 
 PACES = {
@@ -45,7 +46,6 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, default=Path("results"))
-    parser.add_argument("--frames", type=int, default=80)
     args = parser.parse_args()
     case = default_setup()
     graph = case_graph(3, case, "collisions")
@@ -58,20 +58,17 @@ def main() -> None:
         execution = execute(graph, plan, setup.timing, simulation=simulation)
         assert execution.failure is None
         recordings.append(execution.recording)
-    end = max(float(recording.times[-1]) for recording in recordings)
-    # Half of the frames for the time in which both move.
-    both = min(float(recording.times[-1]) for recording in recordings)
-    half = args.frames // 2
-    times = np.concatenate([np.linspace(0.0, both, half), np.linspace(both, end, half + 1)[1:]])
-    sides = []
+    longest = max(recordings, key=lambda recording: float(recording.times[-1]))
+    speed, sides = usual_speed(longest), []
+    times = longest.times[film_samples(longest, speed)]
     for words, recording in zip(PACES, recordings, strict=True):
-        samples = np.searchsorted(recording.times, times).clip(0, len(recording.times) - 1)
+        samples = np.searchsorted(recording.times, times - 1e-9).clip(0, len(recording.times) - 1)
         pictures = film_pictures(
-            graph.grasp_map, graph.robot, recording, samples, plan=plan, size=SIZE
+            graph.grasp_map, graph.robot, recording, samples, plan=plan, size=SIZE, speed=speed
         )
         sides.append([headed(picture, words) for picture in pictures])
     frames = [np.hstack(pair) for pair in zip(*sides, strict=True)]
-    save_film(frames, args.out / "pace.gif", 8.0)
+    save_film(frames, args.out / "pace.gif")
 
 
 if __name__ == "__main__":

@@ -58,11 +58,15 @@ COMMANDS = (
 """The module of each command, in the order of the help."""
 
 
+class _UsageError(Exception):
+    """Arguments that no command understands."""
+
+
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one sentence and exits with 2."""
+    """Says what is wrong in one sentence."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(REFUSED, f"mlivr-gym: {one_line(message)}\n")
+        raise _UsageError(one_line(message))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -89,17 +93,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     if isinstance(sys.stdout, io.TextIOWrapper):  # a file's name need not be text
         sys.stdout.reconfigure(errors="backslashreplace")
-    args = _parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        args = _parser().parse_args(given)
+    except _UsageError as wrong:
+        print(f"mlivr-gym: {wrong}", file=sys.stderr)
+        if "--json" in given:  # which the parser has not come to
+            _tell_json(REFUSED, str(wrong), {})
+        return REFUSED
     args.result = {}
     try:
         with redirect_stdout(io.StringIO() if args.json or args.quiet else sys.stdout):
             code, error = _run(args)
         if args.json:
-            told = {"exit_code": code} | ({"error": error} if error else {}) | args.result
-            print(json.dumps(plain(told), indent=1), flush=True)
+            _tell_json(code, error, args.result)
     except BrokenPipeError:
         return FAILED
     return code
+
+
+def _tell_json(code: int, error: str, result: dict[str, Any]) -> None:
+    """Print how the command ended as one JSON object."""
+    told = {"exit_code": code} | ({"error": error} if error else {}) | result
+    print(json.dumps(plain(told), indent=1), flush=True)
 
 
 def _run(args: argparse.Namespace) -> tuple[int, str]:

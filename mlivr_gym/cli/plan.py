@@ -106,7 +106,7 @@ def told_of(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _fastest(
+def fastest_cost(
     planner: Planner, start: tuple[str, ...], goal: tuple[float, ...], args: argparse.Namespace
 ) -> tuple[str, float | None]:
     """Cost and price of a regrasp of the fastest plan; tells those that were considered."""
@@ -147,7 +147,7 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         start, goal = chosen_task(graph, args)
     planner, cost, price = Planner(graph), args.cost, args.regrasp_price
     if cost == "time":
-        cost, price = _fastest(planner, start, goal, args)
+        cost, price = fastest_cost(planner, start, goal, args)
     with Progress("states explored", quiet=args.quiet) as progress:
         result = planner.plan(
             start,

@@ -30,7 +30,15 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.paper import CASES, case_graph, default_setup
-from mlivr_gym.pictures.film import check_kind, film
+from mlivr_gym.pictures.film import (
+    LONGEST,
+    RATE,
+    SIZE,
+    check_kind,
+    film,
+    film_samples,
+    usual_speed,
+)
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.stances.build import stance_graph
@@ -55,6 +63,9 @@ FILES = (
 
 LEAST_RATE, MOST_RATE = 0.5, 2000.0
 """Least and largest number of samples a second of a trajectory's files [Hz]."""
+
+LEAST_SPEED, MOST_SPEED = 0.1, 1000.0
+"""How many times faster than the clock a film may run."""
 
 MOST_FRAMES = 5000
 """Most pictures of a film; they are kept until it is written."""
@@ -149,12 +160,16 @@ def _file_arguments(parser: argparse.ArgumentParser) -> None:
         "--size",
         nargs=2,
         type=int,
-        default=(640, 320),
+        default=SIZE,
         metavar=("W", "H"),
         help="pixels of the film",
     )
     parser.add_argument(
-        "--frames", type=int, default=100, help="pictures in the film (default: %(default)s)"
+        "--speed",
+        type=float,
+        metavar="X",
+        help="how many times faster than the clock the film runs, at "
+        f"{RATE} pictures a second; without it, so that it takes {LONGEST:g} s at most",
     )
 
 
@@ -237,13 +252,17 @@ def _setup(args: argparse.Namespace) -> Setup:
 
 def _check_film(args: argparse.Namespace) -> None:
     """Refuse a film that cannot be rendered or written."""
-    if not fits_a_picture(args.size) or not 2 <= args.frames <= MOST_FRAMES:
+    if not fits_a_picture(args.size):
         raise SettingError(
-            f"--size is {tuple(args.size)}, --frames {args.frames}; "
-            f"{SMALLEST_PICTURE} to {LARGEST_PICTURE} pixels, 2 to {MOST_FRAMES} frames"
+            f"--size is {tuple(args.size)}; width and height must lie between "
+            f"{SMALLEST_PICTURE} and {LARGEST_PICTURE}"
+        )
+    if args.speed is not None and not LEAST_SPEED <= args.speed <= MOST_SPEED:
+        raise SettingError(
+            f"--speed is {args.speed:g}; it must be {LEAST_SPEED:g} to {MOST_SPEED:g}"
         )
     if args.no_film:
-        refuse_without_effect(args, "with --no-film", "film", "size", "frames")
+        refuse_without_effect(args, "with --no-film", "film", "size", "speed")
     else:
         check_kind(args.film)
 
@@ -291,17 +310,22 @@ def _film(
     args: argparse.Namespace, graph: PairGraph | LazyGraph, execution: Execution, path: Path
 ) -> None:
     """Render a film, or say why there is none."""
-    plan = execution.plan
+    plan, recording = execution.plan, execution.recording
+    speed = usual_speed(recording) if args.speed is None else args.speed
+    frames = len(film_samples(recording, speed))
+    if frames > MOST_FRAMES:
+        print(f"no film: --speed {speed:g} makes {frames} pictures; {MOST_FRAMES} at most")
+        return
     try:
-        with Progress("pictures rendered", args.frames, args.quiet) as progress:
+        with Progress("pictures rendered", frames, args.quiet) as progress:
             film(
                 graph.grasp_map,
                 plan.world.robot,
-                execution.recording,
+                recording,
                 path,
                 plan=plan,
                 size=tuple(args.size),
-                frames=args.frames,
+                speed=speed,
                 obstacles=plan.world.obstacles,
                 progress=progress.show,
             )

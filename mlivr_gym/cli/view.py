@@ -19,9 +19,11 @@ from mlivr_gym.cli.arguments import (
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.extras import need
 from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.plan import fastest_cost
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import NoPlanError, PlanError, SettingError
 from mlivr_gym.motion.plan import Plan
+from mlivr_gym.planners import Planner
 from mlivr_gym.schema import Place, Whole
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -128,9 +130,11 @@ def _found(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
         return LivePlan(graph, Asked.of_plan(graph, plan), plan), recording
     graph = chosen_graph(args)
     start, goal = chosen_task(graph, args)
-    x, y, z = goal
+    (x, y, z), cost, price = goal, args.cost, args.regrasp_price
+    if cost == "time":
+        cost, price = fastest_cost(Planner(graph), start, goal, args)
     asked = Asked(
-        start, (x, y, z), args.cost, args.regrasp_price, args.tolerance, args.goal_face,
+        start, (x, y, z), cost, price, args.tolerance, args.goal_face,
         args.start_pose, args.start_joints, args.method, args.heuristic, args.inflation, args.limit,
         args.time_limit,
     )  # fmt: skip

@@ -16,13 +16,14 @@ from mlivr_gym.envs.actions import action_number
 from mlivr_gym.envs.current_moves import CurrentMoves
 from mlivr_gym.envs.dynamics import check_dynamics, physical_walk
 from mlivr_gym.envs.grasp_failure import failure_probabilities
+from mlivr_gym.envs.moments import Moment, Motion, at_rest, motion_of, words
 from mlivr_gym.envs.observations import Observation, Observer, observation_space
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import Reward, StepOutcome, TaskReward
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import TaskGenerator, draw_task, fixed_task, generator_of
-from mlivr_gym.envs.viewer import Viewer
+from mlivr_gym.envs.viewer import RENDER_FPS, Viewer
 from mlivr_gym.errors import StanceError, choice, nonnegative
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import CLEARANCE, Settings
@@ -111,8 +112,13 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     the limb that went back on all on which it can be released.
 
     ## Random Numbers
-    Tasks and failures are drawn from one `envs.streams.Stream`, begun with the seed of `reset`;
-    without a seed it goes on. Copy i of `MlivrVectorEnv` draws as with seed + i.
+    Tasks and failures are drawn from one `envs.streams.Stream`, begun with the seed of `reset` if
+    there is one. Copy i of `MlivrVectorEnv` draws as with seed + i.
+
+    ## Rendering
+    `"rgb_array"`: a picture of the present stance, shape (height, width, 3), with goal and words.
+    `"rgb_array_list"`: the film since the last call of `render`, 25 pictures an action, 25 a
+    second; the first of an episode has one more. `envs.wrappers.RecordVideo` writes such films.
 
     ## Changing World
     When points or obstacles of `graph` change in an episode, masks and steps are those of the new
@@ -133,9 +139,10 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         base_translation: Sum of base displacements since reset [m].
     """
 
-    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 2}  # noqa: RUF012
+    metadata = {"render_modes": list(RENDER_FPS), "render_fps": 2}  # noqa: RUF012
     goal: Array
     _state: State | None
+    _happened: tuple[str, Motion | None]
     steps: int
     base_translation: float
 
@@ -193,7 +200,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             grasp_failure_seed: Seed of the probabilities.
             precompute: Whether to check every step beforehand, which makes each one fast; takes
                 minutes for the JEM, once, and is kept on disk. Two limbs, kinematic, only.
-            render_mode: `"rgb_array"`, `"human"` or None.
+            render_mode: `"rgb_array"`, `"rgb_array_list"`, `"human"` or None.
             width: Width of rendered pictures [px].
             height: Height of rendered pictures [px].
 
@@ -207,7 +214,8 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             grasp_failure=grasp_failure,
         )
         if render_mode is not None:
-            choice("render_mode", render_mode, self.metadata["render_modes"])
+            choice("render_mode", render_mode, RENDER_FPS)
+            self.metadata = self.metadata | {"render_fps": RENDER_FPS[render_mode]}
         self.goal_tolerance = nonnegative("goal_tolerance", goal_tolerance)
         self.reward = TaskReward.of(
             reward, success_bonus=success_bonus, shaping=shaping, discount=discount,
@@ -227,11 +235,10 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             how = {"limits": limits, "controller": controller, "physics": physics}
             self._walk = physical_walk(self.graph, **how, disturbances=disturbances)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
-        self._moves = CurrentMoves(self.graph, bool(precompute))
+        self._moves, self._observer = CurrentMoves(self.graph, precompute), Observer(self.graph)
         self._state, self._stream, self._seeded = None, Stream(0), False
         self._entered, self._measures = self.graph.version, dict[str, Any]()
-        self._observer = Observer(self.graph)
-        self._viewer = Viewer(self.graph, int(width), int(height))
+        self.viewer = Viewer(self.graph, (int(width), int(height)), self.goal_tolerance)
 
     @property
     def moves(self) -> Moves:
@@ -284,8 +291,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self.goal = goal
         self._enter(start)
         self.steps, self.base_translation = 0, 0.0
-        if self.render_mode == "human":
-            self.render()
+        self._show("the start", None if walk is None else at_rest(walk.configuration))
         return self._observation(), self._info(False)
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -306,7 +312,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         limb, point = divmod(action, points)
         legal, moved, failed = bool(self._mask[action]), self.graph.max_step, False
         before = self._distance
-        self.steps += 1
+        self.steps, simulated = self.steps + 1, None
         if legal:
             after = self.moves.take(state, action)
             moved = math.dist(self.moves.place(after).base_in_world, self._place.base_in_world)
@@ -315,15 +321,14 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             if failed:
                 moved, after = 2.0 * moved, self._went_back(after, limb)
             if self._walk is not None:
-                after, _ = self._walk.step(limb, point, after.masks)
-                self._measures = self._walk.measures
+                after, executed = self._walk.step(limb, point, after.masks)
+                self._measures, simulated = self._walk.measures, motion_of(executed)
             if self._walk is None or after.stance != state.stance:
                 self._enter(after)
                 self.base_translation += moved
         success = self._distance <= self.goal_tolerance
         reward = self.reward(StepOutcome(moved, before, self._distance, success, legal))
-        if self.render_mode == "human":
-            self.render()
+        self._show(words(self.graph, (limb, point), legal, failed), simulated)
         ended = success or bool(self._measures.get("failure"))
         return self._observation(), float(reward), ended, False, self._info(not legal, failed)
 
@@ -375,26 +380,20 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             "grasp_failed": failed,
         }
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """The scene with its present obstacles, as a picture or in a window.
+    @property
+    def moment(self) -> Moment:
+        """What pictures show of the environment as it is now."""
+        return Moment(self.state, self.goal, self.steps, *self._happened)
 
-        Shape (height, width, 3); None with `render_mode="human"`.
+    def _show(self, words: str, simulated: Motion | None) -> None:
+        """Take note of what happened, and show it in a window."""
+        self._happened = words, simulated
+        self.viewer.follow(self.moment, self.render_mode)
 
-        Raises:
-            RenderError: If there is no GL library, or no screen for a window.
-        """
-        if self.render_mode is None:
-            gymnasium.logger.warn(
-                "render() was called without a render_mode; give one to gymnasium.make"
-            )
-            return None
-        walk = self._walk
-        shown = self.graph.configuration(self.state) if walk is None else walk.configuration
-        if self.render_mode == "rgb_array":
-            return self._viewer.picture(shown)
-        self._viewer.show(shown)
-        return None
+    def render(self) -> Any:
+        """The scene, see the class; raises `RenderError` without GL, or a screen for a window."""
+        return self.viewer.render(self.moment, self.render_mode)
 
     def close(self) -> None:
         """Release the window or GL context."""
-        self._viewer.close()
+        self.viewer.close()

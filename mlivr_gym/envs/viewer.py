@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.envs.moments import Moment, shown
+from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.captions import strip_height, with_caption
+from mlivr_gym.pictures.film import AZIMUTH, ELEVATION, RATE
 from mlivr_gym.pictures.rendering import SceneRenderer, SceneWindow
+from mlivr_gym.pictures.route import Route
 from mlivr_gym.stances.stance_graph import StanceGraph
+
+RENDER_FPS = {"rgb_array": 2, "rgb_array_list": RATE, "human": 2}
+"""Pictures a second by render mode: stills, or a film."""
+
+AROUND = 1.2
+"""What is seen of the cabin at least on either side of the robot and of the goal [m]."""
+
+Picture = NDArray[np.uint8]
 
 
 class Viewer:
@@ -19,28 +35,95 @@ class Viewer:
         scene: The scene with its GL context or window; None until something is drawn.
     """
 
-    def __init__(self, graph: StanceGraph, width: int, height: int) -> None:
-        """Draw the map, robot and obstacles of `graph`; pictures are `width` by `height` px."""
-        self.graph, self._size = graph, (width, height)
+    def __init__(self, graph: StanceGraph, size: tuple[int, int], goal_tolerance: float) -> None:
+        """Draw the map, robot and obstacles of `graph`; pictures have width and height `size`."""
+        self.graph, self._size, self._goal_tolerance = graph, size, goal_tolerance
         self.scene: SceneRenderer | SceneWindow | None = None
+        self._moments: list[Moment] = []
+        self._told = False
 
-    def picture(self, configuration: tuple[Array, Array, Array]) -> NDArray[np.uint8]:
-        """Picture of a configuration, shape (height, width, 3).
+    def follow(self, moment: Moment, mode: str | None) -> None:
+        """Take note of an action or a reset, as far as a render mode shows it."""
+        if mode == "human":
+            self.render(moment, mode)
+        if mode == "rgb_array_list":
+            if moment.steps == 0:
+                self._moments, self._told = [], False
+            self._moments.append(moment)
 
-        Args:
-            configuration: Base position [m], base quaternion w, x, y, z, and joint angles [rad].
+    def render(self, moment: Moment, mode: str | None) -> Picture | list[Picture] | None:
+        """What `MlivrEnv.render` returns, of an environment as it is now."""
+        if mode is None:
+            gymnasium.logger.warn(
+                "render() was called without a render_mode; give one to gymnasium.make"
+            )
+        elif mode == "human":
+            self._show(moment.standing(self.graph))
+        elif mode == "rgb_array":
+            return self.pictures([moment])[0]
+        else:
+            pictures = self.pictures(self._moments)[int(self._told) :]
+            self._moments, self._told = self._moments[-1:], True
+            return pictures
+        return None
+
+    def pictures(self, moments: Sequence[Moment]) -> list[Picture]:
+        """Pictures of an environment that moves from moment to moment; see `moments.shown`.
+
+        Each has shape (height, width, 3) and shows the goal and where the base has been.
 
         Raises:
             RenderError: If there is no GL library.
         """
-        graph, scene = self.graph, self._present()
-        if not isinstance(scene, SceneRenderer):
-            scene = SceneRenderer(graph.grasp_map, graph.robot, *self._size, graph.obstacles)
-            self.scene = scene
-        return scene.render(*configuration)
+        out: list[Picture] = []
+        stances: list[Array] = []
+        line: list[Array] = []
+        for moment, configurations in zip(moments, shown(self.graph, moments), strict=True):
+            if moment.steps == 0:
+                stances, line = [], []
+            last = None
+            for configuration in configurations:
+                if configuration is not last:
+                    line.append(configuration[0])
+                    picture = self._picture(configuration, moment, line, stances)
+                out.append(picture)
+                last = configuration
+            stances.append(configurations[-1][0])
+        return out
 
-    def show(self, configuration: tuple[Array, Array, Array]) -> None:
-        """Show a configuration in a window; see `picture`.
+    def _picture(
+        self,
+        configuration: Configuration,
+        moment: Moment,
+        line: Sequence[Array],
+        stances: Sequence[Array],
+    ) -> Picture:
+        """One picture, with words below it."""
+        graph, scene, (width, height) = self.graph, self._present(), self._size
+        lower = height - strip_height(height)
+        if not isinstance(scene, SceneRenderer):
+            scene = SceneRenderer(graph.grasp_map, graph.robot, width, lower, graph.obstacles)
+            self.scene = scene
+        places = np.array(stances).reshape(-1, 3)
+        route = Route(np.array(line), places, moment.goal, self._goal_tolerance, ())
+        camera = self._camera(configuration[0], moment.goal, width / lower)
+        picture = scene.render(*configuration, camera=camera, route=route)
+        far = float(np.linalg.norm(configuration[0] - moment.goal))
+        return with_caption(
+            picture, f"step {moment.steps}: {moment.words}; {far:.2f} m to the goal", height
+        )
+
+    def _camera(self, base: Array, goal: Array, aspect: float) -> Camera:
+        """From where robot and goal are seen, with the cabin from deck to overhead."""
+        low, high = np.array(self.graph.grasp_map.cabin)
+        ends = min(base[0], goal[0]) - AROUND, max(base[0], goal[0]) + AROUND
+        middle = 0.5 * (low[1:] + high[1:])
+        corners = np.array([[x, middle[0], z] for x in ends for z in (low[2], high[2])])
+        camera = Camera((0.5 * sum(ends), *middle.tolist()), azimuth=AZIMUTH, elevation=ELEVATION)
+        return camera.seeing(corners, 0.0, aspect)
+
+    def _show(self, configuration: Configuration) -> None:
+        """Show a configuration in a window.
 
         Raises:
             RenderError: If there is no screen.

@@ -54,14 +54,19 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
     step = planned_regrasp(graph, plan, index)
     if not len(step.knots):
         raise PlanError(f"step {index} has no swing; make the plan with collisions=True")
-    path, share = RegraspPath(graph, step), np.linspace(0.0, 1.0, samples)
+    return path_motion(RegraspPath(graph, step), samples)
+
+
+def path_motion(path: RegraspPath, samples: int) -> StepMotion:
+    """Configurations along a regrasp; see `step_motion`."""
+    limb, share = path.regrasp.limb, np.linspace(0.0, 1.0, samples)
     pieces = [
         path.swing(piece, np.linspace(0.0, 1.0, samples * lines))
         for piece, lines in enumerate(path.lines)
     ]
     u = np.concatenate([np.zeros(samples), *(u for u, _ in pieces), np.ones(samples)])
     joints = path.supports(u)
-    joints[:, step.limb] = np.concatenate(
+    joints[:, limb] = np.concatenate(
         [path.departure(share), *(joints for _, joints in pieces), path.approach(share)]
     )
     positions, rotations = path.base(u)

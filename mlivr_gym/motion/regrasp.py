@@ -21,6 +21,7 @@ from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.plan_parts import Motion
 from mlivr_gym.motion.runs import Run
 from mlivr_gym.stances.stance_graph import StanceGraph
 
@@ -261,14 +262,18 @@ def planned_regrasp(graph: StanceGraph, plan: Plan, index: int) -> Regrasp:
     Raises:
         PlanError: If the plan has no such step.
     """
-    motion, ends = plan.motion, slice(index, index + 2)
     if not 0 <= index < len(plan.steps):
         raise PlanError(f"the plan has no step {index}; it has {len(plan.steps)}, counted from 0")
-    step = plan.steps[index]
+    return regrasp_of(graph, plan.motion, index)
+
+
+def regrasp_of(graph: StanceGraph, motion: Motion, index: int) -> Regrasp:
+    """What is needed to execute step `index` of a motion; see `planned_regrasp`."""
+    step, ends = motion.steps[index], slice(index, index + 2)
     turns = Rotation.from_quat(motion.base_quaternions[ends], scalar_first=True)
     return Regrasp(
         limb=step.limb,
-        before=graph.indices(plan.stances[index]),
+        before=graph.indices(motion.stances[index]),
         to_point=graph.grasp_map.index(step.to_point),
         positions=motion.base_positions[ends],
         rotations=turns.as_matrix(),

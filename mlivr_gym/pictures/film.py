@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -26,8 +27,20 @@ from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-COLOURS = 128
+SIZE = (512, 288)
+"""Width and height of a film whose size is not chosen [px]."""
+
+COLOURS = 96
 """Colours of a GIF's palette; more make the file larger and the picture hardly better."""
+
+RATE = 25
+"""Pictures a second."""
+
+LONGEST = 8.0
+"""Length of a film whose speed is not chosen, at most [s]."""
+
+PAUSE = 1.0
+"""For how long the last picture stays [s]."""
 
 AZIMUTH, ELEVATION = 84.0, -8.0
 """Direction in which the camera looks [deg]."""
@@ -40,16 +53,16 @@ def film(
     path: str | Path,
     *,
     plan: Plan | None = None,
-    size: tuple[int, int] = (640, 320),
-    frames: int = 100,
-    rate: float = 10.0,
+    size: tuple[int, int] = SIZE,
+    speed: float | None = None,
     obstacles: Sequence[Box] = (),
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Render a recording from the side, the camera beside the robot, without the forward wall.
+    """Film a recording from the side, the camera beside the robot, without the forward wall.
 
     The camera is as near as it can be while the robot stays inside every picture. Of the plan it
-    shows base path, goal and footholds, and below each picture time, step and phase.
+    shows base path, goal and footholds, and below each picture time, speed of the film, step and
+    phase. There are `RATE` pictures a second; the last one stays for `PAUSE`.
 
     Args:
         grasp_map: The map.
@@ -58,8 +71,7 @@ def film(
         path: File to write; `.gif`, or `.mp4` with the package `imageio[ffmpeg]`.
         plan: The plan that was carried out; without one, none of it is shown.
         size: Width and height [px].
-        frames: Number of pictures, at equal times.
-        rate: Pictures a second.
+        speed: How many times faster than the clock it runs; by default `usual_speed`.
         obstacles: Boxes besides the map's.
         progress: Called with the number of pictures done.
 
@@ -68,23 +80,40 @@ def film(
         FileError: If the file cannot be written.
     """
     check_kind(path)
-    chosen = np.unique(np.linspace(0, len(recording.times) - 1, frames).round().astype(int))
+    speed = usual_speed(recording) if speed is None else speed
     pictures = film_pictures(
-        grasp_map, robot, recording, chosen, plan=plan, size=size, obstacles=obstacles,
-        progress=progress,
+        grasp_map, robot, recording, film_samples(recording, speed), plan=plan, size=size,
+        speed=speed, obstacles=obstacles, progress=progress,
     )  # fmt: skip
-    save_film(pictures, path, rate)
+    save_film(pictures, path)
 
 
-def save_film(pictures: list[NDArray[np.uint8]], path: str | Path, rate: float) -> None:
-    """Write pictures, shape (height, width, 3), as a film of `rate` pictures a second.
+def usual_speed(recording: Recording) -> float:
+    """The least power of two as a speed with which a film of a recording lasts `LONGEST`."""
+    duration = float(recording.times[-1] - recording.times[0])
+    return 2.0 ** max(0, math.ceil(math.log2(max(duration, 1e-9) / LONGEST)))
+
+
+def film_samples(recording: Recording, speed: float) -> IntArray:
+    """The samples of a recording that a film shows, one for each `1 / RATE` of its time."""
+    begin, end = float(recording.times[0]), float(recording.times[-1])
+    times = np.append(np.arange(begin, end, speed / RATE), end)
+    samples: IntArray = np.searchsorted(recording.times, times - 1e-9)
+    return samples
+
+
+def save_film(pictures: list[NDArray[np.uint8]], path: str | Path) -> None:
+    """Write pictures, shape (height, width, 3), as a film of `RATE` pictures a second.
+
+    The last one stays for `PAUSE`.
 
     Raises:
         RenderError: If the kind of file cannot be written.
         FileError: If the file cannot be written.
     """
     kind = check_kind(path)
-    write_whole(path, _gif(pictures, rate) if kind == ".gif" else _mp4(pictures, rate))
+    pictures = [*pictures, *[pictures[-1]] * round(PAUSE * RATE)]
+    write_whole(path, _gif(pictures) if kind == ".gif" else _mp4(pictures))
 
 
 def film_pictures(
@@ -94,7 +123,8 @@ def film_pictures(
     samples: IntArray,
     *,
     plan: Plan | None = None,
-    size: tuple[int, int] = (640, 320),
+    size: tuple[int, int] = SIZE,
+    speed: float = 1.0,
     obstacles: Sequence[Box] = (),
     progress: Callable[[int], None] | None = None,
 ) -> list[NDArray[np.uint8]]:
@@ -109,7 +139,8 @@ def film_pictures(
     for done, (k, configuration, camera) in enumerate(zip(samples, shown, cameras, strict=True), 1):
         picture = renderer.render(*configuration, camera=camera, route=route)
         if plan is not None:
-            picture = with_caption(picture, caption(recording, int(k), plan), height)
+            words = caption(recording, int(k), plan, speed)
+            picture = with_caption(picture, words, height)
         pictures.append(picture)
         if progress is not None:
             progress(done)
@@ -120,7 +151,7 @@ def film_pictures(
 def film_cameras(
     robot: RobotSpec, configurations: Sequence[Configuration], aspect: float
 ) -> list[Camera]:
-    """A camera for each picture, which goes along with the base and keeps its distance.
+    """A camera for each picture, which goes along x with the base and keeps its distance.
 
     Args:
         robot: The robot.
@@ -129,24 +160,31 @@ def film_cameras(
     """
     shapes = LimbShapes(robot)
     around = max(float(shapes.radii.max()), np.sqrt(0.75) * robot.body_size)
-    cameras = []
-    for configuration in configurations:
-        base = configuration[0]
-        ends = capsule_ends(robot, shapes, configuration).reshape(-1, 3)
-        camera = Camera((float(base[0]), 0.0, 0.0), azimuth=AZIMUTH, elevation=ELEVATION)
-        cameras.append(camera.seeing(np.vstack([base, ends]), around, aspect))
+    bases = [configuration[0] for configuration in configurations]
+    ends = [
+        np.vstack([base, capsule_ends(robot, shapes, configuration).reshape(-1, 3)])
+        for base, configuration in zip(bases, configurations, strict=True)
+    ]
+    everywhere = np.concatenate(ends)
+    _, y, z = (0.5 * (everywhere.min(axis=0) + everywhere.max(axis=0))).tolist()
+    cameras = [
+        Camera((float(base[0]), y, z), azimuth=AZIMUTH, elevation=ELEVATION).seeing(
+            places, around, aspect
+        )
+        for base, places in zip(bases, ends, strict=True)
+    ]
     farthest = max(camera.distance for camera in cameras)
     return [camera._replace(distance=farthest) for camera in cameras]
 
 
-def caption(recording: Recording, k: int, plan: Plan) -> str:
-    """Time, step and phase of a sample of a recording, and where the limb goes."""
+def caption(recording: Recording, k: int, plan: Plan, speed: float = 1.0) -> str:
+    """Time and speed, step and phase of a sample of a recording, and where the limb goes."""
     time, end = recording.times[k], recording.times[-1]
     number = min(int(recording.step[k]), len(plan.steps) - 1)
     step, phase = plan.steps[number], PHASES[int(recording.phase[k])]
     return (
-        f"{time:.0f} s of {end:.0f} s, step {number + 1} of {len(plan.steps)}: {phase}, "
-        f"limb {step.limb} from {step.from_point} to {step.to_point}"
+        f"{time:.0f} s of {end:.0f} s (x{speed:g}), step {number + 1} of {len(plan.steps)}: "
+        f"{phase}, limb {step.limb} from {step.from_point} to {step.to_point}"
     )
 
 
@@ -174,7 +212,7 @@ def check_kind(path: str | Path) -> str:
     return kind
 
 
-def _gif(pictures: list[NDArray[np.uint8]], rate: float) -> bytes:
+def _gif(pictures: list[NDArray[np.uint8]]) -> bytes:
     """An animated GIF of pictures, shape (height, width, 3), with one palette for all."""
     from PIL import Image
 
@@ -189,18 +227,18 @@ def _gif(pictures: list[NDArray[np.uint8]], rate: float) -> bytes:
         format="gif",
         save_all=True,
         append_images=small[1:],
-        duration=round(1000.0 / rate),
+        duration=1000 // RATE,
         loop=0,
         optimize=True,
     )
     return buffer.getvalue()
 
 
-def _mp4(pictures: list[NDArray[np.uint8]], rate: float) -> bytes:
+def _mp4(pictures: list[NDArray[np.uint8]]) -> bytes:
     """An MP4 of pictures, shape (height, width, 3)."""
     import imageio.v3 as iio
 
     encoded: bytes = iio.imwrite(
-        "<bytes>", np.stack(pictures), extension=".mp4", fps=rate, plugin="FFMPEG"
+        "<bytes>", np.stack(pictures), extension=".mp4", fps=RATE, plugin="FFMPEG"
     )
     return encoded

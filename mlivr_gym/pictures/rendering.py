@@ -60,12 +60,13 @@ class SceneRenderer:
             RenderError: If no GL library can be used.
         """
         try:
-            from mlivr_gym.simulation.scene import compiled, scene_spec  # isort: skip
+            from mlivr_gym.pictures.studio import studio_spec  # isort: skip
+            from mlivr_gym.simulation.scene import compiled  # isort: skip
             import mujoco
         except Exception as error:  # importing MuJoCo loads the GL library
             raise _no_gl(error) from None
         self.grasp_map, self.obstacles = grasp_map, tuple(obstacles)
-        self.model = compiled(scene_spec(grasp_map, robot, obstacles))
+        self.model = compiled(studio_spec(grasp_map, robot, obstacles))
         self.data, self._size = mujoco.MjData(self.model), (width, height)
         self._rise = max(robot.heights) + 0.5 * robot.body_size
         try:
@@ -99,8 +100,11 @@ class SceneRenderer:
         """
         import mujoco
 
+        from mlivr_gym.pictures.studio import aim
         from mlivr_gym.simulation.scene import FACE_GROUPS, set_configuration
 
+        seen_from = camera or self.overview()
+        aim(self.model, self.grasp_map, seen_from)
         set_configuration(self.model, self.data, position, quaternion, joints)
         options = mujoco.MjvOption()
         options.geomgroup[:] = 1
@@ -108,7 +112,6 @@ class SceneRenderer:
         for face in hide:
             options.geomgroup[FACE_GROUPS[face]] = 0
             options.sitegroup[FACE_GROUPS[face]] = 0
-        seen_from = camera or self.overview()
         eye = mujoco.MjvCamera()
         eye.lookat[:], eye.distance = seen_from.lookat, seen_from.distance
         eye.azimuth, eye.elevation = seen_from.azimuth, seen_from.elevation

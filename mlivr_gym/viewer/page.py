@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import html
 import io
+import json
 import logging
 import re
 import socket
@@ -27,6 +28,9 @@ from mlivr_gym.viewer.solids import Colour, Mesh
 BACKGROUND = (238, 241, 245)
 """Colour behind the module, red, green and blue up to 255."""
 
+_TAB = '<img src="data:," alt="" style="display:none" onerror="document.title={}">'
+# The library has no name for the browser's tab: an image that is none sets it when it is drawn.
+
 END = 1.5
 """How long a file that plays stays at its end before it begins again [s]."""
 
@@ -44,7 +48,7 @@ class Page:
         Args:
             host: Address of the network interface that answers.
             port: Port; the next free one is taken where it is not.
-            title: Words above the panel.
+            title: Words above the panel, and on the browser's tab.
 
         Raises:
             SettingError: If there is no such interface.
@@ -57,6 +61,7 @@ class Page:
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         with _silence():
             self._server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
+        self._server.gui.add_html(_TAB.format(html.escape(json.dumps(title))))
         self.address = f"http://{host}:{self._server.get_port()}"
         self._nodes: dict[str, Any] = {}
         self._items: dict[str, Any] = {}

@@ -65,10 +65,13 @@ def test_the_help_tells_the_exit_codes(capsys):
     "arguments", [[], ["fly"], ["plan", "--goal", "a", "b", "c"], ["plan", "--wings"]]
 )
 def test_bad_usage_gives_one_sentence_and_code_2(capsys, arguments):
-    with pytest.raises(SystemExit) as stop:
-        main(arguments)
-    assert stop.value.code == 2
-    assert capsys.readouterr().err.count("\n") == 1
+    assert main(arguments) == 2
+    told = capsys.readouterr()
+    assert (told.out, told.err.count("\n")) == ("", 1)
+    assert main([*arguments, "--json"]) == 2
+    told = capsys.readouterr()
+    error = json.loads(told.out)
+    assert error == {"exit_code": 2, "error": told.err.removeprefix("mlivr-gym: ").rstrip("\n")}
 
 
 def test_every_command_has_examples_of_its_own_which_its_parser_takes(capsys):
@@ -129,7 +132,7 @@ def test_quiet_prints_errors_alone(run):
         (["plan", "--no-collisions", "--clearance", "0.1"], "--clearance"),
         (["plan", "--method", "dijkstra", "--heuristic", "paper"], "--heuristic"),
         (["plan", "--method", "greedy", "--inflation", "2"], "--inflation"),
-        (["simulate", "--case", "3", "--no-film", "--frames", "7"], "--frames"),
+        (["simulate", "--case", "3", "--no-film", "--speed", "7"], "--speed"),
         (["evaluate", "--split", "same", "--episodes", "3"], "--episodes"),
         (["evaluate", "--policy", "astar", "--beam", "3"], "--beam"),
         (["train", "--method", "bc", "--shaping"], "--shaping"),

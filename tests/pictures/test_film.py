@@ -9,7 +9,13 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import RenderError
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.pictures.captions import strip_height, with_caption, with_labels
-from mlivr_gym.pictures.film import caption, film, film_cameras
+from mlivr_gym.pictures.film import (
+    caption,
+    film,
+    film_cameras,
+    film_samples,
+    usual_speed,
+)
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.simulation.timing import plan_trajectory
@@ -65,21 +71,34 @@ def test_every_shape_of_the_robot_is_in_every_picture(checked_graph, walk):
     assert min(room) < 12.0  # nor is it farther away than that needs
     assert len({camera.distance for camera in cameras}) == 1
     for (base, _, _), camera in zip(configurations, cameras, strict=True):
-        assert camera.lookat == (base[0], 0.0, 0.0)
+        assert camera.lookat == (base[0], *cameras[0].lookat[1:])
 
 
 def test_a_caption_tells_time_step_phase_and_limb(walk):
     plan, recording = walk
     told = set()
     for k in range(0, len(recording.times), 5):
-        line = caption(recording, k, plan)
+        line = caption(recording, k, plan, 4.0)
         step = plan.steps[recording.step[k]]
-        assert line.startswith(f"{recording.times[k]:.0f} s of {recording.times[-1]:.0f} s, ")
+        assert line.startswith(f"{recording.times[k]:.0f} s of {recording.times[-1]:.0f} s (x4), ")
         assert f"step {recording.step[k] + 1} of {len(plan.steps)}: " in line
         assert PHASES[recording.phase[k]] in line
         assert f"limb {step.limb} from {step.from_point} to {step.to_point}" in line
         told.add(PHASES[recording.phase[k]])
     assert told == set(PHASES)
+
+
+def test_a_film_runs_as_much_faster_than_the_clock_as_it_says(walk):
+    recording = walk[1]
+    usual, duration = usual_speed(recording), float(recording.times[-1])
+    assert duration / usual <= 8.0 < 2.0 * duration / usual
+    for speed in (usual, 32.0, 200.0):
+        shown_at = recording.times[film_samples(recording, speed)]
+        assert shown_at[0] == 0.0
+        assert shown_at[-1] == duration
+        # Samples are half a second apart here, so that one is shown that much late at most.
+        wanted = np.arange(len(shown_at) - 1) * speed / 25
+        assert (np.abs(shown_at[:-1] - wanted) <= 0.5).all()
 
 
 def test_words_stand_in_a_strip_below_the_picture():
@@ -104,19 +123,27 @@ def test_words_stand_in_a_strip_below_the_picture():
 def test_a_film_has_the_size_asked_for_and_the_path_in_it(checked_graph, walk, tmp_path):
     plan, recording = walk
     path, plain = tmp_path / "walk.gif", tmp_path / "plain.gif"
+    duration = float(recording.times[-1])
+    speed = duration / 0.2
     try:
         film(checked_graph.grasp_map, checked_graph.robot, recording, path, plan=plan, size=SIZE,
-             frames=3)  # fmt: skip
+             speed=speed)  # fmt: skip
     except RenderError as error:
         if "MUJOCO_GL" not in str(error):
             raise
         pytest.skip("no GL library")
-    film(checked_graph.grasp_map, checked_graph.robot, recording, plain, size=SIZE, frames=3)
+    film(checked_graph.grasp_map, checked_graph.robot, recording, plain, size=SIZE, speed=speed)
     pictures = []
     for file in (path, plain):
         with Image.open(file) as opened:
-            assert opened.n_frames == 3
             assert opened.size == SIZE
+            lasting = []
+            for k in range(opened.n_frames):
+                opened.seek(k)
+                lasting.append(opened.info["duration"])
+            # The time of the film at its speed, and a second for the last picture.
+            assert 1e-3 * sum(lasting) == pytest.approx(duration / speed + 1.0, abs=0.09)
+            assert min(lasting) == 40
             opened.seek(1)
             pictures.append(np.asarray(opened.convert("RGB")).astype(int))
     counts = []

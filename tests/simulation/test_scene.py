@@ -216,7 +216,8 @@ def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monke
     spec.worldbody.add_geom(name="nothing", size=[0, 0, 0])
     with pytest.raises(SceneError, match=r"MuJoCo cannot build scene 'ladder-mlivr2': .*size"):
         compiled(spec)
-    monkeypatch.setattr("mlivr_gym.simulation.scene.scene_spec", lambda *_: spec)
+    for module in ("simulation.scene", "pictures.studio"):
+        monkeypatch.setattr(f"mlivr_gym.{module}.scene_spec", lambda *_: spec)
     with pytest.raises(SceneError, match="cannot build scene"):
         SceneRenderer(ladder, robot_spec("mlivr2"))
     monkeypatch.setenv("DISPLAY", ":0")

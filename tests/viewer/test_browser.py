@@ -102,6 +102,10 @@ def test_steps_and_the_scrubber_move_the_robot(shown, viewer, walk):
     np.testing.assert_allclose(place, walk.motion.base_positions[4], atol=1e-6)
 
 
+def test_the_browsers_tab_has_the_name_of_the_page(shown):
+    until(lambda: shown.title() == "test")
+
+
 def test_a_blocked_point_is_planned_round(shown, viewer, walk):
     """The numbers on the page change, and the plan does not use the point any more."""
     point = walk.steps[0].to_point

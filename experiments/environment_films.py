@@ -1,0 +1,48 @@
+"""Films of the environments: an episode of each, walked by A* for the fewest steps.
+
+    python experiments/environment_films.py [--out results]
+
+writes `env_jem.gif` and `env_far.gif`: what `render` returns with `render_mode="rgb_array_list"`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import gymnasium
+
+from mlivr_gym.agents import planner_policy
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.pictures.film import save_film
+
+EPISODES = {"env_jem": ("MLIVR-JEM-v0", 4), "env_far": ("MLIVR-JEM-Far-v0", 1)}
+"""Environment and seed of each film."""
+
+SIZE = {"width": 448, "height": 252}
+"""Size of the pictures [px]."""
+
+
+def main() -> None:
+    """Walk the episodes and write their films."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("results"))
+    args = parser.parse_args()
+    for name, (identity, seed) in EPISODES.items():
+        env = gymnasium.make(identity, render_mode="rgb_array_list", **SIZE)
+        plain, policy, ended = env.unwrapped, planner_policy("steps"), False
+        assert isinstance(plain, MlivrEnv)
+        observation, _ = env.reset(seed=seed)
+        while not ended:
+            action = policy.act(plain, observation, plain.action_masks())
+            observation, _, terminated, truncated, info = env.step(action)
+            ended = terminated or truncated
+        save_film(plain.render(), args.out / f"{name}.gif")
+        print(f"{name}: {info['steps']} steps, {info['base_translation']:.2f} m")
+        env.close()
+
+
+if __name__ == "__main__":
+    main()

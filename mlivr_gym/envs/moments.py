@@ -1,0 +1,155 @@
+"""What an environment shows: moments of an episode, and how the robot moves between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.errors import PlanError
+from mlivr_gym.motion.commitment import committed_motion
+from mlivr_gym.motion.plan_motion import path_motion
+from mlivr_gym.motion.regrasp import RegraspPath, regrasp_of
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
+
+if TYPE_CHECKING:
+    from mlivr_gym.simulation.recording import Failure
+    from mlivr_gym.simulation.simulator import ExecutedStep
+
+STEP_PICTURES = 25
+"""Pictures of one action, hence a second of film."""
+
+SAMPLES = 100
+"""Configurations on each piece of a step, of which those for the pictures are chosen."""
+
+Motion = tuple[Array, Array, Array]
+"""Base positions (k, 3) [m], base quaternions (k, 4) and joint angles (k, N, 6) [rad]."""
+
+
+class Moment(NamedTuple):
+    """An environment after an action, or after a reset."""
+
+    state: State
+    """Its state."""
+    goal: Array
+    """Goal position, shape (3,) [m]."""
+    steps: int
+    """Actions of the episode; none where it begins."""
+    words: str
+    """What was done last."""
+    simulated: Motion | None
+    """How the robot came here in the simulation; None where steps are not simulated."""
+
+    def standing(self, graph: StanceGraph) -> Configuration:
+        """Where the robot stands."""
+        if self.simulated is None:
+            return graph.configuration(self.state)
+        positions, quaternions, joints = self.simulated
+        return positions[-1], quaternions[-1], joints[-1]
+
+
+def words(graph: StanceGraph, action: tuple[int, int], legal: bool, failed: bool) -> str:
+    """What a limb did that was sent to a point."""
+    limb, point = action
+    outcome = "" if legal and not failed else ", the grasp failed" if legal else ", not possible"
+    return f"limb {limb} to {graph.grasp_map.ids[point]}{outcome}"
+
+
+def at_rest(configuration: Configuration) -> Motion:
+    """A motion that is one configuration."""
+    position, quaternion, joints = configuration
+    return position[None], quaternion[None], joints[None]
+
+
+def motion_of(executed: ExecutedStep | Failure) -> Motion | None:
+    """How the robot moved in the simulation; None if it could not begin."""
+    recording = getattr(executed, "recording", None)
+    if recording is None:
+        return None
+    return recording.base_positions, recording.base_quaternions, recording.joint_positions
+
+
+def shown(graph: StanceGraph, moments: Sequence[Moment]) -> list[list[Configuration]]:
+    """The configurations that pictures show for each moment.
+
+    One for the first and where an episode begins; `STEP_PICTURES` for every other, as even as the
+    robot's path is long, or as time goes by in a simulation. Branches of limbs are chosen for all
+    moments together. Where no step was taken, or none can be carried out, the robot stands.
+    """
+    out: list[list[Configuration]] = []
+    for first, last in _episodes(moments):
+        part = moments[first:last]
+        if any(moment.simulated is not None for moment in part):
+            out += [_simulated(graph, moment, k == 0) for k, moment in enumerate(part)]
+        else:
+            out += _walked(graph, [moment.state for moment in part])
+    return out
+
+
+def _episodes(moments: Sequence[Moment]) -> list[tuple[int, int]]:
+    """First and last but one of the moments of each episode."""
+    firsts = [k for k, moment in enumerate(moments) if k == 0 or moment.steps == 0]
+    return list(zip(firsts, [*firsts[1:], len(moments)], strict=True))
+
+
+def _simulated(graph: StanceGraph, moment: Moment, first: bool) -> list[Configuration]:
+    here = moment.standing(graph)
+    if first or moment.simulated is None:
+        return [here] * (1 if first else STEP_PICTURES)
+    count = len(moment.simulated[0])
+    chosen = np.linspace(0, count - 1, STEP_PICTURES + 1).round().astype(int)[1:]
+    return _taken(moment.simulated, chosen)
+
+
+def _walked(graph: StanceGraph, states: Sequence[State]) -> list[list[Configuration]]:
+    """What is shown of a walk from state to state; where the stance stays, the robot stands."""
+    kept = [k for k, s in enumerate(states) if k == 0 or s.stance != states[k - 1].stance]
+    # A state that stays may have lost branches since: the last of each stance counts.
+    ends = [*(k - 1 for k in kept[1:]), len(states) - 1]
+    moved = _moved(graph, [states[k] for k in ends])
+    out: list[list[Configuration]] = []
+    for k, last, pictures in zip(kept, ends, moved, strict=True):
+        out += [pictures, *[[pictures[-1]] * STEP_PICTURES] * (last - k)]
+    return out
+
+
+def _moved(graph: StanceGraph, states: Sequence[State]) -> list[list[Configuration]]:
+    """What is shown of a walk of which every state has another stance than the one before."""
+    found = committed_motion(graph, states)
+    if found.motion is None:
+        cut = (found.failed or 0) + 1
+        before, after = _moved(graph, states[:cut]), _moved(graph, states[cut:])
+        return [*before, after[0] * STEP_PICTURES, *after[1:]]
+    motion = found.motion
+    standing: Motion = motion.base_positions, motion.base_quaternions, motion.joint_positions
+    out = [_taken(standing, np.array([0]))]
+    for k in range(len(states) - 1):
+        try:
+            path = path_motion(RegraspPath(graph, regrasp_of(graph, motion, k)), SAMPLES)
+        except PlanError:
+            out.append(_taken(standing, np.array([k + 1])) * STEP_PICTURES)
+            continue
+        walked = path.base_positions, path.base_quaternions, path.joint_positions
+        out.append(_taken(walked, _evenly(walked)))
+    return out
+
+
+def _evenly(motion: Motion) -> IntArray:
+    """Samples of a motion that are equally far apart, the last one included."""
+    positions, _, joints = motion
+    bent = np.abs(np.diff(joints, axis=0)).sum(axis=(1, 2))
+    moved = bent + np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    length = np.concatenate([[0.0], np.cumsum(moved)])
+    wanted = np.linspace(0.0, length[-1], STEP_PICTURES + 1)[1:]
+    samples: IntArray = np.searchsorted(length, wanted - 1e-9).clip(0, len(length) - 1)
+    samples[-1] = len(length) - 1
+    return samples
+
+
+def _taken(motion: Motion, samples: IntArray) -> list[Configuration]:
+    positions, quaternions, joints = motion
+    return [(positions[k], quaternions[k], joints[k]) for k in samples]

@@ -1,0 +1,52 @@
+"""The photographed scene is the simulated one with lamps and, round a module, a hull."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from mlivr_gym import robot_spec
+from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.studio import aim, studio_spec
+from mlivr_gym.simulation.scene import scene_spec
+
+
+def test_physics_are_those_of_the_scene(jem):
+    """Masses, joints, shapes that meet and their names; a step goes the same way."""
+    robot = robot_spec("mlivr2")
+    plain, lit = (make(jem, robot).compile() for make in (scene_spec, studio_spec))
+    hull = [lit.geom(k).name for k in range(lit.ngeom) if lit.geom(k).name.startswith("studio/")]
+    assert len(hull) == 6
+    assert all(lit.geom(name).contype == lit.geom(name).conaffinity == 0 for name in hull)
+    assert lit.ngeom == plain.ngeom + 6
+    assert lit.body_mass.sum() == plain.body_mass.sum()
+    ended = []
+    for model in (plain, lit):
+        data = mujoco.MjData(model)
+        data.qpos[0], data.qvel[:] = 4.0, 0.3
+        for _ in range(50):
+            mujoco.mj_step(model, data)
+        ended.append(data.qpos.copy())
+    np.testing.assert_array_equal(*ended)
+
+
+def test_the_hull_is_round_all_boxes_and_only_round_a_module(jem, ladder):
+    lit = studio_spec(jem, robot_spec("mlivr2")).compile()
+    bounds = np.array([box.bounds for box in jem.boxes])
+    for axis, (low, high) in enumerate((("starboard", "port"), ("forward", "aft"))):
+        below, above = lit.geom(f"studio/{low}"), lit.geom(f"studio/{high}")
+        assert below.pos[axis] + below.size[axis] <= bounds[:, 0, axis].min() + 1e-9
+        assert above.pos[axis] - above.size[axis] >= bounds[:, 1, axis].max() - 1e-9
+    other = studio_spec(ladder, robot_spec("mlivr2")).compile()
+    assert not any(other.geom(k).name.startswith("studio/") for k in range(other.ngeom))
+
+
+def test_every_lamp_is_white_two_throw_shadows_and_both_go_with_the_camera(jem):
+    model = studio_spec(jem, robot_spec("mlivr2")).compile()
+    assert (model.light_diffuse == model.light_diffuse[:, :1]).all()
+    assert model.light_castshadow.sum() == 2
+    at = []
+    for x in (2.0, 5.0):
+        aim(model, jem, Camera((x, 0.0, 0.0), distance=3.0))
+        at.append(model.light_pos[model.light_castshadow == 1][:, 0].copy())
+    np.testing.assert_allclose(at[1] - at[0], 3.0)
+    assert at[0] == pytest.approx(2.0, abs=1.0)
