@@ -9,8 +9,9 @@ in batches.
 Every entry has a lower bound of the cost of the plans through it, from the triangle inequality and
 `move_bounds`. The least of those in the queue bounds the cost of every plan, so a plan is told with
 the factor within which it is proved. A search for the least cost takes entries by their bound.
-Others take them in an order of promise until there is a plan, then by turns in that order, to find
-a better one, and by bound, to prove it good.
+Others take them by turns in an order of promise, which may lead into a pocket, and by their bound
+with what is left inflated, which leads out again; once there is a plan also by bound alone, to
+prove it good.
 """
 
 from __future__ import annotations
@@ -33,11 +34,14 @@ from mlivr_gym.transitions.state import State
 POSTURES, STEPS = 128, 32
 """Most entries whose postures are worked out, and most whose steps are checked, at once."""
 
+INFLATED = 2.0
+"""Factor on what is left in the order that leads out of pockets."""
+
 ROUNDING = 1e-9
 """Costs that differ by this share are equal."""
 
 
-@dataclass
+@dataclass(slots=True)
 class Entry:
     """A stance in the queue.
 
@@ -151,7 +155,7 @@ class _LazySearch:
         self.goal, self.cost = search.goal, search.goal.cost
         self.max_step, self.moves = graph.max_step, MoveBounds(graph, search.goal)
         self.found, self.turn = Found(), 0
-        self.by_bound, self.by_promise = _Queue(), _Queue()
+        self.by_bound, self.by_promise, self.inflated = _Queue(), _Queue(), _Queue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
         """Masks and costs with which each stance was expanded."""
         self.complete: dict[tuple[int, ...], float] = {}
@@ -208,10 +212,10 @@ class _LazySearch:
     def _queue(self) -> _Queue:
         """Which queue to take from: see the module."""
         self.turn += 1
-        if not self.search.guided and self.search.inflation == 1.0:
-            return self.by_bound
-        proving = self.found.goal >= 0 and self.turn % 2 == 0
-        return self.by_bound if proving else self.by_promise
+        if not self.search.guided:
+            return self.by_bound if self.search.inflation == 1.0 else self.by_promise
+        queues = [self.by_promise, self.inflated, self.by_bound]
+        return queues[self.turn % (3 if self.found.goal >= 0 else 2)]
 
     def _batch(self, queue: _Queue, first: Entry, most: int) -> list[Entry]:
         """An entry, and those after it that are in the same stage."""
@@ -236,6 +240,8 @@ class _LazySearch:
         """Put an entry into the queues, in its stage."""
         self.by_bound.push(entry.low, entry)
         self.by_promise.push(entry.promise, entry)
+        if self.search.guided:
+            self.inflated.push(entry.cost + INFLATED * (entry.low - entry.cost), entry)
 
     def _low(self, stances: IntArray, positions: Array, costs: Array) -> Array:
         """Lower bounds of plans through stances with known base positions, shape (k,)."""

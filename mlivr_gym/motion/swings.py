@@ -42,6 +42,10 @@ from mlivr_gym.transitions.grasp_poses import angles_above
 ROUNDINGS = (1.0, 0.8, 0.6, 0.4, 0.2)
 """Parts of the most that the rounding of a corner may take of two lines, which are tried."""
 
+SHARPEST = 0.2
+"""Least share of either line that the rounding of a corner takes; on a sharper one a robot that
+does not slow down would pull harder on its grasps than one that stops."""
+
 SHORTEST_LINE = 1e-3
 """A line on which no joint turns farther has no rounded corner [rad]."""
 
@@ -184,6 +188,8 @@ class SwingFinder:
                 continue
             for part in ROUNDINGS:
                 before, after = part * most[k - 1 : k + 1].min() / pair
+                if min(before, after) < SHARPEST:
+                    break
                 first = knots[k] + before * (knots[k - 1] - knots[k])
                 last = knots[k] + after * (knots[k + 1] - knots[k])
                 if self.clear_corner(first, knots[k], last):
