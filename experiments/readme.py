@@ -27,7 +27,6 @@ import planning_report
 import reference_curves
 import simulation_figures
 import table1_statistics
-import thresholds
 import time_cost
 from table1 import study_markdown
 from truth import told
@@ -236,7 +235,6 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "disturbances": disturbances.markdown,
     "time_cost": time_cost.markdown,
     "many_limbs": many_limbs.markdown,
-    "thresholds": thresholds.markdown,
     "paper_figures": paper_figures_report.markdown,
     "benchmark_planning": planning_report.report,
     "planner_vs_rl": comparison_report.full_report,
