@@ -106,7 +106,8 @@ class TaskSpacePath(RegraspPath):
         """
         joints = regrasp.joints.copy()
         joints[regrasp.limb] = grasped
-        super().__init__(graph, replace(regrasp, joints=joints, knots=UNCHECKED_KNOTS))
+        bare = replace(regrasp, joints=joints, knots=UNCHECKED_KNOTS, rounded=np.zeros((0, 2)))
+        super().__init__(graph, bare)
         self.line, self.branch = line, regrasp.branches[regrasp.limb]
         self._above = self.departure(np.array([0.0, 1.0]))[1]
         end = self.swing(0, np.linspace(0.0, 1.0, SAMPLES))[1][-1]

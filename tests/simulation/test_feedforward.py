@@ -30,7 +30,7 @@ def test_limbs_that_hold_share_the_wrench_that_moves_the_base(jem, limbs):
     holding = np.flatnonzero(walk.grasps[1] != FREE)
     assert len(holding) == limbs - 1
     turns = Rotation.from_quat(walk.base_quaternions, scalar_first=True)
-    times, near = walk.times, 5
+    times, near = walk.times, 2
 
     def state(k):
         """Configuration and velocity in Pinocchio's order, from central differences."""
