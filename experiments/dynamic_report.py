@@ -212,7 +212,7 @@ def in_one_line(data: dict[str, Any], disturbed: dict[str, Any]) -> str:
     return (
         f"In MuJoCo {fast['succeeded']} of {fast['plans']} random plans are carried out at "
         f"{fast['seconds_a_step'][0]:.1f} s a step (the paper: 50 s), and gently, with all "
-        f"disturbances at once, {walks['carried_out']} of {walks['walks']} ({low} to {high} %)\n"
+        f"disturbances at once, {walks['carried_out']} of {walks['walks']} ({low} to {high} %) "
         "([simulation](docs/how-to/simulate.md)).\n"
     )
 
