@@ -6,6 +6,7 @@ The wrench of the grasps also bends them, which the joints of the limbs that hol
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from mlivr_gym.arrays import Array
@@ -14,8 +15,8 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.inverse_dynamics import needed
 
-SAMPLES = 1000
-"""Times in a step at which torques are worked out; they are interpolated in between."""
+SAMPLES = 400
+"""Times in a step at which torques are worked out; cubic splines lie in between."""
 
 
 def feedforward(robot: RobotSpec, physics: Physics, trajectory: Trajectory) -> tuple[Array, Array]:
@@ -31,7 +32,7 @@ def feedforward(robot: RobotSpec, physics: Physics, trajectory: Trajectory) -> t
     coarse = trajectory.every(float(trajectory.times[-1]) / SAMPLES)
     count, limbs = coarse.grasps.shape
     times, holding = coarse.times, np.flatnonzero(coarse.grasps[1] != FREE)
-    torques, wrenches, yields = needed(
+    asked = needed(
         robot,
         holding.tolist(),
         np.column_stack(
@@ -41,17 +42,16 @@ def feedforward(robot: RobotSpec, physics: Physics, trajectory: Trajectory) -> t
                 coarse.joint_positions.reshape(count, -1),
             ]
         ),
-        np.column_stack([coarse.base_velocities, coarse.joint_velocities.reshape(count, -1)]),
-        np.column_stack([coarse.base_accelerations, coarse.joint_accelerations.reshape(count, -1)]),
+        np.column_stack([coarse.base_velocities, coarse.joint_velocities.reshape(count, -1)])[None],
+        np.column_stack([coarse.base_accelerations, coarse.joint_accelerations.reshape(count, -1)])[
+            None
+        ],
     )
-    bends = _bends(physics, wrenches, float(times[1] - times[0]))
+    bends = _bends(physics, asked.wrenches[0], float(times[1] - times[0]))
     shifts = np.zeros((count, limbs, 6))
-    shifts[:, holding] = (yields @ bends[..., None])[..., 0]
-    place = np.interp(trajectory.times, times, np.arange(count))
-    before = np.minimum(place.astype(np.int64), count - 2)
-    share = (place - before)[:, None]
-    rough = np.column_stack([torques.reshape(count, -1), shifts.reshape(count, -1)])
-    fine = (1.0 - share) * rough[before] + share * rough[before + 1]
+    shifts[:, holding] = (np.linalg.pinv(asked.jacobians) @ bends[..., None])[..., 0]
+    rough = np.column_stack([asked.torques.reshape(count, -1), shifts.reshape(count, -1)])
+    fine = CubicSpline(times, rough)(trajectory.times)
     both = fine.reshape(len(fine), 2, limbs, 6)
     return both[:, 0], both[:, 1]
 
@@ -63,9 +63,13 @@ def _bends(physics: Physics, wrenches: Array, period: float) -> Array:
         (slice(0, 3), physics.grasp_stiffness, physics.grasp_damping),
         (slice(3, 6), physics.grasp_rotational_stiffness, physics.grasp_rotational_damping),
     ):
-        # A spring beside a damper follows its load with the time constant damping / stiffness.
-        kept = float(np.exp(-period * stiffness / damping))
-        bends[..., rows] = lfilter(
-            [1.0 - kept], [1.0, -kept], -wrenches[..., rows] / stiffness, axis=0
+        # A spring beside a damper follows its load with the time constant damping / stiffness; the
+        # load is taken to be linear between two times.
+        constant = damping / stiffness
+        kept = float(np.exp(-period / constant))
+        mean = (1.0 - kept) * constant / period
+        loads = -wrenches[..., rows] / stiffness
+        bends[..., rows], _ = lfilter(
+            [1.0 - mean, mean - kept], [1.0, -kept], loads, axis=0, zi=(mean - 1.0) * loads[:1]
         )
     return bends

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.trajectory import Trajectory
@@ -82,7 +81,7 @@ class Guidance:
         seen = error if self._seen is None else MEMORY * self._seen + (1.0 - MEMORY) * error
         self._seen = seen
         share = self._controller.guidance * self._controller.sensor_period
-        change = share * np.linalg.pinv(self._grippers.jacobian(self._limb)) @ seen
+        change = share * np.linalg.lstsq(self._grippers.jacobian(self._limb), seen)[0]
         change *= min(1.0, LARGEST_CHANGE / max(float(np.abs(change).max()), 1e-12))
         self._joints.shift[6 * self._limb : 6 * self._limb + 6] += change
 
@@ -96,5 +95,8 @@ class Guidance:
             self._point, data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
         )
         here, turned = self._grippers.pose(self._limb)
-        turn = Rotation.from_matrix(rotation @ turned.T).as_rotvec()
-        return np.concatenate([position - here, turn])
+        quaternion, error = np.empty(4), np.empty(6)
+        mujoco.mju_mat2Quat(quaternion, (rotation @ turned.T).ravel())
+        mujoco.mju_quat2Vel(error[3:], quaternion, 1.0)
+        error[:3] = position - here
+        return error

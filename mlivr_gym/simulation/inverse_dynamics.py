@@ -20,15 +20,14 @@ from mlivr_gym.simulation.scene import compiled, robot_alone
 
 
 class Needed(NamedTuple):
-    """What motions need at k configurations, of which n limbs hold."""
+    """What m motions through the same k configurations need, of which n limbs hold."""
 
     torques: Array
-    """Of the joints, shape (k, N, 6) [N m]."""
+    """Of the joints, shape (m, k, N, 6) [N m]."""
     wrenches: Array
-    """Forces and torques of the grasps on the robot, in world axes, shape (k, n, 6) [N, N m]."""
-    yields: Array
-    """Change of the joints of a limb that holds by a small displacement of its gripper, in world
-    axes, shape (k, n, 6, 6)."""
+    """Forces and torques of the grasps on the robot, in world axes, shape (m, k, n, 6) [N, N m]."""
+    jacobians: Array
+    """Of the grippers of the limbs that hold by their joints, in world axes, shape (k, n, 6, 6)."""
 
 
 @lru_cache(maxsize=8)
@@ -48,34 +47,36 @@ def needed(
         robot: The robot.
         holding: Limbs that hold, n of them.
         positions: Base position, base quaternion and joints, shape (k, 7 + 6 N) [m, rad].
-        speeds: Linear velocity of the base in the world, angular in the base's axes, and of the
-            joints, shape (k, 6 + 6 N) [m/s, rad/s].
-        accelerations: Their derivatives, shape (k, 6 + 6 N) [m/s^2, rad/s^2].
+        speeds: Of each motion, linear velocity of the base in the world, angular in the base's
+            axes, and of the joints, shape (m, k, 6 + 6 N) [m/s, rad/s].
+        accelerations: Their derivatives, shape (m, k, 6 + 6 N) [m/s^2, rad/s^2].
     """
     model, count = robot_model(robot), len(positions)
     data = mujoco.MjData(model)
     sites = [model.site(f"limb{i}/grasp").id for i in holding]
-    forces = np.empty((count, model.nv))
+    forces = np.empty(speeds.shape)
     jacobians = np.empty((count, len(sites), 6, model.nv))
     for k in range(count):
-        data.qpos[:], data.qvel[:], data.qacc[:] = positions[k], speeds[k], accelerations[k]
+        data.qpos[:] = positions[k]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_rne(model, data, 1, forces[k])
         for n, site in enumerate(sites):
             mujoco.mj_jacSite(model, data, jacobians[k, n, :3], jacobians[k, n, 3:], site)
+        for motion, force in enumerate(forces[:, k]):
+            data.qvel[:], data.qacc[:] = speeds[motion, k], accelerations[motion, k]
+            mujoco.mj_comVel(model, data)
+            mujoco.mj_rne(model, data, 1, force)
     # The rotors' inertia is no part of the bodies'.
     forces += model.dof_armature * accelerations
     stacked = jacobians.reshape(count, -1, model.nv)
-    wrench = np.linalg.pinv(stacked[:, :, :6].swapaxes(1, 2)) @ forces[:, :6, None]
-    torques = (forces[:, :, None] - stacked.swapaxes(1, 2) @ wrench)[:, 6:, 0]
-    yields = [
-        np.linalg.pinv(jacobians[:, n, :, 6 + 6 * limb : 12 + 6 * limb])
-        for n, limb in enumerate(holding)
-    ]
+    base = stacked[:, :, :6]
+    # A gripper that holds can put any wrench on the base, so the rows of these are independent.
+    shares = np.linalg.solve(base.swapaxes(1, 2) @ base, forces[:, :, :6, None])
+    wrench = (base @ shares)[..., 0]
+    torques = forces[..., 6:] - (wrench[:, :, None] @ stacked[..., 6:])[:, :, 0]
+    joints = [jacobians[:, n, :, 6 + 6 * i : 12 + 6 * i] for n, i in enumerate(holding)]
     return Needed(
-        torques.reshape(count, robot.limbs, 6),
-        wrench.reshape(count, len(sites), 6),
-        np.stack(yields, axis=1),
+        torques.reshape(*torques.shape[:2], robot.limbs, 6),
+        wrench.reshape(*wrench.shape[:2], len(sites), 6),
+        np.stack(joints, axis=1),
     )

@@ -127,25 +127,23 @@ class JointControl:
         speed_noise = self._sizes.speed_noise * self._rng.standard_normal((count, joints))
         kp = np.ravel([controller.kp_hold if hold else controller.kp_free for hold in held])
         kd = np.ravel([controller.kd_hold if hold else controller.kd_free for hold in held])
-        gain = kp * controller.integral * controller.period
+        gain = controller.integral * controller.period
         wanted = reference.positions + self._shifts(count, recovering)
-        q, v, ctrl = data.qpos[7:], data.qvel[6:], data.ctrl
-        first, most, integral = 1 + model.nq, self._most, self._integral
+        fed = kd * reference.speeds + reference.torques
+        q, v, qpos, qvel, ctrl = data.qpos[7:], data.qvel[6:], data.qpos, data.qvel, data.ctrl
+        positions, speeds = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq :]
+        most, integral, motors = self._most, self._integral, self._motors
         for k in range(count):
-            row = states[k]
-            row[0], row[1:first], row[first:] = data.time, data.qpos, data.qvel
+            states[k, 0], positions[k], speeds[k] = data.time, qpos, qvel
             self._past.append((q + noise[k], v + speed_noise[k]))
             if self._ticks % self._every == 0:
                 position, speed = self._past[0]
-                error = wanted[k] - position
-                integral += gain * error
-                np.clip(integral, -most, most, out=integral)
-                ctrl[self._motors] = (
-                    kp * error
-                    + kd * (reference.speeds[k] - speed)
-                    + integral
-                    + reference.torques[k]
-                )
+                torque = kp * (wanted[k] - position)
+                if gain:
+                    np.clip(integral + gain * torque, -most, most, out=integral)
+                    torque += integral
+                torque += fed[k] - kd * speed
+                ctrl[motors] = torque
             self._ticks += 1
             mujoco.mj_step(model, data)
             sensors[k] = data.sensordata

@@ -122,13 +122,13 @@ def piece_rows(robot: RobotSpec, regrasp: Regrasp, piece: Piece, limits: Limits)
         [piece.base_positions, piece.base_quaternions, piece.joints.reshape(count, -1)]
     )
     first, second = piece.curve(shares, 1), piece.curve(shares, 2)
-    by_change = needed(robot, holding, positions, np.zeros_like(first), first)
-    by_rate = needed(robot, holding, positions, first, second)
+    still = np.zeros_like(first)
+    asked = needed(robot, holding, positions, np.stack([still, first]), np.stack([first, second]))
     dynamics = robot.limb_dynamics
     torque = limits.torque * np.tile(dynamics.torque_limits, robot.limbs)
     speed = limits.speed * np.tile(dynamics.speed_limits, robot.limbs)
-    torques = np.stack([by_change.torques, by_rate.torques], axis=1).reshape(count, 2, -1) / torque
-    wrenches = np.stack([by_change.wrenches, by_rate.wrenches], axis=1)
+    torques = asked.torques.swapaxes(0, 1).reshape(count, 2, -1) / torque
+    wrenches = asked.wrenches.swapaxes(0, 1)
     forces = np.concatenate(
         [wrenches[..., :3] / limits.grasp_force, wrenches[..., 3:] / limits.grasp_torque], axis=2
     )

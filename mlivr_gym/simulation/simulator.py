@@ -194,26 +194,19 @@ class Simulation:
             duration: How long [s].
             step: Index of the step, for the record.
         """
-        count = max(round(duration / self.physics.timestep), 1)
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.rebase:
             self._joints.rebase(reference.positions[-1])
-        places = np.full(count + 1, len(trajectory.times) - 1)
+        places = np.full(self._steps_of(duration) + 1, len(trajectory.times) - 1)
         return self._run(trajectory.at(places), reference.at(places, 0.0), step)
 
     def _wait(self, trajectory: Trajectory, reference: Reference, step: int) -> list[ExecutedStep]:
         """Hold before the point until the error seen is small, at most as long as is patient."""
-        controller = self.controller
-        runs: list[ExecutedStep] = []
-        count = max(round(controller.sensor_period / self.physics.timestep), 1)
-        places = np.full(count + 1, len(trajectory.times) - 1)
+        if not self.controller.guided or self._guidance.close:
+            return []
+        places = np.full(self._steps_of(self.controller.patience) + 1, len(trajectory.times) - 1)
         still, there = trajectory.at(places), reference.at(places, 0.0)
-        pauses = round(controller.patience / controller.sensor_period) if controller.guided else 0
-        for _ in range(pauses):
-            if self._guidance.close or (runs and runs[-1].failure is not None):
-                break
-            runs.append(self._run(still, there, step))
-        return runs
+        return [self._run(still, there, step, until=lambda: self._guidance.close)]
 
     def _again(self, trajectory: Trajectory, reference: Reference, step: int) -> list[ExecutedStep]:
         """Go back above the point and approach it once more."""
@@ -230,6 +223,7 @@ class Simulation:
         reference: Reference,
         step: int,
         enter: Callable[[int], None] = lambda _: None,
+        until: Callable[[], bool] = lambda: False,
     ) -> ExecutedStep:
         """Simulate until the end or the first failure; nothing is grasped.
 
@@ -238,17 +232,16 @@ class Simulation:
             reference: Its reference.
             step: Index of the step, for the record.
             enter: What is called with the phase before each piece of it.
+            until: Whether to end early, asked each time that the sensor was read.
         """
         recordings, peaks, failure = [], [], None
         watch = FailureWatch(self.physics, self.robot, step)
-        for first, last in self._chunks(trajectory.phase, len(trajectory.times) - 1):
+        for first, last in _chunks(trajectory.phase, len(trajectory.times) - 1):
             phase = int(trajectory.phase[first + 1])
             enter(phase)
             held = [point != FREE for point in self.points]
-            recovering = FREE in self.points and PHASES[phase] != "approach"
-            here = reference.at(np.arange(first, last))
-            states, sensors = self._joints.run(here, held, recovering)
-            self._steps += last - first
+            states, sensors = self._follow(trajectory, reference, (first, last), until)
+            self._steps += len(states)
             self.time = self._steps * self.physics.timestep
             steps = np.arange(self._steps - len(states), self._steps, dtype=np.float64)
             times = steps * self.physics.timestep
@@ -261,25 +254,38 @@ class Simulation:
             if found is not None:
                 self._restore(states[found[0]], found[1].time)
                 failure = self._named(found[1])
+            if found is not None or len(states) < last - first:
                 break
-            if self._guides(phase):
-                mujoco.mj_forward(self.model, self.data)
-                self._guidance.correct(trajectory, last)
         return ExecutedStep(Recording.join(recordings), Peaks.join(peaks), None, failure)
 
-    def _guides(self, phase: int) -> bool:
-        """Whether a limb approaches and is guided."""
-        return self.controller.guided and PHASES[phase] == "approach" and FREE in self.points
+    def _follow(
+        self,
+        trajectory: Trajectory,
+        reference: Reference,
+        piece: tuple[int, int],
+        until: Callable[[], bool],
+    ) -> tuple[Array, Array]:
+        """Simulate a piece of a phase, guided where a limb approaches; see `JointControl.run`."""
+        phase, (first, last) = PHASES[trajectory.phase[piece[0] + 1]], piece
+        held, free = [point != FREE for point in self.points], FREE in self.points
+        guides = self.controller.guided and phase == "approach" and free
+        period = self._steps_of(self.controller.sensor_period) if guides else last - first
+        followed = []
+        for start in range(first, last, period):
+            here = np.arange(start, min(start + period, last))
+            recovering = free and phase != "approach"
+            followed.append(self._joints.run(reference.at(here), held, recovering))
+            if guides:
+                mujoco.mj_forward(self.model, self.data)
+                self._guidance.correct(trajectory, int(here[-1]) + 1)
+            if until():
+                break
+        states, sensors = zip(*followed, strict=True)
+        return np.concatenate(states), np.concatenate(sensors)
 
-    def _chunks(self, phase: IntArray, count: int) -> Iterator[tuple[int, int]]:
-        """First and last time step of pieces within a phase, short ones where a limb is guided."""
-        edges = [0, *(np.flatnonzero(np.diff(phase[1 : count + 1])) + 1).tolist(), count]
-        for start, stop in pairwise(edges):
-            size = CHUNK
-            if self._guides(int(phase[start + 1])):
-                size = max(round(self.controller.sensor_period / self.physics.timestep), 1)
-            for first in range(start, stop, size):
-                yield first, min(first + size, stop)
+    def _steps_of(self, duration: float) -> int:
+        """Time steps in a duration [s], at least one."""
+        return max(round(duration / self.physics.timestep), 1)
 
     def _moving(self, trajectory: Trajectory) -> tuple[int, int]:
         """The limb that moves on a trajectory and the point that it grasps."""
@@ -329,3 +335,11 @@ class Simulation:
         return replace(
             failure, limb=limb, message=message, values={"depth_m": float(-contact.dist)}
         )
+
+
+def _chunks(phase: IntArray, count: int) -> Iterator[tuple[int, int]]:
+    """First and last time step of pieces within a phase."""
+    edges = [0, *(np.flatnonzero(np.diff(phase[1 : count + 1])) + 1).tolist(), count]
+    for start, stop in pairwise(edges):
+        for first in range(start, stop, CHUNK):
+            yield first, min(first + CHUNK, stop)

@@ -10,6 +10,8 @@ a last stretch, one number, brings what the average changed back within the limi
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
@@ -35,88 +37,85 @@ def fastest_clock(rows: PieceRows, rise_time: float) -> PPoly:
     clock = _averaged(times, shares, rise_time)
     longer = rows.binding(clock).duration / float(clock.x[-1])
     order = len(clock.c) - 1
-    return PPoly(
-        clock.c
-        / longer
-        ** np.arange(order, -1, -1)[
-            :,
-            None,
-        ],
-        clock.x * longer,
-    )
+    powers = np.arange(order, -1, -1)[:, None]
+    return PPoly(clock.c / longer**powers, clock.x * longer)
+
+
+class _Squares(NamedTuple):
+    """Squares of what is asked for at K nodes, in units of the limits, as a form of s'' and b.
+
+    A torque or wrench `u s'' + v b` is within its limit if its square `uu s''^2 + 2 uv s'' b +
+    vv b^2` is at most 1. Shapes (K, G) for G torques and wrenches.
+    """
+
+    uu: Array
+    uv: Array
+    vv: Array
+
+    @classmethod
+    def of(cls, rows: PieceRows) -> _Squares:
+        """Those of a piece."""
+        u, v = (
+            np.concatenate([rows.torques[:, k, :, None] * [1.0, 0.0, 0.0], rows.wrenches[:, k]], 1)
+            for k in (0, 1)
+        )
+        return cls((u * u).sum(axis=2), (u * v).sum(axis=2), (v * v).sum(axis=2))
 
 
 def fastest_squares(rows: PieceRows) -> Array:
     """Squared rate of the share at each node of a piece, at rest at both ends, shape (K,)."""
-    step = np.diff(rows.shares)
+    step, asked = np.diff(rows.shares), _Squares.of(rows)
     most: Array = 1.0 / np.maximum((rows.speeds**2).max(axis=1), SMALL)
-    squares: Array = np.minimum(most, _largest_without_change(rows))
+    squares: Array = np.minimum(most, _largest_with_any_change(asked))
     squares[0] = squares[-1] = 0.0
     last = len(squares) - 1
     for k in range(last - 1, 0, -1):
         # s'' = (b[k + 1] - b[k]) / (2 step) at node k
         ahead = squares[k + 1]
         while True:
-            high = _largest(rows, k, ahead / (2.0 * step[k]), -1.0 / (2.0 * step[k]), 0.0, 1.0)
+            high = _largest(asked, k, (ahead / (2.0 * step[k]), -1.0 / (2.0 * step[k])), (0.0, 1.0))
             if high >= 0.0 or ahead < SMALL:
                 break
             ahead *= 0.9
         squares[k] = min(squares[k], max(high, 0.0))
     for k in range(last):
         here = squares[k]
-        high = _largest(rows, k, -here / (2.0 * step[k]), 1.0 / (2.0 * step[k]), here, 0.0)
+        high = _largest(asked, k, (-here / (2.0 * step[k]), 1.0 / (2.0 * step[k])), (here, 0.0))
         squares[k + 1] = min(squares[k + 1], max(high, 0.0))
     return squares
 
 
-def _largest_without_change(rows: PieceRows) -> Array:
-    """Largest b at each node with s'' free: where torques bind first it is a bound."""
-    return np.array([_curve_limit(rows, k) for k in range(len(rows.shares))])
-
-
-def _curve_limit(rows: PieceRows, k: int) -> float:
-    """Largest b at node k that some s'' allows, by bisection over s'' / b."""
+def _largest_with_any_change(asked: _Squares) -> Array:
+    """Largest b at each node that some s'' allows, of many ratios of the two, shape (K,)."""
     ratios = np.concatenate([-np.geomspace(1e3, 1e-2, 60), [0.0], np.geomspace(1e-2, 1e3, 60)])
-    loads = _load(rows, k, ratios, np.ones_like(ratios))
-    return float(1.0 / max(loads.min(), SMALL))
-
-
-def _load(rows: PieceRows, k: int, change: Array, square: Array) -> Array:
-    """What pairs of s'' and b ask for at node k, in units of the limits, the largest of all."""
-    torque = np.abs(np.outer(change, rows.torques[k, 0]) + np.outer(square, rows.torques[k, 1]))
-    wrench = (
-        change[:, None, None] * rows.wrenches[k, 0] + square[:, None, None] * rows.wrenches[k, 1]
-    )
-    largest: Array = np.maximum(torque.max(axis=1), np.linalg.norm(wrench, axis=2).max(axis=1))
-    return largest
+    r = ratios[:, None, None]
+    largest = (r * r * asked.uu + 2.0 * r * asked.uv + asked.vv).max(axis=2)
+    least: Array = np.sqrt(np.maximum(largest.min(axis=0), SMALL**2))
+    return 1.0 / least
 
 
 def _largest(
-    rows: PieceRows, k: int, change: float, by_change: float, square: float, by_square: float
+    asked: _Squares, k: int, change: tuple[float, float], square: tuple[float, float]
 ) -> float:
-    """Largest x with `s'' = change + by_change x` and `b = square + by_square x` within limits.
+    """Largest x with `s'' = change[0] + change[1] x` and `b = square[0] + square[1] x` allowed.
 
     -1 if there is none above zero.
     """
-    torques, wrenches = rows.torques[k], rows.wrenches[k]
-    fixed = change * torques[0] + square * torques[1]
-    slope = by_change * torques[0] + by_square * torques[1]
-    steep = np.abs(slope) > SMALL
-    if (np.abs(fixed[~steep]) > 1.0 + 1e-9).any():
+    uu, uv, vv = asked.uu[k], asked.uv[k], asked.vv[k]
+    (p, dp), (q, dq) = change, square
+    # a x^2 + 2 b x + c <= 0
+    a = dp * dp * uu + 2.0 * dp * dq * uv + dq * dq * vv
+    b = p * dp * uu + (p * dq + q * dp) * uv + q * dq * vv
+    c = p * p * uu + 2.0 * p * q * uv + q * q * vv - 1.0
+    moving = a > SMALL**2
+    if (c[~moving] > 1e-9).any():
         return -1.0
-    ends = np.stack([(-1.0 - fixed[steep]) / slope[steep], (1.0 - fixed[steep]) / slope[steep]])
-    low, high = ends.min(axis=0).max(initial=0.0), ends.max(axis=0).min(initial=np.inf)
-    start = change * wrenches[0] + square * wrenches[1]
-    along = by_change * wrenches[0] + by_square * wrenches[1]
-    # |start + x along|^2 <= 1
-    a, b, c = (along**2).sum(axis=1), (start * along).sum(axis=1), (start**2).sum(axis=1) - 1.0
+    a, b, c = a[moving], b[moving], c[moving]
     root = b * b - a * c
-    if (root < 0.0).any() or (c[a < SMALL] > 1e-9).any():
+    if (root < 0.0).any():
         return -1.0
-    moving = a >= SMALL
-    root = np.sqrt(root[moving])
-    low = max(low, ((-b[moving] - root) / a[moving]).max(initial=0.0))
-    high = min(high, ((-b[moving] + root) / a[moving]).min(initial=np.inf))
+    root = np.sqrt(root)
+    low, high = ((-b - root) / a).max(initial=0.0), ((root - b) / a).min(initial=np.inf)
     return float(high) if high >= low - 1e-9 else -1.0
 
 

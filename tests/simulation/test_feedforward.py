@@ -67,14 +67,16 @@ def test_limbs_that_hold_share_the_wrench_that_moves_the_base(jem, limbs):
 
 
 def test_a_grasp_that_is_loaded_bends_as_a_spring_beside_a_damper():
-    """damping * x' + stiffness * x = -load, from x = 0, has a solution in closed form."""
+    """damping * x' + stiffness * x = -load - slope * t, from x = 0, in closed form."""
     physics = Physics(
         grasp_stiffness=5e3, grasp_damping=900.0,
         grasp_rotational_stiffness=800.0, grasp_rotational_damping=40.0,
     )  # fmt: skip
     period, loads = 0.05, np.array([[4.0, -2.0, 1.0, 0.5, 3.0, -1.0], [1, 2, 3, 4, 5, 6]])
+    slopes = np.array([[0.0, 3.0, -1.0, 2.0, 0.0, 5.0], [6, 5, 4, 3, 2, 1]])
     stiffness, damping = np.repeat([5e3, 800.0], 3), np.repeat([900.0, 40.0], 3)
-    times = period * np.arange(1, 41)[:, None, None]
-    expected = -loads / stiffness * (1.0 - np.exp(-times * stiffness / damping))
-    found = _bends(physics, np.tile(loads, (40, 1, 1)), period)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    times, constant = period * np.arange(40)[:, None, None], damping / stiffness
+    rise = 1.0 - np.exp(-times / constant)
+    expected = -(loads * rise + slopes * (times - constant * rise)) / stiffness
+    found = _bends(physics, loads + slopes * times, period)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)

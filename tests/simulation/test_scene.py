@@ -216,7 +216,7 @@ def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monke
     spec.worldbody.add_geom(name="nothing", size=[0, 0, 0])
     with pytest.raises(SceneError, match=r"MuJoCo cannot build scene 'ladder-mlivr2': .*size"):
         compiled(spec)
-    for module in ("simulation.scene", "pictures.studio"):
+    for module in ("pictures.studio", "simulation.scene"):  # the first imports the second
         monkeypatch.setattr(f"mlivr_gym.{module}.scene_spec", lambda *_: spec)
     with pytest.raises(SceneError, match="cannot build scene"):
         SceneRenderer(ladder, robot_spec("mlivr2"))
