@@ -152,18 +152,16 @@ def check(step: Step, scene: Scene, room: StepRoom) -> None:
     if before.branches == 0 or after.branches == 0:
         return
     folds = before.folds & after.folds
-    alone = robot.limb_count == 2
-    stages = 1 if step.again or step.given or not alone else 3
+    stages = 1 if step.again or step.given or robot.limb_count > 2 else 3
     for stage in range(stages):
         if not _any_kept(step, robot) and not on_line:
-            if not (step.again or step.given):
+            if stages > 1:
                 _set_stage(stage, step, scene, room)
             if folds:
                 _folded(step, scene, folds, room)
     if (on_line or not step.again) and not _any_kept(step, robot):
         for i in range(robot.limb_count):
-            if alone:
-                room.now[i] = ALL
+            room.now[i] = ALL
         _on_lines(step, scene, room)
 
 
@@ -178,11 +176,12 @@ def _any_kept(step: Step, robot: Robot) -> bool:
 
 @kernel
 def _set_stage(stage: int, step: Step, scene: Scene, room: StepRoom) -> None:
-    """Which branches of the limbs that hold are looked at, in three stages.
+    """Which branches of the limb that holds alone are looked at, in three stages.
 
-    First those on which a limb can be released before the step and after it, as one must be that
-    grasped just before or moves just after; for one limb that holds then those where only one is
-    true, then the others. For more the pairs of branches would be too many.
+    First those on which it can be released before the step and after it, as one must be that
+    grasped just before or moves just after; then those where only one is true, then the others.
+    Where more limbs hold all branches are looked at at once: a limb that neither grasped just
+    before nor moves just after may be on any.
     """
     stances, robot = scene.stances, scene.robots[0]
     for i in range(robot.limb_count):

@@ -253,12 +253,11 @@ class PlainStep:
         first, last = (released[s][self.limb] for s in (self.before, self.after))
         if not first.pairs or not last.pairs:
             return self.edge
-        stages = [now] if self.given else self.stages(released)
-        for now in stages if alone else stages[:1]:
+        for now in self.stages(released) if alone and not self.given else [now]:
             if not self.edge.kept and first.folds & last.folds:
                 self.folded(now, sorted(first.folds & last.folds))
         if not self.edge.kept:
-            self.on_lines(dict.fromkeys(self.held, EVERY) if alone else now, first, last)
+            self.on_lines(first, last)
         return self.edge
 
     def stages(self, released):
@@ -313,7 +312,7 @@ class PlainStep:
             pair,
         )
 
-    def on_lines(self, now, first, last):
+    def on_lines(self, first, last):
         """Keep what can hold while the other limb swings along the shortest line that is free."""
         plain, limb = self.plain, self.limb
         starts = plain.above(self.before, limb, first.pairs)
@@ -321,7 +320,7 @@ class PlainStep:
         lines = [(b0, b1, *line_end(starts[b0], ends[b1])) for b0 in starts for b1 in ends]
         lines.sort(key=cmp_to_key(lambda a, b: (a[3] > b[3] + TIE) - (b[3] > a[3] + TIE)))
         for kind, path in enumerate(self.paths):
-            standing = {i: self.on_path[kind][i] & now[i] for i in self.held}
+            standing = dict(self.on_path[kind])
             if not all(standing.values()):
                 continue
             for b0, b1, end, _ in lines[:TRIES]:
