@@ -116,8 +116,9 @@ differ in existence; of {part["found"]} plans found the cost differs by at most 
 def tell_limbs(part: Part) -> str:
     """Optimality for more limbs in words."""
     outcomes = ", ".join(f"{name} {n}" for name, n in sorted(part["outcomes"].items()))
-    return f"""Three and four limbs, {part["maps"]} small maps, collisions on, against a Dijkstra \
-in plain Python: largest difference of cost {part["largest_difference"]:.1e} ({outcomes}).
+    return f"""Three and four limbs, {part["maps"]} small maps, collisions on and off, against a \
+Dijkstra in plain Python over all states: largest difference of cost \
+{part["largest_difference"]:.1e} ({outcomes}).
 """
 
 

@@ -22,6 +22,7 @@ from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.walks import plan_of
+from mlivr_gym.settings import Settings
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -222,22 +223,27 @@ def plain_dijkstra(graph: StanceGraph, start: State, cost: Cost) -> dict[State, 
     return done
 
 
-def small_map(rng: np.random.Generator, limbs: int) -> GraspMap:
-    """A few points of the JEM that lie near each other."""
+def small_map(rng: np.random.Generator) -> GraspMap:
+    """Six points of the JEM that lie near each other."""
     whole = jem_map()
     middle = whole.positions[rng.integers(len(whole))]
     close = np.argsort(np.linalg.norm(whole.positions - middle, axis=1))[:24]
     chosen = np.zeros(len(whole), dtype=np.bool_)
-    chosen[rng.choice(close, limbs + 5, replace=False)] = True
+    chosen[rng.choice(close, 6, replace=False)] = True
     return whole.subset(chosen, "few points")
 
 
 def small_query(seed: int) -> tuple[str, float]:
-    """One query with three or four limbs on a small map: what came of it, and how far it is off."""
+    """One query with three or four limbs on a small map: what came of it, and how far it is off.
+
+    Of four seeds two check collisions, and two have a goal that need not be reachable.
+    """
     rng, limbs = np.random.default_rng([5, seed]), 3 + seed % 2
+    collisions, anywhere = seed // 2 % 2 == 0, seed // 4 % 2 == 0
     name, price = COSTS[seed % len(COSTS)]
-    graph = stance_graph(small_map(rng, limbs), f"mlivr{limbs}")
-    starts = [tuple(rng.permutation(len(graph.grasp_map))[:limbs].tolist()) for _ in range(200)]
+    settings = Settings(collisions=collisions)
+    graph = stance_graph(small_map(rng), f"mlivr{limbs}", settings)
+    starts = [tuple(rng.permutation(6)[:limbs].tolist()) for _ in range(200)]
     states = [graph.state(s) for s in starts if graph.is_node(graph.posture(s))[0]]
     if not states:
         return "no stance", 0.0
@@ -246,19 +252,22 @@ def small_query(seed: int) -> tuple[str, float]:
     cost = Cost.named(name, price)
     truth = plain_dijkstra(graph, start, cost)
     places = {state: graph.posture_of(state).base_position[0] for state in truth}
-    goal = list(places.values())[int(rng.integers(len(places)))]
-    least = min(truth[s] for s, place in places.items() if np.linalg.norm(place - goal) <= 0.05)
+    choice = [graph.posture_of(s).base_position[0] for s in states] if anywhere else places.values()
+    goal = list(choice)[int(rng.integers(len(choice)))]
+    reached = [truth[s] for s, place in places.items() if np.linalg.norm(place - goal) <= 0.05]
     how: dict[str, Any] = {} if price is None else {"regrasp_price": price}
     found = Planner(graph).plan(start, goal, name, goal_tolerance=0.05, inflation=1.0, **how)
+    world = "collisions" if collisions else "no collisions"
+    if (found.plan is None) != (not reached):
+        return f"{world}: existence differs", np.inf
     if found.plan is None:
-        return f"missed: {found.reason}", np.inf
-    return ("no step leads away" if len(truth) == 1 else "compared"), abs(
-        found.plan.statistics.cost - least
-    )
+        return f"{world}: neither finds a plan", 0.0
+    told = "no step leads away" if len(truth) == 1 else "both find one"
+    return f"{world}: {told}", abs(found.plan.statistics.cost - min(reached))
 
 
 def study_small_maps(number: int, processes: Processes) -> dict[str, Any]:
-    """Plans of three and four limbs on small maps, collisions on, against a plain Dijkstra."""
+    """Plans of three and four limbs on small maps, collisions on and off, by a plain Dijkstra."""
     out, worst = Counter[str](), 0.0
     for told, off in processes.answers(small_query, range(number), "small maps"):
         out[told] += 1
