@@ -1,0 +1,202 @@
+"""Do the thresholds of manipulability predict how well a walk is carried out?
+
+    python experiments/thresholds.py [--pairs 20] [--out results]
+
+Random walks from the deck to the overhead are planned for the base translation under both
+thresholds as a share of the paper's, steps and collisions checked, and carried out in MuJoCo by two
+controllers: the paper's at its 50 s a step, with a robot and a module as they are known, and the
+full one at the gentle pace with all disturbances. The error of each step is then set against the
+least manipulability of the two stances between which it leads. What is measured is kept share by
+share in `thresholds.json`, and a share that is there is not measured again; `thresholds.md` and
+`thresholds.png` show it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.stats import spearmanr
+from table1_statistics import mean, random_pair
+from tqdm import tqdm
+
+from mlivr_gym import Settings, jem_map, stance_graph
+from mlivr_gym.errors import StanceError
+from mlivr_gym.files import write_whole
+from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.controller import PAPER
+from mlivr_gym.simulation.disturbances import ALL
+from mlivr_gym.simulation.execution import carry_out, timed_walk
+from mlivr_gym.simulation.limits import GENTLE
+from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.stances.pair_graph import PairGraph
+
+FACTORS = (0.0, 0.5, 1.0, 1.25)
+"""Thresholds, as shares of the paper's."""
+
+SETUPS = {
+    "the paper's PD, 50 s": Setup(Durations.of_step(50.0), PAPER),
+    "full, gentle, all disturbances": Setup(GENTLE, disturbances=ALL),
+}
+"""How walks are carried out."""
+
+Measure = dict[str, Any]
+
+
+def measured(factor: float, pairs: int) -> Measure:
+    """Plans under thresholds, and how they are carried out."""
+    names = ("limb_threshold", "base_threshold")
+    given = dict(zip(names, (factor * whole for whole in Settings().thresholds(2)), strict=True))
+    graph = stance_graph(jem_map(), settings=Settings(**given))
+    assert isinstance(graph, PairGraph)
+    planner, found = Planner(graph), []
+    for seed in tqdm(range(pairs), desc=f"{factor:g}", mininterval=5.0):
+        start, goal = random_pair(seed)
+        try:
+            plan = planner.plan(start.stance, goal, "base", goal_face="overhead").plan
+        except StanceError:  # the start does not meet the thresholds
+            continue
+        if plan is not None:
+            found.append(told_plan(graph, plan, seed))
+    return {"factor": factor, "stances": len(graph), "plans": found}
+
+
+def told_plan(graph: PairGraph, plan: Plan, seed: int) -> Measure:
+    """A plan, the manipulability of its stances and the errors of its steps."""
+    postures = [graph.posture(graph.indices(stance)) for stance in plan.stances]
+    told: Measure = {
+        "steps": len(plan.steps),
+        "base_translation": plan.base_translation,
+        "expanded": plan.statistics.expanded,
+        "w_m": [float(posture.w_m.min()) for posture in postures],
+        "w_b": [float(posture.w_b[0]) for posture in postures],
+    }
+    for name, setup in SETUPS.items():
+        walk = timed_walk(graph, plan, setup.timing, setup.physics.timestep)
+        done = carry_out(setup.simulation(graph.grasp_map, graph.robot, seed=seed + 1), walk)
+        steps = done[: len(plan.steps)]
+        told[name] = {
+            "failure": None if done[-1].failure is None else done[-1].failure.kind,
+            "base_error": [step.peaks.base_error for step in steps],
+            "joint_torque": [float(step.peaks.joint_torque.max()) for step in steps],
+            "capture": [step.capture.distance if step.capture else None for step in steps],
+        }
+    return told
+
+
+def pooled(rows: list[Measure], name: str) -> dict[str, list[float]]:
+    """Of all steps that ended with a grasp: least manipulability, base error and capture."""
+    out: dict[str, list[float]] = {"w_m": [], "w_b": [], "base_error": [], "capture": []}
+    for plan in (plan for row in rows for plan in row["plans"]):
+        done = plan[name]
+        for k, capture in enumerate(done["capture"]):
+            if capture is None:
+                continue
+            for w in ("w_m", "w_b"):
+                out[w].append(min(plan[w][k : k + 2]))
+            out["base_error"].append(done["base_error"][k])
+            out["capture"].append(capture)
+    return out
+
+
+def markdown(data: Measure) -> str:
+    """The report."""
+    rows, whole = data["rows"], Settings().thresholds(2)
+    lines = [
+        "# Do the thresholds predict how well a walk is carried out?",
+        "",
+        f"Made by `experiments/thresholds.py`: {data['pairs']} random pairs from the deck to the "
+        "overhead, base cost, steps and collisions checked; thresholds as a share of the paper's, "
+        f"which are {whole[0]:g} and {whole[1]:g}. *Base error*: largest distance of the base "
+        "from its trajectory, mean over the steps that ended with a grasp; *capture*: distance of "
+        "the gripper from its point just before it grasps, mean.",
+        "",
+        "![Base error against manipulability](thresholds.png)",
+        "",
+        "| share | stances | plans | explored | steps | base translation [m] "
+        "| carried out by | share carried out | base error [mm] | capture [mm] |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        plans = row["plans"]
+        for name in SETUPS:
+            steps = pooled([row], name)
+            ended = sum(plan[name]["failure"] is None for plan in plans)
+            errors = [mean(steps[what]) for what in ("base_error", "capture")]
+            cells = [
+                f"{row['factor']:g}", row["stances"], len(plans),
+                *(_figure(mean([plan[what] for plan in plans]), form) for what, form in (
+                    ("expanded", ".0f"), ("steps", ".2f"), ("base_translation", ".3f"))),
+                name, f"{ended} of {len(plans)}",
+                *(_figure(None if error is None else 1e3 * error, ".2f") for error in errors),
+            ]  # fmt: skip
+            lines.append("| " + " | ".join(map(str, cells)) + " |")
+    lines += [
+        "",
+        "Spearman's rank correlation over the steps of all shares, of what was measured in a step "
+        "with the least manipulability of the two stances between which it leads. A threshold "
+        "predicts an error if its correlation is clearly below 0.",
+        "",
+        "| carried out by | steps | base error, `w_m` | base error, `w_b` | capture, `w_m` "
+        "| capture, `w_b` |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name in SETUPS:
+        steps = pooled(rows, name)
+        found = [
+            f"{spearmanr(steps[w], steps[what]).statistic:+.2f}"
+            for what in ("base_error", "capture")
+            for w in ("w_m", "w_b")
+        ]
+        lines.append(f"| {name} | {len(steps['w_m'])} | " + " | ".join(found) + " |")
+    return "\n".join([*lines, ""])
+
+
+def _figure(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
+
+
+def figure(data: Measure) -> Figure:
+    """Base error of each step against both manipulabilities, for each controller."""
+    fig = Figure(figsize=(10.0, 6.5), layout="constrained")
+    axes = fig.subplots(len(SETUPS), 2, squeeze=False)
+    for line, name in zip(axes, SETUPS, strict=True):
+        steps = pooled(data["rows"], name)
+        for ax, w, least in zip(line, ("w_m", "w_b"), Settings().thresholds(2), strict=True):
+            ax.scatter(steps[w], 1e3 * np.array(steps["base_error"]), s=12, alpha=0.6)
+            ax.axvline(least, color="tab:red", lw=1, label="the paper's threshold")
+            ax.set(xlabel=f"least {w} of the step's stances", ylabel="base error [mm]", title=name)
+            ax.set_ylim(bottom=0.0)
+            ax.grid(alpha=0.3)
+    axes[0, 0].legend(loc="upper right", fontsize=8)
+    return fig
+
+
+def main() -> None:
+    """Measure what is not there, and tell all."""
+    parser = argparse.ArgumentParser(description="Thresholds and how walks are carried out.")
+    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser.add_argument("--pairs", type=int, default=20)
+    args = parser.parse_args()
+    path = args.out / "thresholds.json"
+    data: Measure = {"pairs": args.pairs, "rows": []}
+    if path.exists():
+        known = json.loads(path.read_text(encoding="utf-8"))
+        data = known if known["pairs"] == args.pairs else data
+    for factor in FACTORS:
+        if factor not in [row["factor"] for row in data["rows"]]:
+            data["rows"].append(measured(factor, args.pairs))
+            write_whole(path, json.dumps(data) + "\n")
+    write_whole(args.out / "thresholds.md", markdown(data))
+    save_figure(figure(data), args.out / "thresholds.png")
+
+
+if __name__ == "__main__":
+    main()
