@@ -16,10 +16,8 @@ from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.branches import (
     apart,
     combined,
-    first_combination,
     forget,
     limb_status,
-    next_combination,
     self_clearance,
 )
 from mlivr_gym.postures.records import Limbs, PostureRoom, Search, Tried
@@ -114,6 +112,50 @@ def _trial_bound(search: Search, tried: Tried, room: PostureRoom) -> float:
 
 
 @kernel
+def _begin(count: int, room: PostureRoom) -> None:
+    """Make `_next_hopeful` begin with the first combination."""
+    room.digits[count - 1] = -1
+
+
+@kernel
+def _next_hopeful(
+    search: Search, tried: Tried, least: float, depth: int, room: PostureRoom
+) -> bool:
+    """Set `trial` to the next combination of `options` that may serve; whether there is one.
+
+    Limb 0 runs fastest. Combinations are passed over together that share a branch whose `w_m` is
+    below a margin or that is known to touch something, or two branches that are known to touch.
+
+    Args:
+        search: What is searched.
+        tried: The base pose that is looked at.
+        least: The margin.
+        depth: The limb whose branch changes: the last to begin with, 0 after a combination.
+        room: Scratch.
+    """
+    limbs, scale = search.robot.limb_count, search.rule.scale_m
+    i = depth
+    while i < limbs:
+        room.digits[i] += 1
+        if room.digits[i] >= room.option_count[i]:
+            i += 1
+            continue
+        b = room.options[i, room.digits[i]]
+        if tried.limbs[i].w[class_of(b)] < least * scale or room.status[i, b] > CLEAR:
+            continue
+        room.trial[i], apart = b, True
+        for j in range(i + 1, limbs):
+            apart = apart and room.pairs[i, b, j, room.trial[j]] <= CLEAR
+        if not apart:
+            continue
+        if i == 0:
+            return True
+        i -= 1
+        room.digits[i] = -1
+    return False
+
+
+@kernel
 def _largest_margin(search: Search, floor: float, look: bool, room: PostureRoom) -> float:
     """Largest margin above `floor` of all base poses and branches of one stance, or `floor`.
 
@@ -137,15 +179,15 @@ def _largest_margin(search: Search, floor: float, look: bool, room: PostureRoom)
             continue
         for turn in range(2):
             # The first round takes those whose least `w_m` is the largest there is.
-            least = top * (1.0 - TIE) if turn == 0 else 0.0
-            more = first_combination(limbs, room)
-            while more:
+            least, depth = top * (1.0 - TIE) if turn == 0 else 0.0, limbs - 1
+            _begin(limbs, room)
+            while _next_hopeful(search, tried, max(least, margin), depth, room):
+                depth = 0
                 bound = _trial_bound(search, tried, room)
                 if bound > margin and bound >= least:
                     found = min(bound, combined(limbs, room) / search.rule.scale_b)
                     if found > margin and (not look or touches_nothing(search, c, room)):
                         margin = found
-                more = next_combination(limbs, room)
 
 
 @kernel
@@ -163,17 +205,17 @@ def _choose(search: Search, margin: float, room: PostureRoom, branch: Limbs) -> 
         tried = room.tried[c]
         if tried.bound < least or not enter(search, c, least * (1.0 - TIE), look, room):
             continue
-        more = first_combination(limbs, room)
-        while more:
-            if _trial_bound(search, tried, room) >= least:
-                w_b = combined(limbs, room)
-                if w_b / search.rule.scale_b >= least and touches_nothing(search, c, room):
-                    found = self_clearance(search.robot, gap, room)
-                    if chosen < 0 or found > gap + CLEARANCE_TIE:
-                        chosen, gap, best_wb = c, found, w_b
-                        for i in range(limbs):
-                            branch[i] = room.trial[i]
-            more = next_combination(limbs, room)
+        depth = limbs - 1
+        _begin(limbs, room)
+        while _next_hopeful(search, tried, least, depth, room):
+            depth = 0
+            w_b = combined(limbs, room)
+            if w_b / search.rule.scale_b >= least and touches_nothing(search, c, room):
+                found = self_clearance(search.robot, gap, room)
+                if chosen < 0 or found > gap + CLEARANCE_TIE:
+                    chosen, gap, best_wb = c, found, w_b
+                    for i in range(limbs):
+                        branch[i] = room.trial[i]
     return Chosen(chosen, best_wb, margin)
 
 

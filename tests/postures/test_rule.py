@@ -62,7 +62,7 @@ def candidates(graph, stance):
         a[0] for a in base_frames((grasps - centre)[None], normals[None], rail[None])
     )
     assert not opposed
-    found = []
+    whole, found = Settings().thresholds(robot.limbs)[1], []
     for roll, height in product(robot.rolls, robot.heights):
         turn = Rotation.from_rotvec(roll * line).as_matrix()
         position, rotation = centre + height * turn @ out, turn @ frame
@@ -78,7 +78,7 @@ def candidates(graph, stance):
             order = (round(abs(roll), 9), roll < 0.0, height, labels[::-1])
             quaternion = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
             pose = (position, quaternion, np.array([limb[1] for limb in limbs]))
-            found.append((min(w_m, w_b / 0.001), order, pose, labels))
+            found.append((min(w_m, w_b / whole), order, pose, labels))
     return found
 
 
@@ -123,6 +123,18 @@ def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
         assert tuple(here.branch[s]) == labels
         ties.append(tied)
     assert max(ties) > 4  # mirror postures and elbows
+
+
+def test_the_base_pose_of_three_limbs_is_the_one_of_the_rule(jem):
+    """Combinations of branches are passed over together; none may be that is the best."""
+    graph = stance_graph(jem, "mlivr3", Settings(collisions=False))
+    points = graph.indices(("D2a:2", "D2b:2", "D2b:8"))
+    (margin, _, pose, labels), _ = chosen_by_definition(graph, np.array(points))
+    found = graph.posture(points)
+    ours = found.w_m.min() / 0.1, found.w_b[0] / Settings().thresholds(3)[1]
+    assert min(ours) == pytest.approx(margin, rel=1e-7)
+    np.testing.assert_allclose(found.base_position[0], pose[0], atol=1e-6)
+    assert tuple(found.branch[0]) == labels
 
 
 def departing(graph, s, i, branches):
