@@ -253,9 +253,10 @@ class PlainStep:
         first, last = (released[s][self.limb] for s in (self.before, self.after))
         if not first.pairs or not last.pairs:
             return self.edge
-        for now in self.stages(released) if alone and not self.given else [now]:
+        stages = self.stages(released) if alone and not self.given else [now]
+        for looked_at in stages:
             if not self.edge.kept and first.folds & last.folds:
-                self.folded(now, sorted(first.folds & last.folds))
+                self.folded(looked_at, sorted(first.folds & last.folds))
         if not self.edge.kept:
             self.on_lines(first, last)
         return self.edge
