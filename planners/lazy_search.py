@@ -1,10 +1,10 @@
 """Best-first search over the stances of any number of limbs, which can stop at any time.
 
 A stance of many limbs has hundreds of neighbours, of which few are nodes and fewer can be stepped
-to, and to know that takes longer than all else. So an entry of the queue goes through three stages,
-each when it is the most promising: a neighbour of which its points alone are known; one whose
-posture is known; and a state, once the step to it is checked. Entries of one stage are worked out
-in batches.
+to, and to know that takes longer than all else. So a neighbour goes through three stages, each when
+it is the most promising: one of which its points alone are known, in a block with the others of its
+parent; one whose posture is known; and a state, once the step to it is checked. Those of one stage
+are worked out in batches.
 
 Every entry has a lower bound of the cost of the plans through it, from the triangle inequality and
 `move_bounds`. The least of those in the queue bounds the cost of every plan, so a plan is told with
@@ -16,7 +16,6 @@ prove it good.
 
 from __future__ import annotations
 
-import heapq
 import time
 from dataclasses import dataclass, field
 
@@ -26,49 +25,21 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.move_bounds import MoveBounds
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
 from mlivr_gym.planners.query import Search
+from mlivr_gym.planners.queues import Block, Entry, Queue
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
 
-POSTURES, STEPS = 128, 32
-"""Most entries whose postures are worked out, and most whose steps are checked, at once."""
+POSTURES, SHARE, STEPS = 128, 32, 32
+"""Most stances whose postures are worked out at once, most of them that are of one block, and most
+steps that are checked at once."""
 
 INFLATED = 2.0
 """Factor on what is left in the order that leads out of pockets."""
 
 ROUNDING = 1e-9
 """Costs that differ by this share are equal."""
-
-
-@dataclass(slots=True)
-class Entry:
-    """A stance in the queue.
-
-    Attributes:
-        stance: Its points.
-        parent: Index of the expanded state before it, -1 at the start.
-        cost: Cost so far; a lower bound of it until the posture is known.
-        low: Lower bound of the cost of a plan through it.
-        promise: What it is ordered by in the search for a first plan, the least first.
-        posture: Its posture, once known.
-        state: Its state, once the step to it is checked.
-        done: Whether it is expanded or dropped.
-    """
-
-    stance: tuple[int, ...]
-    parent: int
-    cost: float
-    low: float
-    promise: float
-    posture: Postures | None = None
-    state: State | None = None
-    done: bool = False
-
-    @property
-    def stage(self) -> int:
-        """0 if its points are known, 1 if its posture is, 2 if its state is."""
-        return 0 if self.posture is None else 1 if self.state is None else 2
 
 
 @dataclass(frozen=True)
@@ -118,35 +89,6 @@ def lazy_search(graph: LazyGraph, start: State, search: Search) -> Found:
     return _LazySearch(graph, start, search).run()
 
 
-class _Queue:
-    """Entries in an order; one that was pushed again or is done counts no more."""
-
-    def __init__(self) -> None:
-        self._heap: list[tuple[float, float, int, int, Entry]] = []
-        self._pushed = 0
-
-    def push(self, order: float, entry: Entry) -> None:
-        """Add an entry, or put it in another place; ties go to the larger cost so far."""
-        self._pushed += 1
-        heapq.heappush(self._heap, (order, -entry.cost, self._pushed, entry.stage, entry))
-
-    def top(self) -> Entry | None:
-        """The first entry, which stays; None if there is none."""
-        while self._heap:
-            *_, stage, entry = self._heap[0]
-            if not entry.done and stage == entry.stage:
-                return entry
-            heapq.heappop(self._heap)
-        return None
-
-    def pop(self) -> Entry | None:
-        """Take the first entry."""
-        entry = self.top()
-        if entry is not None:
-            heapq.heappop(self._heap)
-        return entry
-
-
 class _LazySearch:
     """A search in progress: its queues, and what was expanded."""
 
@@ -155,7 +97,7 @@ class _LazySearch:
         self.goal, self.cost = search.goal, search.goal.cost
         self.max_step, self.moves = graph.max_step, MoveBounds(graph, search.goal)
         self.found, self.turn = Found(), 0
-        self.by_bound, self.by_promise, self.inflated = _Queue(), _Queue(), _Queue()
+        self.by_bound, self.by_promise, self.inflated = Queue(), Queue(), Queue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
         """Masks and costs with which each stance was expanded."""
         self.complete: dict[tuple[int, ...], float] = {}
@@ -170,15 +112,15 @@ class _LazySearch:
         found = self.found
         while self._goes_on():
             queue = self._queue()
-            entry = queue.pop()
-            if entry is None:
+            item = queue.pop()
+            if item is None:
                 break
-            if entry.stage == 2:
-                self._expand(entry)
-            elif entry.stage == 1:
-                self._check(self._batch(queue, entry, STEPS))
+            if isinstance(item, Block):
+                self._pose(self._blocks(queue, item))
+            elif item.state is None:
+                self._check(self._batch(queue, item))
             else:
-                self._pose(self._batch(queue, entry, POSTURES))
+                self._expand(item)
         if found.goal < 0:
             found.goal = len(found.states) - 1
         else:
@@ -209,7 +151,7 @@ class _LazySearch:
             return False
         return True
 
-    def _queue(self) -> _Queue:
+    def _queue(self) -> Queue:
         """Which queue to take from: see the module."""
         self.turn += 1
         if not self.search.guided:
@@ -217,17 +159,36 @@ class _LazySearch:
         queues = [self.by_promise, self.inflated, self.by_bound]
         return queues[self.turn % (3 if self.found.goal >= 0 else 2)]
 
-    def _batch(self, queue: _Queue, first: Entry, most: int) -> list[Entry]:
-        """An entry, and those after it that are in the same stage."""
-        batch = [first]
-        while len(batch) < most:
-            entry = queue.top()
-            if entry is None or entry.stage != first.stage:
-                break
-            queue.pop()
+    def _batch(self, queue: Queue, first: Entry) -> list[Entry]:
+        """An entry, and those after it the steps to which are not checked either."""
+        batch, entry = [], first
+        while True:
             if self._hopeful(entry):
                 batch.append(entry)
-        return batch if self._hopeful(first) else batch[1:]
+            after = queue.top()
+            if not isinstance(after, Entry) or after.state is not None or len(batch) == STEPS:
+                return batch
+            queue.pop()
+            entry = after
+
+    def _blocks(self, queue: Queue, first: Block) -> list[tuple[int, float, IntArray]]:
+        """Parent, cost and stances of the next of a block, and of the blocks after it."""
+        taken, count, block = [], 0, first
+        while True:
+            if block.low < self.best * (1.0 - ROUNDING):
+                some = block.stances[block.version : block.version + SHARE]
+                taken.append((block.parent, block.cost, some))
+                block.version += len(some)
+                count += len(some)
+                if not block.done:
+                    self._push(block)
+            else:
+                block.version = len(block.stances)
+            after = queue.top()
+            if not isinstance(after, Block) or count >= POSTURES:
+                return taken
+            queue.pop()
+            block = after
 
     def _hopeful(self, entry: Entry) -> bool:
         """Whether an entry may lead to a better plan; if not it is dropped."""
@@ -236,12 +197,13 @@ class _LazySearch:
             entry.done = True
         return not entry.done
 
-    def _push(self, entry: Entry) -> None:
-        """Put an entry into the queues, in its stage."""
-        self.by_bound.push(entry.low, entry)
-        self.by_promise.push(entry.promise, entry)
+    def _push(self, item: Block | Entry) -> None:
+        """Put something into the queues, in its stage."""
+        low = item.low
+        self.by_bound.push(low, item)
+        self.by_promise.push(item.promise, item)
         if self.search.guided:
-            self.inflated.push(entry.cost + INFLATED * (entry.low - entry.cost), entry)
+            self.inflated.push(item.cost + INFLATED * (low - item.cost), item)
 
     def _low(self, stances: IntArray, positions: Array, costs: Array) -> Array:
         """Lower bounds of plans through stances with known base positions, shape (k,)."""
@@ -267,23 +229,33 @@ class _LazySearch:
             return costs + self.cost.promise(distances)
         return self.search.g_weight * costs + self.search.estimate(distances, self.max_step)
 
-    def _pose(self, batch: list[Entry]) -> None:
-        """Work out postures, and drop what is no node."""
-        if not batch:
+    def _pose(self, taken: list[tuple[int, float, IntArray]]) -> None:
+        """Work out postures of stances, and put those that are nodes into the queues."""
+        rows = [
+            (parent, cost, stance)
+            for parent, cost, stances in taken
+            for stance in map(tuple, stances.tolist())
+            if self.complete.get(stance, np.inf) > cost
+        ]
+        if not rows:
             return
-        stances = np.array([entry.stance for entry in batch], dtype=np.int64)
+        stances = np.array([stance for *_, stance in rows], dtype=np.int64)
         postures = self.graph.nodes(stances)
-        before = [self.found.postures[entry.parent].base_position[0] for entry in batch]
-        shift = np.linalg.norm(postures.base_position - np.array(before), axis=1)
-        costs = np.array([self.found.costs[entry.parent] for entry in batch])
+        nodes = np.flatnonzero(self.graph.is_node(postures))
+        if not len(nodes):
+            return
+        positions = postures.base_position[nodes]
+        before = [self.found.postures[rows[k][0]].base_position[0] for k in nodes]
+        shift = np.linalg.norm(positions - np.array(before), axis=1)
+        costs = np.array([self.found.costs[rows[k][0]] for k in nodes])
         costs += self.cost.base_weight * shift + self.cost.step_weight
-        low = self._low(stances, postures.base_position, costs)
-        promise, node = self._promise(postures.base_position, costs), self.graph.is_node(postures)
-        for k, entry in enumerate(batch):
-            entry.done = not node[k]
-            entry.cost, entry.low = float(costs[k]), float(low[k])
-            if node[k] and self._hopeful(entry):
-                entry.promise, entry.posture = float(promise[k]), postures.take(np.array([k]))
+        low = self._low(stances[nodes], positions, costs)
+        promise = self._promise(positions, costs)
+        for n, k in enumerate(nodes.tolist()):
+            parent, _, stance = rows[k]
+            figures = float(costs[n]), float(low[n]), float(promise[n])
+            entry = Entry(stance, parent, *figures, postures.take(np.array([k])))
+            if self._hopeful(entry):
                 self._push(entry)
 
     def _check(self, batch: list[Entry]) -> None:
@@ -293,7 +265,7 @@ class _LazySearch:
             by_parent.setdefault(entry.parent, []).append(entry)
         for parent, entries in by_parent.items():
             before, here = self.found.states[parent], self.found.postures[parent]
-            postures = [entry.posture for entry in entries if entry.posture is not None]
+            postures = [entry.posture for entry in entries]
             stances = np.array([entry.stance for entry in entries], dtype=np.int64)
             masks = self.graph.masks_after(before, here, stances, join(*postures))
             for entry, after in zip(entries, masks, strict=True):
@@ -306,7 +278,7 @@ class _LazySearch:
         """Note a state, and put its neighbours into the queues, unless it is at the goal."""
         found, state, posture = self.found, entry.state, entry.posture
         hopeful, entry.done = self._hopeful(entry), True
-        if state is None or posture is None or not hopeful or not self._close(state, entry):
+        if state is None or not hopeful or not self._close(state, entry):
             return
         here = len(found.states)
         found.states.append(state)
@@ -331,13 +303,13 @@ class _LazySearch:
             if covers and cost <= entry.cost:
                 return False
         seen.append((state.masks, entry.cost))
-        every = () if entry.posture is None else tuple(entry.posture.mask[0].tolist())
+        every = tuple(entry.posture.mask[0].tolist())
         if state.pose is None and state.masks == every:
             self.complete[state.stance] = entry.cost
         return True
 
     def _neighbours(self, here: int) -> None:
-        """Put the neighbours of an expanded state into the queues; their points alone are known."""
+        """Put the neighbours of an expanded state into the queues, as a block."""
         graph, goal, cost = self.graph, self.goal, self.cost
         state, posture, so_far = (
             self.found.states[here], self.found.postures[here], self.found.costs[here]
@@ -353,10 +325,10 @@ class _LazySearch:
             low = costs + cost.base_weight * away + self._steps(stances)
         shift = np.linalg.norm(guess - posture.base_position, axis=1)
         promise = self._promise(guess, costs + cost.base_weight * shift)
-        for k in np.flatnonzero(np.isfinite(low) & (low < self.best)).tolist():
-            stance = tuple(stances[k].tolist())
-            if self.complete.get(stance, np.inf) <= costs[k]:
-                continue
-            entry = Entry(stance, here, float(costs[k]), float(low[k]), float(promise[k]))
-            self._push(entry)
-            self.found.generated += 1
+        kept = np.flatnonzero(np.isfinite(low) & (low < self.best))
+        if not len(kept):
+            return
+        kept = kept[np.argsort(promise[kept], kind="stable")]
+        lows = np.minimum.accumulate(low[kept][::-1])[::-1]
+        self._push(Block(here, float(costs[0]), stances[kept], lows, promise[kept]))
+        self.found.generated += len(kept)
