@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import State, stance_graph
+from mlivr_gym import stance_graph
 from mlivr_gym.agents import ExpertPolicy, planner_policy
 from mlivr_gym.cli.main import main
 from mlivr_gym.collisions.contacts import contacts

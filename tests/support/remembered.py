@@ -1,7 +1,15 @@
-"""What a graph says of a state, asked of it once for all the searches of a test."""
+"""What a graph says is asked of it once, for all the searches of a test or all tests of a file."""
 
 from contextlib import contextmanager
+from copy import deepcopy
 from functools import cache
+
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+SOLVED = {}
+"""Postures of all stances, and what the solver knows then, by map, robot, settings and stances."""
+
+KNOWN_BY_SOLVER = ("_rows", "_rejected", "_solved")
 
 
 @contextmanager
@@ -18,3 +26,31 @@ def remembered(graph, *names):
     finally:
         for name in names:
             delattr(graph, name)
+
+
+@contextmanager
+def stances_solved_once():
+    """Graphs of one map, robot and settings are each made anew, with postures solved for the first.
+
+    For commands and environments, each of which makes its own graph of the whole module.
+    """
+    solve = StanceGraph.postures
+
+    def postures(graph, stances):
+        if stances is not graph.pairs:
+            return solve(graph, stances)
+        key = (graph.grasp_map.fingerprint, graph.robot, graph.settings, stances.tobytes())
+        if key not in SOLVED:
+            found = solve(graph, stances)
+            known = {name: getattr(graph.solver, name) for name in KNOWN_BY_SOLVER}
+            SOLVED[key] = deepcopy((found, known))
+            return found
+        found, known = deepcopy(SOLVED[key])
+        vars(graph.solver).update(known)
+        return found
+
+    StanceGraph.postures = postures
+    try:
+        yield
+    finally:
+        StanceGraph.postures = solve
