@@ -46,7 +46,7 @@ def determinants(path, branch, samples=400):
 
 @pytest.mark.parametrize("kind", [STRAIGHT, ARC])
 @given(st.integers(0, 10**6))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_certified_choices_keep_the_floor_at_every_point(kind, seed):
     path = path_between(random_ends(seed), kind, (0.55, 0.0, -0.65))
     branches = certified(path)
