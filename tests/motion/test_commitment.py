@@ -174,7 +174,7 @@ def test_every_walk_of_legal_steps_is_put_together(checked_graph, world):
             for k, end in enumerate(ends)
         )
     try:
-        for _ in range(12):
+        for _ in range(20):
             motion = check_walk(graph, random_walk(graph, rng, 8))
             kinds.update(step.swing for step in motion.steps)
     finally:
