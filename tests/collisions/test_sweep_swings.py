@@ -80,7 +80,7 @@ def test_a_swing_keeps_clear_of_the_robot_itself_and_no_more():
         end = start + rng.uniform(-0.3, 0.3, 6)
         lines = [(*AT_ORIGIN, np.array([q, np.zeros(6)])) for q in start + share * (end - start)]
         gap, other = limb.nearest(lines[30:31])
-        if not 0.01 < gap < 0.1 or met[kind_of(other)] == 5:
+        if not 0.01 < gap < 0.1 or met[kind_of(other)] == 2:
             continue
         gap, other = limb.nearest(lines)
         if 0.01 < gap < 0.1:

@@ -75,7 +75,7 @@ def test_limbs_hold_where_their_joints_stay_in_their_windows(seed, kind):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_followed_joints_are_continuous_and_stay_on_their_branch(seed):
     path = path_between(random_ends(seed), STRAIGHT)
     branches = certified(path)
