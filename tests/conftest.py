@@ -9,6 +9,7 @@ import pytest
 from cache_of_tests import KEPT
 from hypothesis import settings
 from paper import NO_COLLISIONS
+from remembered import stances_solved_once
 from shared_graphs import put_back, shared
 from time_limit import MOST, time_limit
 
@@ -37,6 +38,13 @@ def shared_graphs_are_left_as_they_were():
 def the_cache_of_the_user_is_left_alone():
     yield
     assert not (KEPT / "user" / "mlivr-gym").exists()
+
+
+@pytest.fixture(scope="module")
+def solved_once():
+    """Postures of a whole map are solved once for all tests that take this, see `remembered`."""
+    with stances_solved_once():
+        yield
 
 
 @pytest.fixture(scope="session")

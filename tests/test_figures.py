@@ -21,6 +21,12 @@ def pages():
         sys.path.remove(str(EXPERIMENTS))
 
 
+@pytest.fixture(scope="module")
+def told(pages):
+    """What the results say, by part."""
+    return pages.parts(pages.ROOT / "results")
+
+
 @pytest.mark.parametrize("script", sorted(path.stem for path in EXPERIMENTS.glob("*.py")))
 def test_every_experiment_is_of_this_version_of_the_package(pages, script, monkeypatch):
     """What it imports is there; `import` runs no experiment."""
@@ -33,8 +39,7 @@ def test_readme_and_reports_say_what_the_results_say(pages):
     assert pages.stale() == []
 
 
-def test_a_figure_that_was_typed_is_noticed(pages):
-    told = pages.parts(pages.ROOT / "results")
+def test_a_figure_that_was_typed_is_noticed(pages, told):
     for page, mark in (
         ("README.md", "<!-- paper -->\n"),
         ("docs/results.md", "<!-- table1 -->\n"),
@@ -47,12 +52,12 @@ def test_a_figure_that_was_typed_is_noticed(pages):
         assert pages.same_figures(pages.filled(typed, told), text)
 
 
-def test_every_part_is_shown_and_every_mark_is_of_a_part(pages):
+def test_every_part_is_shown_and_every_mark_is_of_a_part(pages, told):
     """A mark that lost its end, or its part, would never be filled again."""
     texts = [page.read_text(encoding="utf-8") for page in pages.pages()]
     begun = [name for text in texts for name in re.findall(r"<!-- end of (\w+) -->", text)]
     shown = [match[1] for text in texts for match in pages.MARK.finditer(text)]
-    assert sorted(begun) == sorted(shown) == sorted(pages.parts(pages.ROOT / "results"))
+    assert sorted(begun) == sorted(shown) == sorted(told)
 
 
 def test_times_may_be_those_of_another_machine_and_nothing_else(pages):

@@ -50,6 +50,7 @@ PRIVATE_OPTION = "mlivr_gym/compiled/kernels.py"
 """The one file that may use something private of the compiler; it says what and why."""
 
 
+@cache
 def sources():
     folders = [
         PACKAGE,
@@ -74,9 +75,14 @@ def module_of(path):
     return ".".join(part for part in parts if part != "__init__")
 
 
+@cache
+def known_modules():
+    return {module_of(path) for path in sources()}
+
+
+@cache
 def imports_of(path):
     """Modules of the project that a file imports anywhere, for types alone too."""
-    known = {module_of(other) for other in sources()}
     found = set()
     for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
@@ -86,7 +92,7 @@ def imports_of(path):
             found.add(node.module)
             found.update(f"{node.module}.{alias.name}" for alias in node.names)
     inside = {name.removeprefix("mlivr_gym.") for name in found if name.startswith("mlivr_gym.")}
-    return inside & known
+    return inside & known_modules()
 
 
 def functions(path):

@@ -104,7 +104,7 @@ def contacts(
     at_grasp = {limb: (point, normal) for limb, point, normal in grasps}
     found = [
         *_among_themselves(robot, shapes, (ends - configuration[0]) @ base),
-        *_limbs_with_boxes(shapes, boxes, ends, at_grasp),
+        *_limbs_with_boxes(shapes, boxes, ends, at_grasp, clearance),
         *_base_with_boxes(robot, shapes, boxes, (configuration[0], base), clearance),
     ]
     close = [Contact(*pair) for pair in found if pair[2] < clearance or pair[2] <= 0.0]
@@ -136,14 +136,19 @@ def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iter
 
 
 def _limbs_with_boxes(
-    shapes: LimbShapes, boxes: Sequence[Box], ends: Array, at_grasp: dict[int, tuple[Array, Array]]
+    shapes: LimbShapes,
+    boxes: Sequence[Box],
+    ends: Array,
+    at_grasp: dict[int, tuple[Array, Array]],
+    clearance: float,
 ) -> Iterator[Pair]:
-    """Distances of the limbs' moving capsules from boxes."""
+    """Distances of the limbs' moving capsules from boxes that may be closer than the clearance."""
     radius, names = shapes.radii, _names(shapes)
     gripper = int(shapes.limb["gripper"])
     for i, limb in enumerate(ends):
+        around = _around(limb, radius, boxes, clearance)
         for c, axis in enumerate(limb):
-            for box in boxes:
+            for box in (boxes[b] for b in around[c]):
                 if c >= gripper and i in at_grasp and _behind(box, *at_grasp[i]):
                     continue
                 yield f"limb{i}/{names[c]}", scene_name(BOX, box.id), _to_box(axis, box) - radius[c]
@@ -156,7 +161,7 @@ def _base_with_boxes(
     base: tuple[Array, Array],
     clearance: float,
 ) -> Iterator[Pair]:
-    """Distances of body and mounts from boxes; of the body from those alone close to its sphere."""
+    """Distances of body and mounts from boxes that may be closer than the clearance."""
     position, rotation = base
     half, names = shapes.robot["half"], _mount_names(robot, shapes)
     body = Box(BODY, "obstacle", tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation))
@@ -165,9 +170,26 @@ def _base_with_boxes(
             # Two boxes are nearest, or first overlap, at an edge of one of them.
             edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
             yield BODY, scene_name(BOX, box.id), min(_to_box(*pair) for pair in edges)
-        for name, mount in zip(names, shapes.mounts, strict=True):
-            apart = _to_box(position + mount["ends"] @ rotation.T, box) - mount["radius"]
-            yield name, scene_name(BOX, box.id), apart
+    axes, radius = position + shapes.mounts["ends"] @ rotation.T, shapes.mounts["radius"]
+    for m, around in enumerate(_around(axes, radius, boxes, clearance)):
+        for box in (boxes[b] for b in around):
+            yield names[m], scene_name(BOX, box.id), _to_box(axes[m], box) - radius[m]
+
+
+def _around(axes: Array, radius: Array, boxes: Sequence[Box], clearance: float) -> list[list[int]]:
+    """Indices of the boxes that each capsule may touch, or come closer to than the clearance.
+
+    They are told by the ball round it; `axes` are the ends of the capsules, shape (c, 2, 3) [m],
+    `radius` has shape (c,) [m].
+    """
+    if not boxes:
+        return [[] for _ in axes]
+    from_centres = axes.mean(axis=1)[:, None] - np.array([box.centre for box in boxes])
+    inside = np.einsum("cbi,bij->cbj", from_centres, np.array([box.rotation for box in boxes]))
+    beside = np.maximum(np.abs(inside) - np.array([box.half for box in boxes]), 0.0)
+    reach = radius + 0.5 * np.linalg.norm(axes[:, 1] - axes[:, 0], axis=1) + max(0.0, clearance)
+    close = np.linalg.norm(beside, axis=2) <= reach[:, None] + 1e-9
+    return [np.flatnonzero(row).tolist() for row in close]
 
 
 def _to_box(axis: Array, box: Box) -> float:

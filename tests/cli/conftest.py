@@ -4,6 +4,11 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.planners import Planner
 
 
+@pytest.fixture(scope="module", autouse=True)
+def stances(solved_once):
+    """A graph of the whole module for each command would take a second each."""
+
+
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
     """What takes long tells so on standard error, which on a busy machine could be any command."""

@@ -8,20 +8,50 @@ import pytest
 from mlivr_gym.cli import table1
 from mlivr_gym.cli.main import main
 from mlivr_gym.paper import CASES, CONSTRUCTION, FINDING, MODES, PAPER, case_graph, relations
-from mlivr_gym.planners import Plan
+from mlivr_gym.planners import Plan, refinement
 from mlivr_gym.planners.walks import edges_along
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Folder, exit code, lines and data of the command."""
-    folder = tmp_path_factory.mktemp("table1") / "new" / "results"
-    code = main(["table1", "--out", str(folder)])
-    return folder, code, json.loads((folder / "table1.json").read_text())
+    """Folder, exit code and data of the command, and what it planned by case and mode.
+
+    Cases of the same settings share their graph. Plans are refined for a round, not for all; one
+    picture of a plan is drawn, for the others their files are made.
+    """
+    folder, planned = tmp_path_factory.mktemp("table1") / "new" / "results", {}
+    plan_case, plan_figure = table1.plan_case, table1.plan_figure
+    graphs = {}
+
+    def graph_of(case, setup, mode):
+        key = (CASES[case].sparse, CASES[case].manipulability, mode)
+        if key not in graphs:
+            graphs[key] = case_graph(case, setup, mode)
+        return graphs[key]
+
+    def planning(case, setup, start, mode):
+        planned[case, mode] = plan_case(case, setup, start, mode)
+        return planned[case, mode]
+
+    def drawing(grasp_map, plan, path, *more):
+        if path.name == "case4_collisions.png":
+            plan_figure(grasp_map, plan, path, *more)
+        else:
+            assert plan.world.map_name == grasp_map.name
+            path.touch()
+            path.with_suffix(".svg").touch()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(table1, "case_graph", graph_of)
+        patch.setattr(refinement, "ROUNDS", 1)
+        patch.setattr(table1, "plan_case", planning)
+        patch.setattr(table1, "plan_figure", drawing)
+        code = main(["table1", "--out", str(folder)])
+    return folder, code, json.loads((folder / "table1.json").read_text()), planned
 
 
 def test_all_cases_have_plans_in_all_modes_and_what_cannot_but_hold_holds(made):
-    folder, code, data = made
+    folder, code, data, _ = made
     assert code == 0
     assert {path.name for path in folder.iterdir()} == {
         "table1.md",
@@ -44,9 +74,9 @@ def test_all_cases_have_plans_in_all_modes_and_what_cannot_but_hold_holds(made):
 
 @pytest.mark.parametrize("mode", MODES)
 def test_walks_start_at_one_pose_and_end_on_the_face(made, mode):
-    _, _, data = made
+    _, _, data, planned = made
     start = table1.Start(tuple(data["setup"]["start"]), tuple(data["start_pose"]))
-    plan, row, _ = table1.plan_case(2, data["setup"], start, mode)
+    plan, row, _ = planned[2, mode]
     np.testing.assert_allclose(plan.motion.base_positions[0], data["start_pose"][:3], atol=1e-9)
     assert all(point.startswith("O") for point in plan.stances[-1])
     assert row["stances_of_plan"] == data["measured"][mode]["2"]["stances_of_plan"]

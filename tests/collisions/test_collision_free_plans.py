@@ -35,7 +35,7 @@ def test_free_stances_penetrate_nothing_in_mujoco(checked_graph):
     graph = checked_graph
     model = scene_spec(graph.grasp_map, graph.robot).compile()
     data, rng = mujoco.MjData(model), np.random.default_rng(2)
-    for s in rng.choice(len(graph), 300, replace=False):
+    for s in rng.choice(len(graph), 150, replace=False):
         stance = tuple(graph.points[s].tolist())
         masks = (
             1 << int(rng.choice([b for b in range(16) if m >> b & 1]))
@@ -95,7 +95,7 @@ def nearest(graph, plan, ruler, samples):
     return sorted(found)
 
 
-@pytest.mark.parametrize(("robot", "plans"), [("mlivr2", 10), ("mlivr3", 4)])
+@pytest.mark.parametrize(("robot", "plans"), [("mlivr2", 5), ("mlivr3", 3)])
 def test_all_along_plans_coal_finds_the_clearance(jem, checked_graph, robot, plans):
     """Between all shapes that are compared, at every sample of every step."""
     graph = checked_graph if robot == "mlivr2" else stance_graph(jem, robot)

@@ -80,7 +80,7 @@ def test_a_swing_keeps_clear_of_the_robot_itself_and_no_more():
         end = start + rng.uniform(-0.3, 0.3, 6)
         lines = [(*AT_ORIGIN, np.array([q, np.zeros(6)])) for q in start + share * (end - start)]
         gap, other = limb.nearest(lines[30:31])
-        if not 0.01 < gap < 0.1 or met[kind_of(other)] == 5:
+        if not 0.01 < gap < 0.1 or met[kind_of(other)] == 2:
             continue
         gap, other = limb.nearest(lines)
         if 0.01 < gap < 0.1:
@@ -299,7 +299,7 @@ angles = st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6).map(np.array)
 
 
 @given(angles, angles, vectors(-0.9, 0.9), st.floats(0.0005, 0.05))
-@examples(max_examples=100, deadline=None)
+@examples(max_examples=40, deadline=None)
 def test_no_thin_plate_is_skipped(q0, q1, centre, half):
     """A swing called clear of a plate of a millimetre keeps its clearance at many samples."""
     plate = Box("plate", "obstacle", tuple(centre), (0.2, half, 0.2))

@@ -28,6 +28,12 @@ QUICK = [
     "transitions/test_rule.py",
 ]
 
+LONG = (
+    "inverse_kinematics_of_every_right_angled_configuration",
+    "joints_of_a_limb_that_holds_turn_no_farther",
+)
+"""Tests among them of thousands of calls; others ask the same kernels."""
+
 NAMED_LIKE_NUMPY = [
     "compiled/test_records.py",
     f"{CERTIFICATE}::test_branches_are_certified_each_as_if_alone",
@@ -50,13 +56,10 @@ def run_plainly(*command):
 
 
 def test_kernels_pass_their_tests_as_plain_python():
-    files = [f"tests/{file}" for file in QUICK]
-    run_plainly("-m", "pytest", "-q", "-p", "no:cacheprovider", *files)
-
-
-def test_those_pass_too_whose_records_have_fields_that_are_called_like_attributes_of_numpy():
-    files = [f"tests/{file}" for file in NAMED_LIKE_NUMPY]
-    run_plainly("-m", "pytest", "-q", "-p", "no:cacheprovider", *files)
+    """In one process, those whose records have fields that are called like NumPy's among them."""
+    files = [f"tests/{file}" for file in QUICK + NAMED_LIKE_NUMPY]
+    chosen = ["-k", " and ".join(f"not {name}" for name in LONG)]
+    run_plainly("-m", "pytest", "-q", "-p", "no:cacheprovider", *chosen, *files)
 
 
 def walk():

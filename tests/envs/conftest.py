@@ -7,6 +7,11 @@ from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.envs.env import MlivrEnv
 
 
+@pytest.fixture(scope="module", autouse=True)
+def stances(solved_once):
+    """A graph of the whole module for each environment would take a second each."""
+
+
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
     """An empty cache directory for the tests of a file."""

@@ -46,7 +46,7 @@ def determinants(path, branch, samples=400):
 
 @pytest.mark.parametrize("kind", [STRAIGHT, ARC])
 @given(st.integers(0, 10**6))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_certified_choices_keep_the_floor_at_every_point(kind, seed):
     path = path_between(random_ends(seed), kind, (0.55, 0.0, -0.65))
     branches = certified(path)
@@ -61,7 +61,7 @@ def test_certified_choices_keep_the_floor_at_every_point(kind, seed):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_certificates_are_the_same_in_both_directions(seed):
     ends = random_ends(seed)
     there = certified(path_between(ends, STRAIGHT))
@@ -70,7 +70,7 @@ def test_certificates_are_the_same_in_both_directions(seed):
 
 
 @given(st.integers(0, 10**6), st.integers(0, EVERY_BRANCH))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_branches_are_certified_each_as_if_alone(seed, mask):
     path = path_between(random_ends(seed), STRAIGHT)
     assert certified(path, mask) == certified(path) & mask

@@ -67,7 +67,7 @@ def windowed(path):
 
 
 @given(st.integers(0, 10**6), st.sampled_from([STRAIGHT, ARC]))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_limbs_hold_where_their_joints_stay_in_their_windows(seed, kind):
     path = path_between(random_ends(seed), kind)
     both = called(hold_mask)(HERE, FLANGE, path, FLOOR, EVERY_BRANCH, Holding.row())
@@ -75,7 +75,7 @@ def test_limbs_hold_where_their_joints_stay_in_their_windows(seed, kind):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_followed_joints_are_continuous_and_stay_on_their_branch(seed):
     path = path_between(random_ends(seed), STRAIGHT)
     branches = certified(path)
@@ -117,7 +117,7 @@ def test_joint_limits_take_branches_away():
 
 @pytest.mark.parametrize("mask", [0, 1, 0x0100, 0x00F0, EVERY_BRANCH])
 def test_limbs_hold_only_on_branches_that_are_asked_for(mask):
-    for seed in range(20):
+    for seed in range(6):
         path = path_between(random_ends(seed), STRAIGHT)
         found = called(hold_mask)(HERE, FLANGE, path, FLOOR, mask, Holding.row())
         assert found == certified(path) & mask & windowed(path)

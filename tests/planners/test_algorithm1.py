@@ -6,6 +6,7 @@ import networkx as nx
 import numpy as np
 import pytest
 from paper import NO_COLLISIONS
+from remembered import remembered
 from scipy.spatial.distance import pdist
 
 from mlivr_gym import Settings, State, stance_graph
@@ -39,8 +40,11 @@ def random_query(graph, rng):
     return graph.points[start].tolist(), np.clip(goal, *graph.grasp_map.cabin)
 
 
-def reachable(graph, start, cost):
-    """All states that steps lead to from a start as a networkx graph, and their base positions."""
+def reachable(graph, start):
+    """All states that steps lead to from a start as a networkx graph, and their base positions.
+
+    Edges have the attribute `displacement`, that of the base [m].
+    """
     out, positions, rest = (
         nx.DiGraph(),
         {start: graph.posture(start.stance).base_position[0]},
@@ -55,18 +59,21 @@ def reachable(graph, start, cost):
                 positions[after] = position
                 rest.append(after)
             away = float(np.linalg.norm(position - positions[state]))
-            out.add_edge(state, after, weight=cost.base_weight * away + cost.step_weight)
+            out.add_edge(state, after, displacement=away)
     return out, positions
 
 
-def least_cost(truth, positions, start, goal, tolerance=0.2):
-    lengths = nx.single_source_dijkstra_path_length(truth, start)
-    found = [
-        lengths.get(s, np.inf)
-        for s, p in positions.items()
-        if np.linalg.norm(p - goal) <= tolerance
-    ]
-    return min(found, default=np.inf)
+def least_costs(truth, positions, start, cost, goals):
+    """Least cost to each goal by Dijkstra, inf where none of its states is reached."""
+
+    def weight(_, __, edge):
+        return cost.base_weight * edge["displacement"] + cost.step_weight
+
+    lengths = nx.single_source_dijkstra_path_length(truth, start, weight=weight)
+    places = np.array(list(positions.values()))
+    costs = np.array([lengths.get(state, np.inf) for state in positions])
+    inside = [np.linalg.norm(places - goal, axis=1) <= 0.2 for goal in goals]
+    return [costs[some].min(initial=np.inf) for some in inside]
 
 
 def compiled_cost(graph, start, goal, cost):
@@ -99,24 +106,36 @@ def tiny_map(jem):
     return jem.subset(keep, "tiny")
 
 
-@pytest.mark.parametrize(("name", "price"), COSTS)
-@pytest.mark.parametrize("limbs", [2, 3])
-def test_ways_cost_the_least_by_dijkstra_of_another_library(tiny_map, limbs, name, price):
+@pytest.fixture(scope="module", params=[2, 3], ids=["two limbs", "three limbs"])
+def explored_from(request, tiny_map):
+    """A graph, and all that is reached from each of some starts."""
+    limbs, how = request.param, Settings()
     if limbs == 3:
         nine = np.isin(np.arange(15), np.linspace(0, 14, 9).round())
-        tiny_map = tiny_map.subset(nine, "nine points")
-    graph = stance_graph(tiny_map, f"mlivr{limbs}", Settings() if limbs == 2 else NO_COLLISIONS)
-    rng, cost = np.random.default_rng(0), Cost.named(name, price)
+        tiny_map, how = tiny_map.subset(nine, "nine points"), NO_COLLISIONS
+    graph = stance_graph(tiny_map, f"mlivr{limbs}", how)
+    rng = np.random.default_rng(0)
     drawn = rng.permuted(np.tile(np.arange(len(tiny_map)), (400, 1)), axis=1)[:, :limbs].tolist()
     starts = [stance for stance in drawn if graph.is_node(graph.posture(stance))[0]]
+    with remembered(graph, "successors"):
+        found = []
+        for stance in starts[: 4 - limbs]:
+            start = State(tuple(stance), tuple(graph.posture(stance).mask[0].tolist()))
+            found.append((start, *reachable(graph, start)))
+        yield graph, found
+
+
+@pytest.mark.parametrize(("name", "price"), COSTS)
+def test_ways_cost_the_least_by_dijkstra_of_another_library(explored_from, name, price):
+    graph, reached = explored_from
+    rng, cost = np.random.default_rng(0), Cost.named(name, price)
     longer = missing = 0
-    for stance in starts[: 4 - limbs]:
-        start = State(tuple(stance), tuple(graph.posture(stance).mask[0].tolist()))
-        truth, positions = reachable(graph, start, cost)
+    for start, truth, positions in reached:
         goals = rng.permutation(np.array(list(positions.values())))[:5]
         goals += rng.uniform(-0.15, 0.15, (5, 3))
-        for goal in (*goals, goals[0] + 1.0):
-            expected = least_cost(truth, positions, start, goal)
+        goals = [*goals, goals[0] + 1.0]
+        costs = least_costs(truth, positions, start, cost, goals)
+        for goal, expected in zip(goals, costs, strict=True):
             for heuristic in ("consistent", "zero"):
                 explored = algorithm1(graph, start, Goal(goal, 0.2, cost), heuristic)
                 assert explored.status == (FOUND if np.isfinite(expected) else EXHAUSTED)
@@ -131,11 +150,19 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(tiny_map, limbs, nam
     assert missing >= 2
 
 
+@pytest.fixture(scope="module")
+def two_of_three(small_map):
+    """Where nothing may be touched; asked once for the steps from a state."""
+    keep = np.arange(len(small_map)) % 3 > 0
+    with remembered(stance_graph(small_map.subset(keep, "two of three")), "successors") as graph:
+        yield graph
+
+
 @pytest.mark.parametrize(("name", "price"), COSTS)
-def test_costs_and_existence_are_those_of_the_compiled_search(small_checked_graph, name, price):
-    graph, rng, cost = small_checked_graph, np.random.default_rng(1), Cost.named(name, price)
+def test_costs_and_existence_are_those_of_the_compiled_search(two_of_three, name, price):
+    graph, rng, cost = two_of_three, np.random.default_rng(4), Cost.named(name, price)
     several = none = 0
-    for _ in range(120):
+    for _ in range(40):
         start, goal = random_query(graph, rng)
         ours = algorithm1(graph, graph.state(start), Goal(goal, 0.2, cost))
         compiled = compiled_cost(graph, start, goal, cost)
@@ -144,7 +171,7 @@ def test_costs_and_existence_are_those_of_the_compiled_search(small_checked_grap
             assert ours.costs[-1] == pytest.approx(compiled, abs=1e-9)
             several += len(path_of(ours)) > 2
         none += ours.status == EXHAUSTED
-    assert several > 40
+    assert several > 13
     assert none > 1
 
 
@@ -153,7 +180,7 @@ def test_the_planner_offers_it(small_checked_graph, name, price):
     planner, rng = Planner(small_checked_graph), np.random.default_rng(5)
     how = {"regrasp_price": price}
     several = 0
-    for _ in range(6):
+    for _ in range(4):
         start, goal = random_query(small_checked_graph, rng)
         ours = planner.plan(start, goal, name, method="algorithm1", **how)
         other = planner.plan(start, goal, name, **how)
@@ -174,7 +201,7 @@ def test_in_the_papers_world_it_explores_what_the_compiled_does(small_map, name,
     graph = stance_graph(small_map, settings=Settings(transitions=False, collisions=False))
     planner, rng = Planner(graph), np.random.default_rng(2)
     how = {"regrasp_price": price, "heuristic": heuristic}
-    for _ in range(15):
+    for _ in range(8):
         start, goal = random_query(graph, rng)
         ours = planner.plan(start, goal, name, method="algorithm1", **how)
         compiled = planner.plan(start, goal, name, **how)
@@ -193,20 +220,20 @@ def test_three_limbs_cost_what_the_other_search_finds(small_map, name, price):
     stances = drawn[graph.is_node(graph.postures(drawn))]
     stances = [s.tolist() for s in stances if pdist(graph.grasp_map.positions[s]).min() > 0.1]
     several = 0
-    for start, end in list(pairwise(stances))[:10]:
+    for start, end in list(pairwise(stances))[:6]:
         goal = np.clip(graph.posture(end).base_position[0], *small_map.cabin)
         how = {"regrasp_price": price, "heuristic": "consistent"}
         ours = planner.plan(start, goal, name, method="algorithm1", **how)
         other = planner.plan(start, goal, name, inflation=1.0, **how)
         assert cost_of(ours) == pytest.approx(cost_of(other), abs=1e-9)
         several += bool(ours) and len(ours.plan.steps) > 1
-    assert several > 3
+    assert several > 2
 
 
 def test_inflation_limit_and_progress(small_graph):
     planner, rng = Planner(small_graph), np.random.default_rng(6)
     start, goal = max(
-        (random_query(small_graph, rng) for _ in range(20)),
+        (random_query(small_graph, rng) for _ in range(8)),
         key=lambda query: planner.plan(*query, method="dijkstra").expanded,
     )
     best = planner.plan(start, goal, method="algorithm1", heuristic="zero").unwrap()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import State, stance_graph
+from mlivr_gym import stance_graph
 from mlivr_gym.agents import ExpertPolicy, planner_policy
 from mlivr_gym.cli.main import main
 from mlivr_gym.collisions.contacts import contacts
@@ -47,8 +47,47 @@ def test_the_posture_of_the_graph_as_a_given_pose_gives_the_same_state(checked_g
     np.testing.assert_array_equal(steps.point, given.point)
 
 
+class Reached:
+    """All that steps lead to in one graph from some states, put together as they are asked for.
+
+    Edges of `truth` have the attributes `base`, the displacement of the base [m], and `steps`, 1.
+    """
+
+    def __init__(self, graph):
+        self.graph, self.truth, self.places = graph, nx.DiGraph(), {}
+
+    def least_cost(self, first, goal, cost):
+        """Cost of the cheapest walk from a state to a base close to the goal, by Dijkstra."""
+        self._follow(first)
+        costs = nx.single_source_dijkstra_path_length(self.truth, first, weight=cost)
+        close = (c for s, c in costs.items() if np.linalg.norm(self.places[s] - goal) <= 0.1)
+        return min(close, default=None)
+
+    def _follow(self, first):
+        todo = [] if first in self.places else [first]
+        if todo:
+            self.places[first] = self.graph.posture_of(first).base_position[0]
+            self.truth.add_node(first)
+        while todo:
+            state = todo.pop()
+            steps = self.graph.successors(state)
+            moved = np.linalg.norm(steps.base_in_world - self.places[state], axis=1)
+            for k, position in enumerate(steps.base_in_world):
+                after = steps.after(state, k)
+                if after not in self.places:
+                    todo.append(after)
+                    self.places[after] = position
+                self.truth.add_edge(state, after, base=float(moved[k]), steps=1)
+
+
+@pytest.fixture(scope="module")
+def reached(small_map):
+    smaller = small_map.subset(np.arange(len(small_map)) % 3 > 0, "smaller")
+    return Reached(stance_graph(smaller))
+
+
 @pytest.mark.parametrize("cost", ["base", "steps"])
-def test_the_plan_starts_in_the_given_pose_and_costs_the_least(small_map, cost, monkeypatch):
+def test_the_plan_starts_in_the_given_pose_and_costs_the_least(reached, cost, monkeypatch):
     """Against networkx over `successors`, with an edge for every step that leaves the pose.
 
     Where a plan cannot be put together the planner does without one of its steps, of which
@@ -62,7 +101,7 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(small_map, cost, 
         return parts
 
     monkeypatch.setattr(planner_module, "committed_motion", put_together)
-    graph = stance_graph(small_map.subset(np.arange(len(small_map)) % 3 > 0, "smaller"))
+    graph = reached.graph
     rng, found = np.random.default_rng(4), 0
     for s in rng.integers(0, len(graph), 12):
         stance = graph.ids(graph.points[s].tolist())
@@ -73,7 +112,7 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(small_map, cost, 
         if result.reason == "start infeasible":
             continue
         first = graph.state(stance, pose)
-        truth = least_cost(graph, first, goal, cost)
+        truth = reached.least_cost(first, goal, cost)
         assert (result.plan is None) == (truth is None), result.message
         if result.plan is not None and len(result.plan.steps):
             found += not any(not_executable)
@@ -87,34 +126,14 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(small_map, cost, 
     assert found > 6
 
 
-def least_cost(graph, first, goal, cost):
-    """Cost of the cheapest walk from a state to a base position close to the goal, by Dijkstra."""
-    digraph, todo = nx.DiGraph(), [first]
-    digraph.add_node(first)
-    while todo:
-        state = todo.pop()
-        here = graph.posture_of(state).base_position[0]
-        if np.linalg.norm(here - goal) <= 0.1:
-            digraph.add_edge(state, "goal", weight=0.0)
-        steps = graph.successors(state)
-        for limb, point, position, masks in zip(
-            steps.limb.tolist(), steps.point.tolist(), steps.base_in_world, steps.masks, strict=True
-        ):
-            stance = (*state.stance[:limb], point, *state.stance[limb + 1 :])
-            after = State(stance, tuple(masks.tolist()))
-            if after not in digraph:
-                todo.append(after)
-            weight = 1.0 if cost == "steps" else float(np.linalg.norm(position - here))
-            digraph.add_edge(state, after, weight=weight)
-    try:
-        return nx.dijkstra_path_length(digraph, first, "goal")
-    except (nx.NetworkXNoPath, nx.NodeNotFound):
-        return None
+@pytest.fixture(scope="module")
+def from_pose(checked_graph, pose):
+    """The plan from the start in the given pose."""
+    return Planner(checked_graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
 
 
-def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pose):
-    graph = checked_graph
-    plan = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
+def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pose, from_pose):
+    graph, plan = checked_graph, from_pose
     motion = step_motion(graph, plan, 0, 12)
     np.testing.assert_allclose(motion.base_positions[0], pose[:3], atol=1e-9)
     held = {i: p for i, p in enumerate(graph.indices(START)) if i != plan.steps[0].limb}
@@ -124,15 +143,14 @@ def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pos
         grasps = [(i, rows[p]["point"], rows[p]["normal"]) for i, p in held.items()]
         here = (motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k])
         assert not contacts(graph.robot, graph.grasp_map.boxes, here, 0.02 - 1e-9, grasps)
-    execution = execute(graph, plan, Durations.of_step(50.0))
+    execution = execute(graph, plan, Durations.of_step(20.0))
     assert execution.failure is None
     assert len(execution.captures) == len(plan.steps)
 
 
-def test_given_joint_angles_are_kept(checked_graph, pose):
+def test_given_joint_angles_are_kept(checked_graph, pose, from_pose):
     graph = checked_graph
-    free = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
-    joints = free.motion.joint_positions[0]
+    joints = from_pose.motion.joint_positions[0]
     how = {"start_pose": pose, "start_joints": joints + 1e-4}
     plan = Planner(graph).plan(START, GOAL, "steps", **how).unwrap()
     np.testing.assert_allclose(plan.motion.joint_positions[0], joints, atol=1e-6)
@@ -149,10 +167,9 @@ def test_given_joint_angles_are_kept(checked_graph, pose):
 
 
 @pytest.mark.parametrize("joint", range(6))
-def test_a_joint_that_is_a_turn_off_is_told(checked_graph, pose, joint):
+def test_a_joint_that_is_a_turn_off_is_told(checked_graph, pose, from_pose, joint):
     """Within the limits of the joint, but not in its window: the swings are not made for it."""
-    free = Planner(checked_graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
-    joints = free.motion.joint_positions[0].copy()
+    joints = from_pose.motion.joint_positions[0].copy()
     joints[1, joint] += -2.0 * np.pi if joints[1, joint] > 0.0 else 2.0 * np.pi
     how = {"start_pose": pose, "start_joints": joints}
     if joint == 2:  # the elbow's limits are its window
@@ -202,7 +219,7 @@ def test_three_limbs_start_in_a_given_pose(jem):
     )
 
 
-def test_the_environment_starts_in_the_given_pose(pose):
+def test_the_environment_starts_in_the_given_pose(pose, from_pose):
     env = gymnasium.make("MLIVR-JEM-v0").unwrapped
     observation, info = env.reset(
         seed=0, options={"start": START, "start_pose": pose, "goal": GOAL}
@@ -210,7 +227,7 @@ def test_the_environment_starts_in_the_given_pose(pose):
     assert observation in env.observation_space
     np.testing.assert_allclose(info["base_position"], pose[:3])
     assert abs(observation["base_quaternion"] @ np.array(pose[3:])) == pytest.approx(1.0, abs=1e-6)
-    plan = Planner(env.graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
+    plan = from_pose
     steps = env.graph.successors(env.state)
     mask = np.zeros(env.action_space.n, dtype=bool)
     mask[steps.limb * len(env.graph.grasp_map) + steps.point] = True
@@ -260,9 +277,8 @@ def test_policies_walk_from_a_given_pose_in_the_fewest_steps(small_map, make):
     assert done > 3
 
 
-def test_a_plan_from_a_given_pose_is_replayed_in_simulation(checked_graph, pose):
-    graph = checked_graph
-    plan = Planner(graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
+def test_a_plan_from_a_given_pose_is_replayed_in_simulation(checked_graph, pose, from_pose):
+    graph, plan = checked_graph, from_pose
     joints = plan.motion.joint_positions[0]
     env = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
     for options in (
@@ -276,13 +292,8 @@ def test_a_plan_from_a_given_pose_is_replayed_in_simulation(checked_graph, pose)
         assert info["failure"] is None
 
 
-def test_the_command_line_takes_a_pose_and_joint_angles(tmp_path, checked_graph, pose, capsys):
-    joints = (
-        Planner(checked_graph)
-        .plan(START, GOAL, "steps", start_pose=pose)
-        .unwrap()
-        .motion.joint_positions[0]
-    )
+def test_the_command_line_takes_a_pose_and_joint_angles(tmp_path, pose, from_pose):
+    joints = from_pose.motion.joint_positions[0]
     out = tmp_path / "plan.json"
     words = [
         "plan",

@@ -11,30 +11,36 @@ from mlivr_gym.stances.pair_steps import longest_step
 from mlivr_gym.stances.step_tables import step_tables
 
 
-@pytest.fixture
-def filled(small_map, monkeypatch):
+@pytest.fixture(scope="module")
+def filled(small_map):
     """All that is known of a small map when it was worked out in some number of threads."""
 
     def fill(threads):
-        monkeypatch.setattr(kernels, "workers", lambda count, least: min(threads, max(count, 1)))
-        graph = stance_graph(small_map)
-        fill_rows(graph)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(kernels, "workers", lambda count, least: min(threads, max(count, 1)))
+            graph = stance_graph(small_map)
+            fill_rows(graph)
         return graph
 
     return fill
 
 
+@pytest.fixture(scope="module")
+def by_one_thread(filled):
+    return filled(1)
+
+
 @pytest.mark.parametrize("threads", [2, 5])
-def test_any_number_of_threads_gives_the_same_to_the_last_bit(filled, threads):
-    alone, many = filled(1), filled(threads)
+def test_any_number_of_threads_gives_the_same_to_the_last_bit(filled, by_one_thread, threads):
+    alone, many = by_one_thread, filled(threads)
     assert alone.base_in_world.tobytes() == many.base_in_world.tobytes()
     assert alone.w_m.tobytes() == many.w_m.tobytes()
     assert alone.steps.edges.tobytes() == many.steps.edges.tobytes()
     assert alone.steps.released.tobytes() == many.steps.released.tobytes()
 
 
-def test_a_step_is_the_same_in_both_directions(filled):
-    graph = filled(1)
+def test_a_step_is_the_same_in_both_directions(by_one_thread):
+    graph = by_one_thread
     known = graph._known
     for held in range(2):
         for point in np.unique(graph.points[:, held]):
@@ -80,8 +86,8 @@ def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_grap
         assert ours == theirs
 
 
-def test_a_step_is_checked_when_it_is_asked_for_first(filled, small_map):
-    graph, fresh, kept = filled(1), stance_graph(small_map), 0
+def test_a_step_is_checked_when_it_is_asked_for_first(by_one_thread, small_map):
+    graph, fresh, kept = by_one_thread, stance_graph(small_map), 0
     for held in range(2):
         for point in np.unique(graph.points[:, held])[::8]:
             for before, after in graph.pairs_of_row(held, int(point)).T[:3].tolist():

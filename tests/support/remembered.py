@@ -1,0 +1,56 @@
+"""What a graph says is asked of it once, for all the searches of a test or all tests of a file."""
+
+from contextlib import contextmanager
+from copy import deepcopy
+from functools import cache
+
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+SOLVED = {}
+"""Postures of all stances, and what the solver knows then, by map, robot, settings and stances."""
+
+KNOWN_BY_SOLVER = ("_rows", "_rejected", "_solved")
+
+
+@contextmanager
+def remembered(graph, *names):
+    """Some methods of a graph answer each question once while its world stays as it is.
+
+    Searches of different costs and goals from the same starts meet the same states: asked once,
+    they take a fraction of the time, and are given the same.
+    """
+    for name in names:
+        setattr(graph, name, cache(getattr(graph, name)))
+    try:
+        yield graph
+    finally:
+        for name in names:
+            delattr(graph, name)
+
+
+@contextmanager
+def stances_solved_once():
+    """Graphs of one map, robot and settings are each made anew, with postures solved for the first.
+
+    For commands and environments, each of which makes its own graph of the whole module.
+    """
+    solve = StanceGraph.postures
+
+    def postures(graph, stances):
+        if stances is not graph.pairs:
+            return solve(graph, stances)
+        key = (graph.grasp_map.fingerprint, graph.robot, graph.settings, stances.tobytes())
+        if key not in SOLVED:
+            found = solve(graph, stances)
+            known = {name: getattr(graph.solver, name) for name in KNOWN_BY_SOLVER}
+            SOLVED[key] = deepcopy((found, known))
+            return found
+        found, known = deepcopy(SOLVED[key])
+        vars(graph.solver).update(known)
+        return found
+
+    StanceGraph.postures = postures
+    try:
+        yield
+    finally:
+        StanceGraph.postures = solve
