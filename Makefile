@@ -49,6 +49,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/calibrate_start_goal.py
 	$(BIN)/python experiments/table1.py
 	$(BIN)/python experiments/table1_statistics.py
+	$(BIN)/python experiments/thresholds.py
 	$(BIN)/python experiments/truth.py
 	$(BIN)/python experiments/blocked.py
 	$(BIN)/python experiments/interrupted_walk.py

@@ -27,6 +27,7 @@ import planning_report
 import reference_curves
 import simulation_figures
 import table1_statistics
+import thresholds
 import time_cost
 from table1 import study_markdown
 from truth import told
@@ -230,6 +231,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "table1": table_markdown,
     "table1_study": study_markdown,
     "table1_statistics": table1_statistics.told,
+    "thresholds": thresholds.markdown,
     "truth": told,
     "dynamic_simulation": dynamic_report.markdown,
     "disturbances": disturbances.markdown,
