@@ -254,7 +254,7 @@ class Simulation:
             if found is not None:
                 self._restore(states[found[0]], found[1].time)
                 failure = self._named(found[1])
-            if found is not None or len(states) < last - first:
+            if found is not None or until():
                 break
         return ExecutedStep(Recording.join(recordings), Peaks.join(peaks), None, failure)
 
