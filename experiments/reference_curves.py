@@ -236,17 +236,16 @@ def draw(data: dict[str, Any], path: Path) -> None:
     figure = Figure(figsize=(10.0, 4.2), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, 2)
-    for (method, name), colour in zip(
-        METHODS.items(), ("#1b6ca8", "#2f8f5b", "#c8553d"), strict=True
-    ):
+    looks = ("#1b6ca8", "o", 7), ("#2f8f5b", "s", 3), ("#c8553d", "^", 4)
+    for (method, name), (colour, marker, size) in zip(METHODS.items(), looks, strict=True):
         for k, run in enumerate(data.get(method, {}).values()):
-            steps = [max(point["steps"], 1) for point in run["curve"]]
+            steps = [1e-3 * point["steps"] for point in run["curve"]]
             style = {
                 "color": colour,
                 "linewidth": 1.4,
                 "alpha": 0.85,
-                "marker": ".",
-                "markersize": 4,
+                "marker": marker,
+                "markersize": size,
             }
             label = name if k == 0 else None
             panels[0].plot(
@@ -259,11 +258,13 @@ def draw(data: dict[str, Any], path: Path) -> None:
     panels[0].set_ylim(0.0, 102.0)
     panels[1].set_ylabel("steps over fewest, where it succeeds")
     panels[1].axhline(1.0, color="0.4", linewidth=0.9, linestyle=":")
+    panels[1].set_yscale("log")
+    panels[1].set_yticks([1, 1.5, 2, 3, 5, 7], labels=["1", "1.5", "2", "3", "5", "7"], minor=False)
+    panels[1].minorticks_off()
     for panel in panels:
-        panel.set_xscale("log")
-        panel.set_xlabel("environment steps seen in training")
+        panel.set_xlabel("environment steps seen in training, in thousands")
         panel.grid(alpha=0.25)
-    panels[0].legend(frameon=False, loc="lower right")
+    panels[0].legend(frameon=False, loc="center right")
     save_figure(figure, path)
 
 
