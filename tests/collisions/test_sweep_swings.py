@@ -299,7 +299,7 @@ angles = st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6).map(np.array)
 
 
 @given(angles, angles, vectors(-0.9, 0.9), st.floats(0.0005, 0.05))
-@examples(max_examples=40, deadline=None)
+@examples(max_examples=100, deadline=None)
 def test_no_thin_plate_is_skipped(q0, q1, centre, half):
     """A swing called clear of a plate of a millimetre keeps its clearance at many samples."""
     plate = Box("plate", "obstacle", tuple(centre), (0.2, half, 0.2))
@@ -311,8 +311,8 @@ def test_no_thin_plate_is_skipped(q0, q1, centre, half):
     )
     path = path_between(ends)
     room = motion(path, (0.0, 1.0), swinging(0, q0, q1), compared=EVERYTHING)
-    clear = answer(room, 0.02, (plate,)) == CLEAR
-    least = np.inf
+    if answer(room, 0.02, (plate,)) != CLEAR:
+        return
     where, turned = base_poses(path, np.linspace(0.0, 1.0, 80))
     for k, s in enumerate(np.linspace(0.0, 1.0, 80)):
         joints = np.array([q0 + s * (q1 - q0), np.zeros(6)])
@@ -320,6 +320,4 @@ def test_no_thin_plate_is_skipped(q0, q1, centre, half):
         counted = [
             c for c in found if c.first.startswith("limb0") and c.second[:6] not in ("limb1/",)
         ]
-        least = min([least, *(c.distance for c in counted)])
-    if clear:
-        assert least >= 0.02 - 1e-9
+        assert all(c.distance >= 0.02 - 1e-9 for c in counted)
