@@ -35,7 +35,7 @@ def test_free_stances_penetrate_nothing_in_mujoco(checked_graph):
     graph = checked_graph
     model = scene_spec(graph.grasp_map, graph.robot).compile()
     data, rng = mujoco.MjData(model), np.random.default_rng(2)
-    for s in rng.choice(len(graph), 150, replace=False):
+    for s in rng.choice(len(graph), 300, replace=False):
         stance = tuple(graph.points[s].tolist())
         masks = (
             1 << int(rng.choice([b for b in range(16) if m >> b & 1]))

@@ -152,7 +152,7 @@ def test_a_step_is_the_same_in_both_directions(small_map):
     """Asked for in one graph forwards, and in another, that does not know it yet, backwards."""
     first, second = stance_graph(small_map), stance_graph(small_map)
     rng, found = np.random.default_rng(0), Counter()
-    for _ in range(400):
+    for _ in range(800):
         s, held = int(rng.integers(len(first))), int(rng.integers(2))
         other = int(rng.choice(first.row(held, s)))
         forth, pair = known_step(first, held, s, other)

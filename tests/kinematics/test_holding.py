@@ -67,7 +67,7 @@ def windowed(path):
 
 
 @given(st.integers(0, 10**6), st.sampled_from([STRAIGHT, ARC]))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_limbs_hold_where_their_joints_stay_in_their_windows(seed, kind):
     path = path_between(random_ends(seed), kind)
     both = called(hold_mask)(HERE, FLANGE, path, FLOOR, EVERY_BRANCH, Holding.row())
