@@ -117,7 +117,7 @@ def test_joint_limits_take_branches_away():
 
 @pytest.mark.parametrize("mask", [0, 1, 0x0100, 0x00F0, EVERY_BRANCH])
 def test_limbs_hold_only_on_branches_that_are_asked_for(mask):
-    for seed in range(6):
+    for seed in range(20):
         path = path_between(random_ends(seed), STRAIGHT)
         found = called(hold_mask)(HERE, FLANGE, path, FLOOR, mask, Holding.row())
         assert found == certified(path) & mask & windowed(path)

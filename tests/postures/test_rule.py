@@ -110,7 +110,7 @@ def chosen_by_definition(graph, stance):
 @pytest.mark.parametrize("collisions", [False, True])
 def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
     here, rng, ties = checked_graph if collisions else graph, np.random.default_rng(7), []
-    for s in rng.integers(0, len(here), 3):
+    for s in rng.integers(0, len(here), 5):
         stance = here.points[s]
         (margin, _, pose, labels), tied = chosen_by_definition(here, stance)
         assert min(here.w_m[s].min() / 0.1, here.w_b[s] / 0.001) == pytest.approx(margin, rel=1e-7)
@@ -204,10 +204,10 @@ def test_limbs_may_hold_on_the_branches_of_the_definition(graph, ladder, collisi
     """Every combination meets the threshold of `w_b` and keeps the limbs apart."""
     here = stance_graph(ladder) if collisions else graph
     rng, less = np.random.default_rng(3), 0
-    for s in rng.choice(len(here), 12, replace=False):
+    for s in rng.choice(len(here), 25, replace=False):
         assert here.mask[s].tolist() == masks_by_definition(here, s)
         less += (here.mask[s] < 0xFFFF).any()
-    assert less > 3
+    assert less > 5
 
 
 def best_configuration(graph, s):
@@ -220,7 +220,7 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
 ):
     at = {tuple(p): s for s, p in enumerate(graph.points.tolist())}
     rng, moved = np.random.default_rng(3), 0
-    for c in rng.integers(0, len(checked_graph), 60):
+    for c in rng.integers(0, len(checked_graph), 150):
         points = checked_graph.points[c]
         s = at[tuple(points.tolist())]
         same = (checked_graph.branch[c] == graph.branch[s]).all() and np.allclose(
@@ -235,7 +235,7 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
         )
         assert same == (not close)
         moved += not same
-    assert 0 < moved < 30
+    assert 0 < moved < 75
 
 
 def test_no_posture_penetrates_the_robot_itself_in_the_papers_world(graph):

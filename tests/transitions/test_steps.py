@@ -88,7 +88,7 @@ def some_branches(graph, rng, given):
 def test_releases_and_steps_are_those_of_the_plain_definition(small, given):
     graph, rng = small[0], np.random.default_rng(int(given))
     kinds = dict.fromkeys(("none", "folded", "line", "joined"), 0)
-    for _ in range(40):
+    for _ in range(100 if graph.limbs == 2 else 40):
         limb, before, after = two_stances(graph, rng)
         wanted = some_branches(graph, rng, given)
         stances, step, able = asked(graph, limb, before, after, wanted, given)
@@ -127,7 +127,7 @@ def test_steps_without_collisions_are_those_of_the_plain_definition(small, given
 def test_pieces_of_a_swing_are_clear_where_every_motion_in_them_is(small):
     """A limb on a random line while the base goes along a part of a path and the others hold."""
     graph, rng, answers = small[0], np.random.default_rng(5), []
-    for _ in range(40):
+    for _ in range(60):
         limb, before, after = two_stances(graph, rng)
         stances, step, _ = asked(graph, limb, before, after, [ALL] * graph.limbs, False)
         plain = PlainChecks(graph, stances)
