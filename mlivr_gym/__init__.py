@@ -42,3 +42,10 @@ register(
     max_episode_steps=100,
     kwargs={"tasks": "far"},
 )
+for _limbs in (3, 4):
+    register(
+        id=f"MLIVR{_limbs}-JEM-v0",
+        entry_point="mlivr_gym.envs.env:MlivrEnv",
+        max_episode_steps=100,
+        kwargs={"robot": f"mlivr{_limbs}"},
+    )

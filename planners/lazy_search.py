@@ -259,20 +259,22 @@ class _LazySearch:
                 self._push(entry)
 
     def _check(self, batch: list[Entry]) -> None:
-        """Check the steps to stances, parent by parent, and drop what cannot be stepped to."""
-        by_parent: dict[int, list[Entry]] = {}
-        for entry in batch:
-            by_parent.setdefault(entry.parent, []).append(entry)
-        for parent, entries in by_parent.items():
-            before, here = self.found.states[parent], self.found.postures[parent]
-            postures = [entry.posture for entry in entries]
-            stances = np.array([entry.stance for entry in entries], dtype=np.int64)
-            masks = self.graph.masks_after(before, here, stances, join(*postures))
-            for entry, after in zip(entries, masks, strict=True):
-                entry.done = not after.all()
-                if not entry.done:
-                    entry.state = State(entry.stance, tuple(after.tolist()))
-                    self._push(entry)
+        """Check the steps to stances, and drop what cannot be stepped to."""
+        if not batch:
+            return
+        parents, before = np.unique([entry.parent for entry in batch], return_inverse=True)
+        masks = self.graph.masks_after(
+            [self.found.states[k] for k in parents],
+            join(*(self.found.postures[k] for k in parents)),
+            before,
+            np.array([entry.stance for entry in batch], dtype=np.int64),
+            join(*(entry.posture for entry in batch)),
+        )
+        for entry, after in zip(batch, masks, strict=True):
+            entry.done = not after.all()
+            if not entry.done:
+                entry.state = State(entry.stance, tuple(after.tolist()))
+                self._push(entry)
 
     def _expand(self, entry: Entry) -> None:
         """Note a state, and put its neighbours into the queues, unless it is at the goal."""

@@ -222,7 +222,8 @@ class _Footholds:
         """What the first steps ahead lead to, those that are edges."""
         graph, node, rows = self.graph, ahead.node, ahead.rows[:BLOCK]
         if graph.settings.transitions:
-            steps = graph.step_rows(stances, node.row, rows, node.masks)
+            here, masks = np.full(len(rows), node.row), np.tile(node.masks, (len(rows), 1))
+            steps = graph.step_rows(stances, here, rows, masks)
             masks = graph.masks_of_steps(steps, stances)
         else:
             masks = stances.mask[rows]

@@ -59,6 +59,9 @@ OPPOSED_HEIGHTS = (0.15, 0.25, 0.35, 0.45)
 OPPOSED_ROLLS = 12
 """Rolls over the full circle tried there."""
 
+LEAST_IN_THREADS, MANY_LIMBS_IN_THREADS = 2000, 32
+"""Stances of two, and of more limbs from which on postures are worked out in threads."""
+
 
 class _Candidates(NamedTuple):
     """Base poses that are tried."""
@@ -338,8 +341,8 @@ class PostureSolver:
             stances[name] = array
         rule["thresholds"] = self._thresholds(thresholds)[0]
         rule["scale_m"], rule["scale_b"] = self._scales()
-        least = min(a / b for a, b in zip(thresholds, self._scales(), strict=True))
-        rule["nodes_margin"], rule["first_avoid"] = least * (1.0 - 3.0 * TIE), avoid
+        margin = min(a / b for a, b in zip(thresholds, self._scales(), strict=True))
+        rule["nodes_margin"], rule["first_avoid"] = margin * (1.0 - 3.0 * TIE), avoid
         rule["check"], rule["collide"] = settings.transitions, collisions
         rule["nodes_only"] = nodes_only
         names = ("height", "roll", "wide_height", "wide_roll")
@@ -347,9 +350,11 @@ class PostureSolver:
             rule[f"{name}_count"] = len(values)
             rule[f"{name}s"][: len(values)] = values
         out = Posture.rows(k)
+        robots, least = self.shapes.rows, LEAST_IN_THREADS if count == 2 else MANY_LIMBS_IN_THREADS
         in_parallel(
-            k, solve_postures, stances, self.shapes.rows, rules, grid, out, rooms=PostureRoom.rows
-        )
+            k, solve_postures, stances, robots, rules, grid, out,
+            rooms=PostureRoom.rows, least=least,
+        )  # fmt: skip
         return Postures(
             out["base"]["position"].copy(),
             out["base"]["rotation"].copy(),

@@ -58,15 +58,15 @@ class CheckedSteps(ChangingWorld):
         return centre
 
     def step_rows(
-        self, stances: StanceSet, before: int, after: IntArray, masks: Sequence[int]
+        self, stances: StanceSet, before: IntArray, after: IntArray, masks: IntArray
     ) -> Any:
-        """Rows of `Step` from one of some stances to others of them.
+        """Rows of `Step` between some stances.
 
         Args:
             stances: The stances.
-            before: Row of the stance before the steps.
+            before: Rows of the stances before the steps, shape (k,).
             after: Rows of those after them, shape (k,).
-            masks: Branches and flips of each limb before them.
+            masks: Branches and flips of each limb before them, shape (k, N).
         """
         steps, points = self.checks.steps(len(after)), stances.points
         moves = points[after] != points[before]
@@ -76,20 +76,29 @@ class CheckedSteps(ChangingWorld):
         steps["wanted"][:, : self.limbs] = masks
         return steps
 
-    def masks_after(self, state: State, here: Postures, stances: IntArray, after: Postures) -> Any:
-        """Masks of all limbs after steps that may leave a state, shape (k, N); 0 where none does.
+    def masks_after(
+        self,
+        states: Sequence[State],
+        here: Postures,
+        before: IntArray,
+        stances: IntArray,
+        after: Postures,
+    ) -> Any:
+        """Masks of all limbs after steps that may leave states, shape (k, N); 0 where none does.
 
         Args:
-            state: The state before the steps.
-            here: Its posture.
+            states: States before the steps.
+            here: Their postures.
+            before: Index of the state that each step leaves, shape (k,).
             stances: Point index of each limb after each step, shape (k, N).
             after: The postures after them.
         """
         if not self.settings.transitions or not len(stances):
             return after.mask.copy()
-        points = np.concatenate([np.array([state.stance], dtype=np.int64), stances])
+        points = np.concatenate([np.array([s.stance for s in states], dtype=np.int64), stances])
         found = self.checks.stances(points, join(here, after))
-        steps = self.step_rows(found, 0, np.arange(1, len(points)), state.masks)
+        masks = np.array([s.masks for s in states], dtype=np.int64)[before]
+        steps = self.step_rows(found, before, np.arange(len(states), len(points)), masks)
         return self.masks_of_steps(steps, found)
 
     def masks_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
@@ -141,7 +150,8 @@ class CheckedSteps(ChangingWorld):
         """
         points = np.array([state.stance, tuple(after)], dtype=np.int64)
         stances = self.checks.stances(points, posture)
-        steps = self.step_rows(stances, 0, np.ones(1, dtype=np.int64), state.masks)
+        first, last = np.zeros(1, dtype=np.int64), np.ones(1, dtype=np.int64)
+        steps = self.step_rows(stances, first, last, np.array([state.masks]))
         steps["given"] = True
         if self.settings.collisions:
             limb = int(steps["limb"][0])

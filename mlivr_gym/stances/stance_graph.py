@@ -338,7 +338,7 @@ class StanceGraph(CheckedSteps):
         """
         stance = tuple(after)
         here, there = (posture.take(slice(k, k + 1)) for k in range(2))
-        masks = self.masks_after(state, here, np.array([stance]), there)[0]
+        masks = self.masks_after([state], here, np.zeros(1, int), np.array([stance]), there)[0]
         return State(stance, tuple(masks.tolist())) if masks.all() else None
 
     @abstractmethod
@@ -355,7 +355,8 @@ class StanceGraph(CheckedSteps):
         limb, point, postures = self.candidates(state.stance)
         stances = np.tile(np.array(state.stance, dtype=np.int64), (len(limb), 1))
         stances[np.arange(len(limb)), limb] = point
-        masks = self.masks_after(state, self.posture_of(state), stances, postures)
+        every = np.zeros(len(stances), dtype=np.int64)
+        masks = self.masks_after([state], self.posture_of(state), every, stances, postures)
         kept = masks.all(axis=1)
         return Successors(limb[kept], point[kept], postures.base_position[kept], masks[kept])
 

@@ -1,0 +1,110 @@
+"""Other methods on the tasks of `many_limbs.py`: how many they solve in the time of the search."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym import stance_graph
+from mlivr_gym.agents import RandomPolicy
+from mlivr_gym.agents.learned import load_policy
+from mlivr_gym.agents.policies import Policy
+from mlivr_gym.arrays import Array
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.baselines import find_walk
+from mlivr_gym.stances.moves import GraphMoves, Moves
+from mlivr_gym.transitions.state import State, Successors
+
+SEARCH = "the search, first plan"
+
+METHODS = {
+    "greedy": "greedy best-first",
+    "local": "local choice (Bretl, Uno)",
+    "two_level": "two levels (Rodriguez)",
+    "mcts": "Monte Carlo tree search (Xu)",
+    "pointer": "DAgger, pointer, trained with two limbs",
+    "random": "random possible steps",
+}
+"""The others, and their names in the table."""
+
+MOST_STEPS = 60
+
+
+class _LateError(Exception):
+    """The time of a method is over."""
+
+
+@dataclass
+class _Timed:
+    """Moves that end when the time is over; see `Moves`."""
+
+    moves: Moves
+    end: float
+
+    def successors(self, state: State) -> Successors:
+        """All steps that leave a state, while there is time."""
+        if time.perf_counter() > self.end:
+            raise _LateError
+        return self.moves.successors(state)
+
+    def __getattr__(self, name: str) -> Any:
+        """Whatever else moves have."""
+        return getattr(self.moves, name)
+
+
+def walk_of(
+    robot: str, method: str, start: State, goal: Array, seconds: float
+) -> tuple[int, float] | None:
+    """Steps of a method's walk where no step is known, and its time [s]; None if it has none."""
+    graph = stance_graph(robot=robot)
+    env = MlivrEnv(robot=robot)
+    began = time.perf_counter()
+    if method == "greedy":
+        found = Planner(graph).plan(
+            start.stance, goal.tolist(), "steps", method=method, inflation=1e6, time_limit=seconds
+        )
+        steps = None if found.plan is None else len(found.plan.steps)
+    elif method in ("pointer", "random"):
+        policy: Policy = load_policy("pretrained", env) if method == "pointer" else RandomPolicy(0)
+        steps = _episode(env, policy, start, goal, began + seconds)
+    else:
+        moves = _Timed(GraphMoves(graph), began + seconds)
+        try:
+            walk = find_walk(method, moves, start, goal, longest=MOST_STEPS)
+            steps = len(walk.states) - 1 if walk.reached else None
+        except _LateError:
+            steps = None
+    return None if steps is None else (steps, time.perf_counter() - began)
+
+
+def _episode(env: MlivrEnv, policy: Policy, start: State, goal: Array, end: float) -> int | None:
+    """Steps of a policy's episode, None if it does not reach the goal in time."""
+    options = {"start": env.graph.ids(start.stance), "goal": goal.tolist()}
+    observation, info = env.reset(options=options)
+    for step in range(MOST_STEPS):
+        mask = info["action_mask"].astype(np.bool_)
+        if time.perf_counter() > end or not mask.any():
+            return None
+        observation, _, reached, _, info = env.step(policy.act(env, observation, mask))
+        if reached or info["invalid_action"]:
+            return step + 1 if reached else None
+    return None
+
+
+def table(robot: str, tasks: list[dict[str, Any]]) -> list[str]:
+    """Rows of the table of methods: those of a robot, on the tasks that may have a plan."""
+    able = [task for task in tasks if task["steps"]["reason"] != "search exhausted"]
+    firsts = [task["steps"]["improvements"][:1] for task in able]
+    found = {SEARCH: [(one[0][1], one[0][0]) if one else None for one in firsts]}
+    found |= {name: [task["methods"][key] for task in able] for key, name in METHODS.items()}
+    rows = []
+    for name, answers in found.items():
+        good = [answer for answer in answers if answer is not None]
+        steps = f"{np.mean([one[0] for one in good]):.1f}" if good else "\N{EN DASH}"
+        seconds = f"{np.median([one[1] for one in good]):.2f}" if good else "\N{EN DASH}"
+        rows.append(f"| `{robot}` | {name} | {len(good)} of {len(able)} | {steps} | {seconds} |")
+    return rows
