@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import comparison_report
+import connectivity
 import disturbances
 import dynamic_report
 import format_tables
@@ -236,6 +237,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "dynamic_simulation": dynamic_report.markdown,
     "disturbances": disturbances.markdown,
     "time_cost": time_cost.markdown,
+    "connectivity": connectivity.markdown,
     "many_limbs": many_limbs.markdown,
     "paper_figures": paper_figures_report.markdown,
     "benchmark_planning": planning_report.report,
