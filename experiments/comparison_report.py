@@ -37,7 +37,6 @@ NAMES = {
     "mcts": "Monte Carlo tree search (Xu)",
     "two-level": "two levels (Rodriguez)",
     "random": "random possible steps",
-    "weighted": "A*, weighted cost, inflated",
     "table-sure": "replanning, every grasp counted as sure",
     "table-expected": "replanning, expected cost",
     "dagger-pointer-beam": "DAgger, pointer, beam of 8",
@@ -187,23 +186,23 @@ def full_report(data: dict[str, Any]) -> str:
     lines = [
         "# Planners and learned policies",
         "",
-        "Made by `experiments/planner_vs_rl.py`. Means with 95 % bootstrap intervals over tasks; "
-        "for learned policies the mean over training seeds. Ratios are over the episodes that "
-        "reach their goal; optimal is the exact table for the steps, or A* where there is none, "
-        "and A* for the translation. *Refined*: the translation over the same optimum once the "
-        "base poses on the walk's footholds are optimised; *carried out*: the share of walks "
-        "that MuJoCo carries out at 50 s a step; both for the first tasks alone. *First action*: "
-        "from the reset to the first action, world included; *action*: the policy alone; "
-        "medians. On the dense map methods use what others have found out of its steps before; a "
-        "fair first action is that with no step known. A policy stops an episode that asks for a "
-        "step that is not possible; all stop after 60 steps.",
+        "Made by `experiments/planner_vs_rl.py`. Means with 95 % bootstrap intervals over "
+        "tasks; for learned policies the mean over training seeds. Ratios are over the "
+        "episodes that reach their goal; optimal is the exact table for the steps, or A* where "
+        "there is none, and A* for the translation. *Refined*: the translation over the same "
+        "optimum once the base poses on the walk's footholds are optimised; *carried out*: the "
+        "share of walks that MuJoCo carries out as fast as the limits allow; both for the "
+        "first tasks alone. *First action*: from the reset to the first action, world "
+        "included; *action*: the policy alone; medians. On the dense map methods use what "
+        "others have found out of its steps before; a fair first action is that with no step "
+        "known. A policy stops an episode that asks for a step that is not possible; all stop "
+        "after 60 steps.",
         "",
     ]
     lines += ["## What was aimed at", "", aims_table(data)]
     titles = SPLITS | {
         "cold": "First action on the dense map with no step known",
         "unreliable": "Unreliable grasps, same map (optimal: expected cost)",
-        "mlivr4": "Four limbs, collisions not checked; policies as trained with two",
     }
     for family, title in titles.items():
         if family in data:

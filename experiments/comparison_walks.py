@@ -29,6 +29,9 @@ Walk = list[list[int]]
 """Points and then branches of the limbs in each state, as a file keeps them."""
 
 
+KEPT = 10
+"""Walks after which what is known is kept."""
+
 ASKED: list[tuple[int, Walk]] = []
 """Tasks and walks with which processes are forked."""
 
@@ -96,27 +99,32 @@ def _outcome_of(k: int) -> dict[str, Any]:
     return outcome(*ASKED[k])
 
 
-def walked(rows: list[dict[str, Any]], count: int, known: dict[str, Any]) -> None:
+def walked(
+    rows: list[dict[str, Any]], count: int, known: dict[str, Any], keep: Callable[[], None]
+) -> None:
     """Carry out and refine the walks of the first tasks; what came of it goes into the rows.
 
     Args:
         rows: Records of methods on the same map, with their walks.
         count: How many tasks.
-        known: What is known of walks, by their task and states; it grows.
+        known: What is known of walks, by their task and states; it grows, the short ones first.
+        keep: Called now and then, to keep what is known.
     """
     asked: dict[str, tuple[int, Walk]] = {}
     for row in rows:
         for task, walk in zip(row["tasks"][:count], row["walks"], strict=False):
             if walk is not None and len(walk) > 1:
                 asked[name_of(task, walk)] = (task, walk)
-    missing = [name for name in asked if name not in known]
+    missing = sorted((name for name in asked if name not in known), key=lambda k: len(asked[k][1]))
     if missing:
         same_map()  # before processes are forked
         work = Processes(len(os.sched_getaffinity(0)))
         ASKED[:] = [asked[name] for name in missing]
         answers = work.answers(_outcome_of, range(len(missing)), "walks carried out")
-        for name, answer in zip(missing, answers, strict=True):
+        for k, (name, answer) in enumerate(zip(missing, answers, strict=True)):
             known[name] = answer
+            if k % KEPT == 0:
+                keep()
     for row in rows:
         found = [
             None if walk is None else known.get(name_of(task, walk))

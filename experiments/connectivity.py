@@ -51,7 +51,7 @@ KEPT = 0.7
 SAMPLE = 40
 """Stances whose neighbours are counted."""
 
-VARIANTS, MOST_CHECKS = 2, 6000
+VARIANTS, MOST_CHECKS = 8, 20_000
 """States of one stance that a walk may pass, and steps checked before none is found."""
 
 BACK = 200

@@ -182,7 +182,7 @@ class ReferencePlanner:
         local = pin.computeFrameJacobian(
             self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED
         )
-        jacobian: Array = np.kron(np.eye(2), self.mounts[limb].base_rotation) @ local
+        jacobian: Array = np.kron(np.eye(2), self.mounts[limb].rotation) @ local
         return jacobian
 
     def evaluate(self, stance: Stance) -> Array | None:

@@ -92,7 +92,14 @@ def _writable(folder: str) -> bool:
 
 def workers(count: int, least: int) -> int:
     """Number of threads for some items: one for fewer than `least`."""
-    return min(os.cpu_count() or 1, 8) if count >= least else 1
+    return min(_cores(), 8) if count >= least else 1
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def in_parallel(

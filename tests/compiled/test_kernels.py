@@ -54,7 +54,7 @@ class Room(Record):
 @pytest.mark.parametrize("cores", [1, 3, 64])
 @pytest.mark.parametrize("count", [0, 1, 2, 7, 5000])
 def test_in_parallel_covers_every_item_once(count, cores, monkeypatch):
-    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    monkeypatch.setattr(kernels, "_cores", lambda: cores)
     seen, made = np.zeros(count + 3, dtype=int), []
 
     def rooms(number):
@@ -77,7 +77,7 @@ def test_in_parallel_covers_every_item_once(count, cores, monkeypatch):
 
 def test_each_thread_has_scratch_of_its_own(monkeypatch):
     """Two threads at a time wait for each other in the middle of their work."""
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(kernels, "_cores", lambda: 2)
     meet, found = threading.Barrier(2, timeout=20.0), []
 
     def visit(start, stop, room):
@@ -91,7 +91,7 @@ def test_each_thread_has_scratch_of_its_own(monkeypatch):
 
 
 def test_an_error_in_a_thread_is_not_lost(monkeypatch):
-    monkeypatch.setattr(os, "cpu_count", lambda: 4)
+    monkeypatch.setattr(kernels, "_cores", lambda: 4)
 
     def visit(start, stop, room):
         if start > 0:
