@@ -147,19 +147,23 @@ def markdown(data: dict[str, Any]) -> str:
         lines += [
             _row(robot, cost, [task[cost] for task in data["tasks"][robot]]) for cost in COSTS
         ]
-    lines += [
-        "",
-        "## Other methods",
-        "",
-        f"The same tasks but those that have no plan, {data['seconds']:g} s for each, at most 60 "
-        "steps; no step is known at the beginning. *Steps* and *time* (median) are those of the "
-        "walks that were found, which are not the same tasks for all.",
-        "",
-        "| robot | method | solved | steps | time [s] |",
-        "|---|---|---|---|---|",
-    ]
-    for robot in ROBOTS:
-        lines += table(robot, data["tasks"][robot])
+    measured = {
+        robot: [task for task in data["tasks"][robot] if "methods" in task] for robot in ROBOTS
+    }
+    if any(measured.values()):
+        lines += [
+            "",
+            "## Other methods",
+            "",
+            f"The same tasks but those that have no plan, {data['seconds']:g} s for each, at most "
+            "60 steps; no step is known at the beginning. *Steps* and *time* (median) are those of "
+            "the walks that were found, which are not the same tasks for all.",
+            "",
+            "| robot | method | solved | steps | time [s] |",
+            "|---|---|---|---|---|",
+        ]
+        for robot in ROBOTS:
+            lines += table(robot, measured[robot])
     return "\n".join(lines) + "\n"
 
 
