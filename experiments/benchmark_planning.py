@@ -290,8 +290,8 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
     )
     asked = start, np.array(setup["goal"])
     if quick:  # on part of the map the goal may be out of reach with collisions
-        near = sample_task(stance_graph(grasp_map), rng, TOLERANCE)
-        asked = tuple(grasp_map.ids[p] for p in near.start.stance), near.goal
+        task = sample_task(stance_graph(grasp_map), rng, TOLERANCE)
+        asked = tuple(grasp_map.ids[p] for p in task.start.stance), task.goal
     data["collisions"] = collisions(grasp_map, *asked, 2 if quick else 7, advance)
     data["libraries"] = libraries(grasp_map, tasks[:few], advance)
     data["near"] = map_to_plan(grasp_map, start, close, limit, advance)

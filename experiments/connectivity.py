@@ -183,14 +183,14 @@ def walk_between(graph: LazyGraph, found: Explored, start: str, end: str) -> Pla
     pairs = np.array(found.edges, dtype=np.int64)
     count = len(found.states)
     links = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count)).tocsr()
-    left = dijkstra(links, directed=False, indices=last, unweighted=True, min_only=True)
+    to_go = dijkstra(links, directed=False, indices=last, unweighted=True, min_only=True)
     beside: dict[int, set[int]] = {}
     for a, b in pairs.tolist():
         beside.setdefault(a, set()).add(b)
         beside.setdefault(b, set()).add(a)
     queue: list[tuple[float, int, int, tuple[State, ...]]] = []
     for k in first:
-        heapq.heappush(queue, (left[k], 0, k, (graph.state(found.states[k].stance),)))
+        heapq.heappush(queue, (to_go[k], 0, k, (graph.state(found.states[k].stance),)))
     seen: set[State] = set()
     while queue:
         _, deep, k, states = heapq.heappop(queue)
@@ -201,12 +201,12 @@ def walk_between(graph: LazyGraph, found: Explored, start: str, end: str) -> Pla
             continue
         seen.add(after)
         walk = (*states, after) if steps else states
-        if left[k] == 0.0:
+        if to_go[k] == 0.0:
             plan = plan_of(graph, walk, found.bases[k], 0.2, "exploration", len(seen))
             if plan is not None:
                 return plan
         for there in sorted(beside[k]):
-            heapq.heappush(queue, (steps + 1 + left[there], -steps - 1, there, walk))
+            heapq.heappush(queue, (steps + 1 + to_go[there], -steps - 1, there, walk))
     return None
 
 

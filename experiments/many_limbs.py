@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from many_limbs_methods import METHODS, table, walk_of
+from many_limbs_methods import METHODS, section, walk_of
 from matplotlib.figure import Figure
 from processes import Processes
 
@@ -150,20 +150,7 @@ def markdown(data: dict[str, Any]) -> str:
     measured = {
         robot: [task for task in data["tasks"][robot] if "methods" in task] for robot in ROBOTS
     }
-    if any(measured.values()):
-        lines += [
-            "",
-            "## Other methods",
-            "",
-            f"The same tasks but those that have no plan, {data['seconds']:g} s for each, at most "
-            "60 steps; no step is known at the beginning. *Steps* and *time* (median) are those of "
-            "the walks that were found, which are not the same tasks for all.",
-            "",
-            "| robot | method | solved | steps | time [s] |",
-            "|---|---|---|---|---|",
-        ]
-        for robot in ROBOTS:
-            lines += table(robot, measured[robot])
+    lines += section(measured, data["seconds"])
     return "\n".join(lines) + "\n"
 
 

@@ -95,7 +95,27 @@ def _episode(env: MlivrEnv, policy: Policy, start: State, goal: Array, end: floa
     return None
 
 
-def table(robot: str, tasks: list[dict[str, Any]]) -> list[str]:
+def section(measured: dict[str, list[dict[str, Any]]], seconds: float) -> list[str]:
+    """Lines of the report: what the methods did on the tasks of each robot, if that is known."""
+    if not any(measured.values()):
+        return []
+    lines = [
+        "",
+        "## Other methods",
+        "",
+        f"Some of the tasks that may have a plan, {seconds:g} s for each, at most {MOST_STEPS} "
+        "steps; no step is known at the beginning. *Steps* and *time* (median) are those of the "
+        "walks that were found, which are not the same tasks for all.",
+        "",
+        "| robot | method | solved | steps | time [s] |",
+        "|---|---|---|---|---|",
+    ]
+    for robot, tasks in measured.items():
+        lines += _rows(robot, tasks)
+    return lines
+
+
+def _rows(robot: str, tasks: list[dict[str, Any]]) -> list[str]:
     """Rows of the table of methods: those of a robot, on the tasks that may have a plan."""
     able = [task for task in tasks if task["steps"]["reason"] != "search exhausted"]
     firsts = [task["steps"]["improvements"][:1] for task in able]
