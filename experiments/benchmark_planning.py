@@ -16,7 +16,7 @@ import platform
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -94,6 +94,11 @@ def machine() -> dict[str, Any]:
     }
 
 
+def megabytes(values: Iterable[Any]) -> float:
+    """Memory of the arrays among some values [MB]."""
+    return sum(a.nbytes for a in values if isinstance(a, np.ndarray)) / 1e6
+
+
 def stance_set(grasp_map: GraspMap, repeats: int) -> dict[str, Any]:
     """Time and memory of the stance graph, kernels compiled beforehand."""
     times = [timed(lambda: paper_graph(grasp_map))[0] for _ in range(repeats)]
@@ -113,8 +118,8 @@ def stance_set(grasp_map: GraspMap, repeats: int) -> dict[str, Any]:
         "base_poses": len(graph.robot.heights) * len(graph.robot.rolls),
         "seconds": float(np.median(times)),
         "seconds_without_step_checks": float(np.median(plain)),
-        "array_mb": sum(a.nbytes for a in vars(graph).values() if isinstance(a, np.ndarray)) / 1e6,
-        "edge_table_mb": graph.steps.edges.nbytes / 1e6,
+        "array_mb": megabytes(vars(graph).values()) + megabytes(graph.steps),
+        "edge_table_mb": megabytes([graph.steps.edges]),
         "shares": shares(lambda: paper_graph(grasp_map), names),
     }
 
