@@ -65,7 +65,7 @@ def walk_of(
     began = time.perf_counter()
     if method == "greedy":
         found = Planner(graph).plan(
-            start.stance, goal.tolist(), "steps", method=method, inflation=1e6, time_limit=seconds
+            start.stance, goal.tolist(), "steps", method=method, time_limit=seconds
         )
         steps = None if found.plan is None else len(found.plan.steps)
     elif method in ("pointer", "random"):
