@@ -16,9 +16,9 @@ from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.timing import step_trajectory
 
 
-@pytest.mark.parametrize("limbs", [2, 3])
+@pytest.mark.parametrize("limbs", [2, 3, 4])
 def test_limbs_that_hold_share_the_wrench_that_moves_the_base(jem, limbs):
-    """Least squares of all wrenches: with three limbs two hold, and neither bears it alone."""
+    """Least squares of all wrenches: of N limbs N - 1 hold, and none bears it alone."""
     graph = stance_graph(jem, f"mlivr{limbs}")
     start, goal = sample_task(graph, np.random.default_rng(0), 0.5)
     plan = Planner(graph).plan(start.stance, goal, "steps").unwrap()
