@@ -37,6 +37,14 @@ class CheckedSteps(ChangingWorld):
         self._know_released(stances, np.array([[0, limb]]))
         return int(stances.released["branches"][0, limb])
 
+    def all_released(self, points: IntArray, postures: Postures) -> IntArray:
+        """On which branches each limb can be released at some stances, shape (k, N)."""
+        stances = self.checks.stances(points, postures)
+        every = np.indices(points.shape).reshape(2, -1).T
+        self._know_released(stances, every)
+        released: IntArray = stances.released["branches"][:, : self.limbs].astype(np.int64)
+        return released
+
     def _know_released(self, stances: StanceSet, todo: IntArray) -> None:
         """Work out on which branches limbs can be released: rows and limbs, shape (k, 2)."""
         todo = todo[~stances.released["known"][todo[:, 0], todo[:, 1]]]

@@ -1,0 +1,178 @@
+"""The cheapest walk over a roadmap on which every limb that holds keeps a branch (compiled).
+
+A robot that comes to a stance may be on some branches of each limb only, by the steps that it took;
+so a stance is entered once for each set of masks that no cheaper way there covers: a label.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.planners.queue import Queue, first, has_room, pop, push, queue
+from mlivr_gym.transitions.rule import can_release, kept_on_edge
+
+ROOM = 1 << 19
+"""Most labels of a search."""
+
+NO_LABEL, NO_ROOM = -1, -2
+"""What a search ends with that found nothing: no walk, or too many labels."""
+
+
+class Roads(NamedTuple):
+    """Steps between n stances, in both directions, by the stance that they leave."""
+
+    start: IntArray
+    """First step of each stance, and their number, shape (n + 1,)."""
+    other: IntArray
+    """Stance after each step, shape (e,)."""
+    limb: IntArray
+    """Limb that it moves, shape (e,)."""
+    kept: IntArray
+    """Masks that the limbs which hold keep; of the one that moves those it may be on then, (e, N)."""
+    released: IntArray
+    """Masks on which each limb can be released at each stance, shape (n, N)."""
+
+
+class Origins(NamedTuple):
+    """K stances at which walks begin."""
+
+    stance: IntArray
+    """Shape (k,)."""
+    masks: IntArray
+    """Branches that each limb may be on, shape (k, N)."""
+    cost: Array
+    """What it cost to get there, shape (k,)."""
+
+
+class Labels(NamedTuple):
+    """What goes with the entries of the queue."""
+
+    masks: IntArray
+    """Branches that each limb may be on, shape (room, N)."""
+    previous: IntArray
+    """Label before at the same stance, shape (room,)."""
+    last: IntArray
+    """Last label of each stance, shape (n,)."""
+
+
+class Walk(NamedTuple):
+    """A walk over a roadmap."""
+
+    origin: int
+    """Which origin it begins at."""
+    stances: list[int]
+    """Stances from there on."""
+    steps: list[int]
+    """Steps between them."""
+
+
+def cheapest_walk(
+    roads: Roads, cost: Array, h: Array, origins: Origins, factor: float
+) -> Walk | None:
+    """The walk of least cost to a stance of which `h` is 0, or one within `factor` of it.
+
+    Args:
+        roads: The steps.
+        cost: Cost of each, infinite if it cannot be taken, shape (e,).
+        h: Lower bounds of the cost from each stance, infinite if none leads on, shape (n,).
+        origins: Where walks begin.
+        factor: Weight of `h`, at least 1: more labels are looked at the smaller it is.
+
+    Returns:
+        The walk; None if there is none, or if it takes more than `ROOM` labels.
+    """
+    room, limbs = ROOM + len(origins.stance), roads.kept.shape[1]
+    entries = queue(room)
+    labels = Labels(
+        np.empty((room, limbs), dtype=np.int64),
+        np.empty(room, dtype=np.int64),
+        np.full(len(h), NO_LABEL),
+    )
+    item = int(_cheapest((roads, cost), h, factor, origins, entries, labels))
+    if item < 0:
+        return None
+    chain = [item]
+    while entries.link[chain[-1]] >= 0:
+        chain.append(int(entries.link[chain[-1]]))
+    chain.reverse()
+    origin = -1 - int(entries.link[chain[0]])
+    return Walk(origin, entries.node[chain].tolist(), entries.bits[chain[1:]].tolist())
+
+
+@entry
+def _cheapest(
+    steps: tuple[Roads, Array],
+    h: Array,
+    factor: float,
+    origins: Origins,
+    entries: Queue,
+    labels: Labels,
+) -> int:
+    """Entry of the first label taken at a stance of which `h` is 0, see `cheapest_walk`."""
+    roads, cost = steps
+    for k in range(len(origins.stance)):
+        s, item = origins.stance[k], entries.filled.used
+        if h[s] < np.inf:
+            labels.masks[item] = origins.masks[k]
+            _note(item, s, labels)
+            push(entries, origins.cost[k] + factor * h[s], origins.cost[k], 0.0, s, -1 - k, -1)
+    while entries.filled.size > 0:
+        here = first(entries)
+        s = entries.node[here]
+        if h[s] == 0.0:
+            return int(here)
+        if not has_room(entries, roads.start[s + 1] - roads.start[s]):
+            return NO_ROOM
+        pop(entries)
+        for e in range(roads.start[s], roads.start[s + 1]):
+            other, g = roads.other[e], entries.g[here] + cost[e]
+            item = entries.filled.used
+            if g + h[other] < np.inf and _carried(here, item, e, roads, entries, labels):
+                if not _covered(item, other, g, entries, labels):
+                    _note(item, other, labels)
+                    push(entries, g + factor * h[other], g, 0.0, other, here, e)
+    return NO_LABEL
+
+
+@kernel
+def _note(item: int, s: int, labels: Labels) -> None:
+    """Note a label as the last of its stance."""
+    labels.previous[item] = labels.last[s]
+    labels.last[s] = item
+
+
+@kernel
+def _carried(
+    here: int, item: int, e: int, roads: Roads, entries: Queue, labels: Labels
+) -> bool:
+    """Masks of `item` after step `e` from label `here`; whether the step can be taken."""
+    limb, masks = roads.limb[e], labels.masks
+    if not can_release(masks[here, limb], roads.released[entries.node[here], limb]):
+        return False
+    for i in range(masks.shape[1]):
+        kept = roads.kept[e, i]
+        if i != limb:
+            kept = kept_on_edge(masks[here, i], kept)
+        if kept == 0:
+            return False
+        masks[item, i] = kept
+    return True
+
+
+@kernel
+def _covered(item: int, s: int, g: float, entries: Queue, labels: Labels) -> bool:
+    """Whether a label of a stance costs no more than `g` and has all branches of `item`."""
+    masks, other = labels.masks, labels.last[s]
+    while other >= 0:
+        if entries.g[other] <= g:
+            more = 0
+            for i in range(masks.shape[1]):
+                more |= masks[item, i] & ~masks[other, i]
+            if more == 0:
+                return True
+        other = labels.previous[other]
+    return False

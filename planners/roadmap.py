@@ -1,0 +1,194 @@
+"""A roadmap: stances of many limbs that are known to be nodes, and the steps that join them.
+
+It is a part of the stance graph that was worked out beforehand, with the branches that each step
+keeps, so that a walk over it is found as with the tables of two limbs. A query joins its start to
+it, see `first_walk`. No plan rests on it: every step of a walk is checked anew on the graph.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.compiled.cache import cache_folder
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.errors import MlivrError
+from mlivr_gym.files import write_whole
+from mlivr_gym.planners.label_search import Roads
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+FORMAT = 1
+"""Format of the files."""
+
+
+class RoadmapError(MlivrError):
+    """A roadmap cannot be built or read."""
+
+
+@dataclass(frozen=True)
+class Roadmap:
+    """Stances that are known to be joined by steps.
+
+    Attributes:
+        key: Digest of map, robot and settings, see `key_of`.
+        points: Point index of each limb, in the order of `codes`, shape (n, N).
+        base_position: Base positions [m], shape (n, 3).
+        released: Masks on which each limb can be released, shape (n, N).
+        pairs: Stances that a step joins, in both directions, shape (p, 2).
+        kept: Masks that the limbs which hold keep on it, 0 for the one that moves, shape (p, N).
+        odds: Weights of `step_odds.features`, which tell likely steps from others.
+    """
+
+    key: str
+    points: IntArray
+    base_position: Array
+    released: IntArray
+    pairs: IntArray
+    kept: IntArray
+    odds: Array
+
+    def __len__(self) -> int:
+        """Number of stances."""
+        return len(self.points)
+
+    @cached_property
+    def _codes(self) -> IntArray:
+        return codes(self.points)
+
+    def find(self, stances: IntArray) -> IntArray:
+        """Rows of stances, shape (k, N) -> (k,); -1 for those that it does not have."""
+        code = codes(stances)
+        row = np.minimum(np.searchsorted(self._codes, code), len(self) - 1)
+        found: IntArray = np.where(self._codes[row] == code, row, -1)
+        return found
+
+    @cached_property
+    def roads(self) -> Roads:
+        """The steps in both directions, by the stance that they leave."""
+        a, b = self.pairs.T
+        limb = (self.points[a] != self.points[b]).argmax(axis=1)
+        source, other = np.concatenate([a, b]), np.concatenate([b, a])
+        limb, kept = np.tile(limb, 2), np.tile(self.kept, (2, 1)).astype(np.int64)
+        kept[np.arange(len(limb)), limb] = self.released[other, limb]
+        able = (self.released[source, limb] != 0) & (self.released[other, limb] != 0)
+        order = np.flatnonzero(able)
+        order = order[np.argsort(source[order], kind="stable")]
+        start = np.searchsorted(source[order], np.arange(len(self) + 1))
+        return Roads(
+            start, other[order], limb[order], kept[order], self.released.astype(np.int64)
+        )
+
+    def write(self, path: str | Path) -> None:
+        """Write the roadmap.
+
+        Raises:
+            FileError: If the file cannot be written.
+        """
+        every, buffer = one_limb_apart(self.points), io.BytesIO()
+        joined = np.isin(_numbers(every, len(self)), _numbers(self.pairs, len(self)))
+        np.savez_compressed(
+            buffer,
+            format=FORMAT,
+            key=self.key,
+            points=self.points.astype(np.uint16),
+            base_position=self.base_position.astype(np.float32),
+            released=self.released.astype(np.uint16),
+            joined=np.packbits(joined),
+            kept=self.kept.astype(np.uint16),
+            odds=self.odds,
+        )
+        write_whole(path, buffer.getvalue())
+
+    @classmethod
+    def read(cls, path: str | Path) -> Roadmap:
+        """The roadmap in a file.
+
+        Raises:
+            RoadmapError: If it is none of this format.
+        """
+        try:
+            with Path(path).open("rb") as stream, np.load(stream) as data:
+                found = {name: data[name] for name in data.files}
+            if int(found.pop("format")) != FORMAT:
+                raise ValueError
+            points = found["points"].astype(np.int64)
+            every = one_limb_apart(points)
+            joined = np.unpackbits(found.pop("joined"), count=len(every)).astype(np.bool_)
+            kept = found["kept"]
+            if len(kept) != int(joined.sum()):
+                raise ValueError
+            return cls(
+                str(found["key"]), points, found["base_position"].astype(np.float64),
+                found["released"].astype(np.int64), every[joined], kept.astype(np.int64),
+                found["odds"],
+            )  # fmt: skip
+        except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+            raise RoadmapError(f"{str(path)!r} is no roadmap of format {FORMAT}") from None
+
+    @classmethod
+    def of(cls, graph: StanceGraph) -> Roadmap | None:
+        """The roadmap that was built for a graph or ships with the package, None if there is none."""
+        for path in roadmap_files(graph):
+            if path.is_file():
+                found = cls.read(path)
+                if found.key == key_of(graph):
+                    return found
+        return None
+
+
+def key_of(graph: StanceGraph) -> str:
+    """Digest of the map, robot and settings of a graph, by which its roadmap is known."""
+    digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
+    digest.update(repr(graph.settings).encode())
+    return digest.hexdigest()[:20]
+
+
+def roadmap_files(graph: StanceGraph) -> list[Path]:
+    """Where the roadmap of a graph may be: the one that was built, and the one that ships."""
+    name, folder = f"roadmap-{key_of(graph)}.npz", cache_folder()
+    return [*([folder / name] if folder is not None else []), asset_path(name)]
+
+
+def codes(stances: IntArray) -> IntArray:
+    """One number for each stance, in the order of its points from the last limb, (k, N) -> (k,)."""
+    # Points of 16 bits each: four limbs fill a number.
+    code = np.zeros(len(stances), dtype=np.uint64)
+    for limb in reversed(range(stances.shape[1])):
+        code = (code << np.uint64(16)) | stances[:, limb].astype(np.uint64)
+    return code
+
+
+def one_limb_apart(points: IntArray) -> IntArray:
+    """Pairs of stances that differ in the point of one limb, in order, shape (p, 2).
+
+    Args:
+        points: Stances in the order of their codes, shape (n, N).
+    """
+    pairs = [np.zeros((0, 2), dtype=np.int64)]
+    for limb in range(points.shape[1]):
+        rest = codes(np.delete(points, limb, axis=1))
+        order = np.argsort(rest, kind="stable")
+        held, apart = rest[order], 1
+        while True:
+            same = np.flatnonzero(held[apart:] == held[:-apart])
+            if not len(same):
+                break
+            pairs.append(np.stack([order[same], order[same + apart]], axis=1))
+            apart += 1
+    every = np.concatenate(pairs)
+    ordered: IntArray = every[np.lexsort((every[:, 1], every[:, 0]))]
+    return ordered
+
+
+def _numbers(pairs: IntArray, count: int) -> IntArray:
+    numbers: IntArray = pairs[:, 0] * count + pairs[:, 1]
+    return numbers

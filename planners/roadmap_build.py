@@ -1,0 +1,248 @@
+"""Build a roadmap: explore the stance graph, then check every step between what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, wait
+from dataclasses import dataclass, field
+from itertools import pairwise
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.envs.tasks import random_state
+from mlivr_gym.planners.roadmap import Roadmap, RoadmapError, codes, key_of, one_limb_apart
+from mlivr_gym.planners.step_odds import features, fitted
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.settings import Settings
+from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.transitions.state import State
+from mlivr_gym.world.grasp_map import GraspMap
+
+EXPLORATIONS = 2
+"""Explorations whose stances are put together; each has its own seed and a thread."""
+
+CELL = 0.2
+"""Edge of the cells of base positions, of which the one least explored comes next [m]."""
+
+TRIED = 160
+"""Most neighbours of a stance that are tried."""
+
+ANEW = 1500
+"""Expansions after which an exploration begins at one more random stance."""
+
+OBSERVED = 100
+"""Expansions from whose candidates the odds of a step are fitted."""
+
+AT_ONCE = 512
+"""Steps that are checked at once."""
+
+MOST_LIMBS = 4
+"""Most limbs of a robot with a roadmap: the numbers of stances have 64 bits."""
+
+CHUNK = 4096
+"""Stances whose postures are worked out at once."""
+
+STAGES = 3
+"""Explore, check steps, and work out what can be released."""
+
+Progress = Callable[[float], None]
+"""Called with the share of the work that is done."""
+
+
+def build(graph: LazyGraph, expansions: int, progress: Progress | None = None) -> Roadmap:
+    """Explore the graph and join what is found, in a process for each exploration.
+
+    Args:
+        graph: The stance graph, without obstacles and occupied points.
+        expansions: Stances whose neighbours are worked out; the more, the shorter are walks over
+            the roadmap, and the more starts can be joined to it.
+        progress: Called now and then with the share of the work that is done.
+
+    Raises:
+        RoadmapError: If the robot has more than four limbs, steps are not checked, or there are
+            obstacles or occupied points.
+    """
+    if graph.limbs > MOST_LIMBS or not graph.settings.transitions:
+        raise RoadmapError(
+            f"robot {graph.robot.name!r} has {graph.limbs} limbs, and steps are"
+            f"{'' if graph.settings.transitions else ' not'} checked: a roadmap is for at most "
+            f"{MOST_LIMBS} limbs and steps that are checked"
+        )
+    if graph.obstacles or graph.occupied:
+        raise RoadmapError("a roadmap is built without obstacles and occupied points")
+    world = graph.grasp_map, graph.robot, graph.settings
+    with _Workers(progress) as workers:
+        each = max(expansions // EXPLORATIONS, 1)
+        found = workers.run(_explored, [(world, each)] * EXPLORATIONS)
+        points = np.unique(np.concatenate([one[0] for one in found]), axis=0)
+        points = points[np.argsort(codes(points), kind="stable")]
+        odds = fitted(*(np.concatenate([one[k] for one in found]) for k in (1, 2)))
+        pairs = one_limb_apart(points)
+        parts = np.array_split(pairs, EXPLORATIONS)
+        kept = np.concatenate(workers.run(_joined, [(world, points, part) for part in parts]))
+        rows = np.array_split(points, EXPLORATIONS)
+        known = workers.run(_known, [(world, part) for part in rows])
+    able = kept.all(axis=1)
+    pairs, kept = pairs[able], kept[able]
+    limb = (points[pairs[:, 0]] != points[pairs[:, 1]]).argmax(axis=1)
+    kept[np.arange(len(kept)), limb] = 0
+    position, released = (np.concatenate([one[k] for one in known]) for k in (0, 1))
+    return Roadmap(key_of(graph), points, position, released, pairs, kept, odds)
+
+
+class _Workers:
+    """Processes that tell how far they are."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        context = get_context("spawn")
+        self.progress, self.stage = progress, 0
+        self.shares = context.Array("d", EXPLORATIONS)
+        self.pool = ProcessPoolExecutor(
+            EXPLORATIONS, mp_context=context, initializer=_begin, initargs=(self.shares,)
+        )
+
+    def __enter__(self) -> _Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.pool.shutdown(cancel_futures=True)
+
+    def run(self, work: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+        """What `work` returns for each of some arguments: one of `STAGES`."""
+        for k in range(EXPLORATIONS):
+            self.shares[k] = 0.0
+        jobs = [self.pool.submit(work, k, *given) for k, given in enumerate(arguments)]
+        waiting: Any = jobs
+        while waiting:
+            _, waiting = wait(waiting, timeout=0.5)
+            if self.progress is not None:
+                self.progress((self.stage + sum(self.shares) / EXPLORATIONS) / STAGES)
+        self.stage += 1
+        return [job.result() for job in jobs]
+
+
+_shares: Any = None
+"""In a worker, how far each of them is."""
+
+
+def _begin(shares: Any) -> None:
+    global _shares
+    _shares = shares
+
+
+World = tuple[GraspMap, RobotSpec, Settings]
+
+
+def _explored(worker: int, world: World, expansions: int) -> tuple[IntArray, Array, BoolArray]:
+    """Stances of an exploration, and candidates of its first steps with what they turned out."""
+    found = _Exploration(_graph(world), np.random.default_rng(worker))
+    for count in range(expansions):
+        found.expand(count)
+        _shares[worker] = (count + 1) / expansions
+    rows, steps = np.concatenate(found.candidates), np.concatenate(found.outcomes)
+    return np.array(found.stances, dtype=np.int64), rows, steps
+
+
+def _joined(worker: int, world: World, points: IntArray, pairs: IntArray) -> IntArray:
+    """Masks after steps that may leave all branches; 0 where there is no step, shape (p, N)."""
+    graph, used = _graph(world), np.unique(pairs)
+    postures, row = _postures(graph, points[used]), np.zeros(len(points), dtype=np.int64)
+    row[used] = np.arange(len(used))
+    kept: IntArray = np.zeros((len(pairs), graph.limbs), dtype=np.int64)
+    for at in range(0, len(pairs), AT_ONCE):
+        if at % (64 * AT_ONCE) == 0:
+            graph = _graph(world)  # what it remembers takes memory
+        some = pairs[at : at + AT_ONCE]
+        first, before = np.unique(some[:, 0], return_inverse=True)
+        here, after = postures.take(row[first]), postures.take(row[some[:, 1]])
+        states = [
+            State(tuple(stance), tuple(mask))
+            for stance, mask in zip(points[first].tolist(), here.mask.tolist(), strict=True)
+        ]
+        kept[at : at + AT_ONCE] = graph.masks_after(states, here, before, points[some[:, 1]], after)
+        _shares[worker] = (at + len(some)) / len(pairs)
+    return kept
+
+
+def _known(worker: int, world: World, points: IntArray) -> tuple[Array, IntArray]:
+    """Base positions of stances [m], and masks on which their limbs can be released."""
+    graph = _graph(world)
+    postures = _postures(graph, points)
+    released: IntArray = np.zeros(points.shape, dtype=np.int64)
+    for at in range(0, len(points), AT_ONCE):
+        rows = np.arange(at, min(at + AT_ONCE, len(points)))
+        released[rows] = graph.all_released(points[rows], postures.take(rows))
+        _shares[worker] = (at + len(rows)) / len(points)
+    return postures.base_position, released
+
+
+@dataclass
+class _Exploration:
+    """States found from random ones, the cell that was expanded least next."""
+
+    graph: LazyGraph
+    rng: np.random.Generator
+    stances: list[tuple[int, ...]] = field(default_factory=list)
+    states: list[tuple[State, Postures]] = field(default_factory=list)
+    known: set[tuple[int, ...]] = field(default_factory=set)
+    cells: dict[tuple[int, ...], tuple[list[int], list[int]]] = field(default_factory=dict)
+    """How often each was expanded, and which of its states were not yet."""
+    candidates: list[Array] = field(default_factory=list)
+    outcomes: list[BoolArray] = field(default_factory=list)
+
+    def expand(self, count: int) -> None:
+        """Expand one state; now and then begin at one more random stance."""
+        graph, rng = self.graph, self.rng
+        if count % ANEW == 0:
+            start = random_state(graph, rng)
+            self.add(start, graph.posture_of(start))
+        waiting = [cell for cell in self.cells.values() if cell[1]]
+        if not waiting:
+            return
+        cell = min(waiting, key=lambda one: one[0][0] + rng.random() * 0.5)
+        cell[0][0] += 1
+        state, posture = self.states[cell[1].pop(int(rng.integers(len(cell[1]))))]
+        stances = graph.neighbours(state, posture)
+        stances = stances[rng.permutation(len(stances))[:TRIED]]
+        postures = graph.nodes(stances)
+        nodes, steps = np.flatnonzero(graph.is_node(postures)), np.zeros(len(stances), np.bool_)
+        before, after = np.zeros(len(nodes), dtype=np.int64), postures.take(nodes)
+        masks = graph.masks_after([state], posture, before, stances[nodes], after)
+        for k, mask in zip(nodes.tolist(), masks, strict=True):
+            steps[k] = mask.all()
+            if steps[k]:
+                stance = tuple(stances[k].tolist())
+                self.add(State(stance, tuple(mask.tolist())), postures.take(np.array([k])))
+        if count < OBSERVED and len(stances):
+            self.candidates.append(features(graph, state.stance, posture, stances))
+            self.outcomes.append(steps)
+
+    def add(self, state: State, posture: Postures) -> None:
+        """Note a state, unless its stance is known."""
+        if state.stance in self.known:
+            return
+        self.known.add(state.stance)
+        self.stances.append(state.stance)
+        where = tuple(np.floor(posture.base_position[0] / CELL).astype(int).tolist())
+        self.cells.setdefault(where, ([0], []))[1].append(len(self.states))
+        self.states.append((state, posture))
+
+
+def _graph(world: World) -> LazyGraph:
+    """A graph that knows nothing yet."""
+    grasp_map, robot, settings = world
+    graph = stance_graph(grasp_map, robot, settings)
+    assert isinstance(graph, LazyGraph)
+    return graph
+
+
+def _postures(graph: LazyGraph, points: IntArray) -> Postures:
+    """Postures of many stances."""
+    every = range(0, len(points) + CHUNK, CHUNK)
+    return join(*(graph.nodes(points[a:b]) for a, b in pairwise(every)))
