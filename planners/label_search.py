@@ -68,6 +68,8 @@ class Walk(NamedTuple):
     """Stances from there on."""
     steps: list[int]
     """Steps between them."""
+    masks: IntArray
+    """Branches that each limb may be on at the stances, shape (k, N)."""
 
 
 def cheapest_walk(
@@ -100,7 +102,8 @@ def cheapest_walk(
         chain.append(int(entries.link[chain[-1]]))
     chain.reverse()
     origin = -1 - int(entries.link[chain[0]])
-    return Walk(origin, entries.node[chain].tolist(), entries.bits[chain[1:]].tolist())
+    stances, steps = entries.node[chain].tolist(), entries.bits[chain[1:]].tolist()
+    return Walk(origin, stances, steps, labels.masks[chain])
 
 
 @entry
@@ -117,7 +120,8 @@ def _cheapest(
     for k in range(len(origins.stance)):
         s, item = origins.stance[k], entries.filled.used
         if h[s] < np.inf:
-            labels.masks[item] = origins.masks[k]
+            for i in range(labels.masks.shape[1]):
+                labels.masks[item, i] = origins.masks[k, i]
             _note(item, s, labels)
             push(entries, origins.cost[k] + factor * h[s], origins.cost[k], 0.0, s, -1 - k, -1)
     while entries.filled.size > 0:

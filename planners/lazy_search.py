@@ -11,7 +11,7 @@ Every entry has a lower bound of the cost of the plans through it, from the tria
 the factor within which it is proved. A search for the least cost takes entries by their bound.
 Others take them by turns in an order of promise, which may lead into a pocket, and by their bound
 with what is left inflated, which leads out again; once there is a plan also by bound alone, to
-prove it good.
+prove it good. Where there is a roadmap the first plan comes from that, see `first_walk`.
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.planners.first_walk import Joining
 from mlivr_gym.planners.move_bounds import MoveBounds
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
 from mlivr_gym.planners.query import Search
 from mlivr_gym.planners.queues import Block, Entry, Queue
+from mlivr_gym.planners.roadmap import Roadmap
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -37,6 +39,9 @@ steps that are checked at once."""
 
 INFLATED = 2.0
 """Factor on what is left in the order that leads out of pockets."""
+
+JOINING = 0.5
+"""Most of the time that goes into a first walk over the roadmap."""
 
 ROUNDING = 1e-9
 """Costs that differ by this share are equal."""
@@ -78,15 +83,21 @@ class Found:
     improvements: list[Improvement] = field(default_factory=list)
 
 
-def lazy_search(graph: LazyGraph, start: State, search: Search) -> Found:
+def lazy_search(
+    graph: LazyGraph, start: State, search: Search, roadmap: Roadmap | None = None
+) -> Found:
     """Best-first search from a state to any stance whose base lies in the goal region.
 
     Args:
         graph: The stance graph.
         start: Where to start.
         search: What to look for, and how.
+        roadmap: What leads to a first plan, where that is wanted.
     """
-    return _LazySearch(graph, start, search).run()
+    running = _LazySearch(graph, start, search)
+    if roadmap is not None and search.guided:
+        running.join(roadmap, start)
+    return running.run()
 
 
 class _LazySearch:
@@ -106,6 +117,32 @@ class _LazySearch:
         entry = Entry(start.stance, -1, 0.0, 0.0, 0.0, first, start)
         entry.low = float(self._low(np.array([start.stance]), first.base_position, np.zeros(1))[0])
         self._push(entry)
+
+    def join(self, roadmap: Roadmap, start: State) -> None:
+        """Begin with the walk that a roadmap leads to, if there is one."""
+        until = self.began + JOINING * self.search.time_limit
+        joining = Joining(self.graph, roadmap, self.goal, until)
+        walk, found, cost = joining.walk(start), self.found, 0.0
+        found.generated += len(joining.reached)
+        if walk is None:
+            return
+        for k, (state, posture) in enumerate(walk):
+            if k:
+                shift = posture.base_position[0] - found.postures[-1].base_position[0]
+                cost += self.cost.base_weight * float(np.linalg.norm(shift))
+                cost += self.cost.step_weight
+            found.states.append(state)
+            found.parents.append(k - 1)
+            found.costs.append(cost)
+            found.postures.append(posture)
+        self._arrived()
+
+    def _arrived(self) -> None:
+        """Note that the last expanded state is at the goal."""
+        found = self.found
+        found.goal = len(found.states) - 1
+        passed = time.perf_counter() - self.began
+        found.improvements.append(Improvement(passed, found.costs[-1], self._bound()))
 
     def run(self) -> Found:
         """Work entries out until a plan is as good as is asked for."""
@@ -288,9 +325,7 @@ class _LazySearch:
         found.costs.append(entry.cost)
         found.postures.append(posture)
         if self.goal.reached(posture.base_position[0], state.stance):
-            found.goal = here
-            passed = time.perf_counter() - self.began
-            found.improvements.append(Improvement(passed, entry.cost, self._bound()))
+            self._arrived()
             return
         if self.search.progress is not None and here % 20 == 0:
             self.search.progress(here)

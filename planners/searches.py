@@ -24,6 +24,7 @@ from mlivr_gym.planners.pair_search import (
     weights_of,
 )
 from mlivr_gym.planners.query import Search
+from mlivr_gym.planners.roadmap import Roadmap
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -197,12 +198,12 @@ class LazySearcher:
     """The search of any number of limbs."""
 
     def __init__(self, graph: LazyGraph) -> None:
-        """Search `graph`."""
-        self.graph = graph
+        """Search `graph`, with its roadmap if there is one."""
+        self.graph, self.roadmap = graph, Roadmap.of(graph)
 
     def find(self, search: Search, first: State) -> Path | None:
         """See `Searcher.find`."""
-        found = lazy_search(self.graph, first, search)
+        found = lazy_search(self.graph, first, search, self.roadmap)
         position = np.concatenate([p.base_position for p in found.postures])
         states = tuple(found.states[k] for k in _chain(np.array(found.parents), found.goal))
         counts, tree = (len(found.states), found.generated), _tree(position, found.parents)
