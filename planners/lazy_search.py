@@ -95,7 +95,7 @@ def lazy_search(
         roadmap: What leads to a first plan, where that is wanted.
     """
     running = _LazySearch(graph, start, search)
-    if roadmap is not None and search.guided:
+    if roadmap is not None:
         running.join(roadmap, start)
     return running.run()
 

@@ -11,14 +11,13 @@ import io
 import zipfile
 import zlib
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.cache import cache_folder
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
@@ -28,6 +27,10 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 
 FORMAT = 1
 """Format of the files."""
+
+
+SHIPPED = ("mlivr3", "mlivr4")
+"""Robots whose roadmaps on the JEM ship with the package."""
 
 
 class RoadmapError(MlivrError):
@@ -139,10 +142,16 @@ class Roadmap:
         """The roadmap that was built for a graph or ships with the package, None if there is none."""
         for path in roadmap_files(graph):
             if path.is_file():
-                found = cls.read(path)
+                found = _read(path, path.stat().st_mtime_ns)
                 if found.key == key_of(graph):
                     return found
         return None
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, _: int) -> Roadmap:
+    """The roadmap in a file as it was changed last, kept for further planners."""
+    return Roadmap.read(path)
 
 
 def key_of(graph: StanceGraph) -> str:
@@ -154,8 +163,9 @@ def key_of(graph: StanceGraph) -> str:
 
 def roadmap_files(graph: StanceGraph) -> list[Path]:
     """Where the roadmap of a graph may be: the one that was built, and the one that ships."""
-    name, folder = f"roadmap-{key_of(graph)}.npz", cache_folder()
-    return [*([folder / name] if folder is not None else []), asset_path(name)]
+    folder, name = cache_folder(), graph.robot.name
+    built = [] if folder is None else [folder / f"roadmap-{key_of(graph)}.npz"]
+    return built + [asset_path(f"roadmap-{name}.npz")] * (name in SHIPPED)
 
 
 def codes(stances: IntArray) -> IntArray:

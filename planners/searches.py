@@ -198,12 +198,13 @@ class LazySearcher:
     """The search of any number of limbs."""
 
     def __init__(self, graph: LazyGraph) -> None:
-        """Search `graph`, with its roadmap if there is one."""
-        self.graph, self.roadmap = graph, Roadmap.of(graph)
+        """Search `graph`."""
+        self.graph = graph
 
     def find(self, search: Search, first: State) -> Path | None:
         """See `Searcher.find`."""
-        found = lazy_search(self.graph, first, search, self.roadmap)
+        roadmap = Roadmap.of(self.graph) if search.guided else None
+        found = lazy_search(self.graph, first, search, roadmap)
         position = np.concatenate([p.base_position for p in found.postures])
         states = tuple(found.states[k] for k in _chain(np.array(found.parents), found.goal))
         counts, tree = (len(found.states), found.generated), _tree(position, found.parents)

@@ -34,6 +34,7 @@ EXAMPLES = {
     ),
     "dataset": ("mlivr-gym dataset --id mlivr/jem/astar-v0 --episodes 200",),
     "warmup": ("mlivr-gym warmup",),
+    "roadmap": ("mlivr-gym roadmap --robot mlivr3 --no-collisions --expansions 200",),
     "doctor": ("mlivr-gym doctor", "mlivr-gym doctor --json"),
     "completion": (
         'eval "$(mlivr-gym completion bash)"     # in ~/.bashrc',

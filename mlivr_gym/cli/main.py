@@ -22,6 +22,7 @@ from mlivr_gym.cli import (
     info,
     plan,
     render,
+    roadmap,
     simulate,
     table1,
     train,
@@ -52,6 +53,7 @@ COMMANDS = (
     evaluate,
     dataset,
     warmup,
+    roadmap,
     doctor,
     completion,
 )

@@ -1,0 +1,186 @@
+"""Roadmaps of many limbs against the stance graph that they are a part of."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from mlivr_gym import stance_graph
+from mlivr_gym.errors import MlivrError
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.first_walk import Joining
+from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.roadmap import Roadmap, RoadmapError, codes, one_limb_apart, roadmap_files
+from mlivr_gym.planners.roadmap_build import build
+from mlivr_gym.planners.step_odds import features, fitted
+from mlivr_gym.transitions.state import State
+
+
+@pytest.fixture(scope="module")
+def graph(jem):
+    """Three limbs on part of the JEM."""
+    part = jem.subset(jem.positions[:, 0] < 2.6, "part")
+    return stance_graph(part, "mlivr3")
+
+
+@pytest.fixture(scope="module")
+def roadmap(graph):
+    return build(graph, 60)
+
+
+def test_pairs_one_limb_apart_are_all_there_are():
+    rng = np.random.default_rng(0)
+    points = np.unique(rng.integers(0, 6, (60, 3)), axis=0)
+    points = points[np.argsort(codes(points))]
+    found = set(map(tuple, one_limb_apart(points).tolist()))
+    expected = {
+        (a, b)
+        for a, b in itertools.combinations(range(len(points)), 2)
+        if (points[a] != points[b]).sum() == 1
+    }
+    assert found == expected
+
+
+def test_roads_are_the_steps_of_the_graph_between_its_stances(graph, roadmap):
+    """All of them and no others, from all branches, with the masks that the graph says."""
+    roads, rng = roadmap.roads, np.random.default_rng(1)
+    for s in rng.choice(len(roadmap), 12, replace=False).tolist():
+        stance = tuple(roadmap.points[s].tolist())
+        state = graph.state(stance)
+        steps, found = graph.successors(state), {}
+        for k in range(len(steps.limb)):
+            after = steps.after(state, k)
+            row = int(roadmap.find(np.array([after.stance]))[0])
+            if row >= 0:
+                found[row] = after.masks
+        mine = range(roads.start[s], roads.start[s + 1])
+        assert {int(roads.other[e]) for e in mine} == set(found)
+        for e in mine:
+            limb, masks = int(roads.limb[e]), list(state.masks)
+            kept = [int(roads.kept[e, i]) & (masks[i] if i != limb else -1) for i in range(3)]
+            assert tuple(kept) == found[int(roads.other[e])]
+
+
+def test_a_roadmap_is_read_as_it_was_written(graph, roadmap, tmp_path):
+    path = tmp_path / "roadmap.npz"
+    roadmap.write(path)
+    again = Roadmap.read(path)
+    assert again.key == roadmap.key
+    for name in ("points", "released", "pairs", "kept", "odds"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(roadmap, name))
+    np.testing.assert_allclose(again.base_position, roadmap.base_position, atol=1e-6)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"{}"])
+def test_what_is_no_roadmap_is_refused(tmp_path, content):
+    path = tmp_path / "roadmap.npz"
+    path.write_bytes(content)
+    with pytest.raises(RoadmapError, match="no roadmap of format"):
+        Roadmap.read(path)
+
+
+def test_the_same_expansions_give_the_same_roadmap(graph, roadmap):
+    again = build(graph, 60)
+    np.testing.assert_array_equal(again.points, roadmap.points)
+    np.testing.assert_array_equal(again.kept, roadmap.kept)
+
+
+def test_no_roadmap_is_built_where_none_is_meant(graph, small_graph):
+    with pytest.raises(RoadmapError, match="at most 4 limbs"):
+        build(stance_graph(graph.grasp_map, replace(graph.robot, limbs=5)), 10)
+    graph.occupy([0])
+    try:
+        with pytest.raises(RoadmapError, match="without obstacles"):
+            build(graph, 10)
+    finally:
+        graph.vacate()
+
+
+def first_walk(graph, roadmap, start, goal, cost="steps"):
+    target = Goal.checked(graph, np.clip(goal, *graph.grasp_map.cabin), cost, None, 0.2)
+    return Joining(graph, roadmap, target, np.inf).walk(start)
+
+
+def test_a_first_walk_leads_over_steps_of_the_graph_to_the_goal(graph, roadmap):
+    """Also from a stance that is not on the roadmap, and with points newly occupied."""
+    roads, count = roadmap.roads, len(roadmap)
+    joined = csr_array((np.ones(len(roads.other)), roads.other, roads.start), shape=(count, count))
+    _, part = connected_components(joined)
+    largest = np.flatnonzero(part == np.bincount(part).argmax())
+    x = roadmap.base_position[largest, 0]
+    goal, origin = roadmap.base_position[largest[x.argmax()]], roadmap.points[largest[x.argmin()]]
+    state = graph.state(tuple(origin.tolist()))
+    beside = graph.successors(state)
+    starts = [state, *(beside.after(state, k) for k in range(3))]
+    walks = [first_walk(graph, roadmap, s, goal, c) for s in starts for c in ("steps", "base")]
+    assert sum(map(bool, walks)) > 2
+    for walk in filter(None, walks):
+        for (state, _), (after, posture) in itertools.pairwise(walk):
+            steps = graph.successors(state)
+            assert after in [steps.after(state, k) for k in range(len(steps.limb))]
+        assert np.linalg.norm(posture.base_position[0] - goal) <= 0.2
+    longest = max(filter(None, walks), key=len)
+    taken = {p for state, _ in longest for p in state.stance}
+    here = {*longest[0][0].stance, *longest[-1][0].stance}
+    busy = sorted(taken - here)[:2]
+    graph.occupy(busy)
+    try:
+        walk = first_walk(graph, roadmap, longest[0][0], goal)
+        for state, _ in walk or []:
+            assert not set(busy) & set(state.stance)
+    finally:
+        graph.vacate()
+
+
+def test_odds_tell_steps_from_others(graph):
+    rng = np.random.default_rng(3)
+    rows = rng.normal(size=(4000, 4))
+    rows[:, 0] = 1.0
+    truth = np.array([-1.0, 2.0, -0.5, 0.0])
+    steps = rng.random(len(rows)) < 1.0 / (1.0 + np.exp(-rows @ truth))
+    np.testing.assert_allclose(fitted(rows, steps), truth, atol=0.2)
+
+
+@pytest.mark.parametrize("robot", ["mlivr3", "mlivr4"])
+def test_steps_of_the_roadmaps_that_ship_are_steps(robot):
+    """From random stances of them all branches keep what the file says."""
+    graph = stance_graph(robot=robot)
+    roadmap, rng = Roadmap.of(graph), np.random.default_rng(4)
+    assert roadmap is not None and len(roadmap) > 10_000
+    picked = rng.choice(len(roadmap.pairs), 60, replace=False)
+    before, after = roadmap.points[roadmap.pairs[picked]].transpose(1, 0, 2)
+    here, there = graph.nodes(before), graph.nodes(after)
+    assert graph.is_node(here).all() and graph.is_node(there).all()
+    states = [
+        State(tuple(s), tuple(m))
+        for s, m in zip(before.tolist(), here.mask.tolist(), strict=True)
+    ]
+    masks = graph.masks_after(states, here, np.arange(len(picked)), after, there)
+    limb = (before != after).argmax(axis=1)
+    masks[np.arange(len(picked)), limb] = 0
+    np.testing.assert_array_equal(masks, roadmap.kept[picked])
+    np.testing.assert_allclose(
+        roadmap.base_position[roadmap.pairs[picked, 0]], here.base_position, atol=1e-5
+    )
+    assert features(graph, states[0].stance, here.take(np.array([0])), after[:1]).shape == (1, 4)
+
+
+def test_plans_of_four_limbs_come_from_the_roadmap(jem):
+    """Ends of the module apart, and each step moves one limb."""
+    graph = stance_graph(jem, "mlivr4")
+    roadmap = Roadmap.of(graph)
+    x = roadmap.base_position[:, 0]
+    start, goal = roadmap.points[np.argmin(x)].tolist(), roadmap.base_position[np.argmax(x)]
+    plan = Planner(graph).plan(start, goal, "steps").unwrap()
+    assert plan.statistics.bound >= 1.0 and plan.base_translation > 5.0
+    assert np.linalg.norm(plan.configuration(len(plan.steps))[0] - goal) <= 0.2
+
+
+def test_where_roadmaps_are_kept(graph, tmp_path, monkeypatch):
+    monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path))
+    assert roadmap_files(graph)[0].parent == tmp_path
+    assert Roadmap.of(graph) is None
+    assert issubclass(RoadmapError, MlivrError)
