@@ -11,7 +11,6 @@ import numpy as np
 from mlivr_gym.agents.evaluation import Task
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import load, write_whole
@@ -29,6 +28,7 @@ from mlivr_gym.schema import (
     Whole,
 )
 from mlivr_gym.settings import GRAPH_RULES, check_rules
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.values import LONGEST, MOST_POINTS
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 from mlivr_gym.world.map_entries import SPACING

@@ -28,13 +28,13 @@ from tqdm import trange
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.state import State
 
 ROBOTS = ("mlivr3", "mlivr4")

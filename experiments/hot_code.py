@@ -29,7 +29,8 @@ import json, time
 began = time.perf_counter()
 import numpy as np, gymnasium
 from mlivr_gym import Settings, stance_graph
-from mlivr_gym.envs.tasks import random_state, sample_task
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.planners import Planner
 start, goal, out = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), {}
 first = stance_graph()

@@ -12,13 +12,13 @@ from tqdm import tqdm
 
 from mlivr_gym import jem_map, stance_graph
 from mlivr_gym.arrays import Array
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, BasePath, base_path
 from mlivr_gym.kinematics.certificate import certify
 from mlivr_gym.kinematics.holding import Holding, in_windows
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.state import State
 
 KEPT = 0.35

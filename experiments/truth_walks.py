@@ -17,7 +17,6 @@ from tqdm import tqdm
 from mlivr_gym import GraspMap, jem_map, stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.dynamics import physical_walk
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
@@ -25,6 +24,7 @@ from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.settings import Settings
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
 from mlivr_gym.transitions.state import State

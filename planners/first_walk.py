@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array
 from mlivr_gym.planners.label_search import Origins, Walk, cheapest_walk
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.roadmap import Roadmap
@@ -31,7 +31,7 @@ CELL = 0.15
 TRIED = 24
 """Most neighbours tried of those on the roadmap, and of the most likely ones."""
 
-EXPANDED = 400
+EXPANDED = 2000
 """Most states that are expanded to join the roadmap."""
 
 FACTOR = 1.5
@@ -83,20 +83,21 @@ class Joining:
         shift = np.sqrt(np.einsum("ij,ij->i", away, away))
         self._cost: Array = cost.base_weight * shift + cost.step_weight + LEAST_COST
         if self.graph.occupied:
-            held = np.isin(roadmap.points, list(self.graph.occupied)).any(axis=1)
+            taken = np.isin(roadmap.points, list(self.graph.occupied))
+            held = np.asarray(taken.any(axis=1))
             self._cost[held[roads.other]] = np.inf
         there = np.flatnonzero(self.goal.reached(roadmap.base_position, roadmap.points))
-        self._left: Array = np.full(len(roadmap), np.inf)
+        self._to_goal: Array = np.full(len(roadmap), np.inf)
         if len(there):
             matrix = csr_array((self._cost, roads.other, roads.start), shape=(len(roadmap),) * 2)
-            self._left = dijkstra(matrix, indices=there, min_only=True)
+            self._to_goal = dijkstra(matrix, indices=there, min_only=True)
         self._cells: dict[tuple[int, ...], tuple[list[int], list[int]]] = {}
         self._seen: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
         self._rng = np.random.default_rng(0)
 
     def walk(self, start: State) -> list[At] | None:
         """States from the start to the goal with their postures; None if none is found."""
-        if not np.isfinite(self._left).any():
+        if not np.isfinite(self._to_goal).any():
             return None
         posture = self.graph.posture_of(start)
         row = int(self.roadmap.find(np.array([start.stance]))[0]) if start.pose is None else -1
@@ -124,7 +125,7 @@ class Joining:
         seen.append(state.masks)
         cell = tuple(np.floor(posture.base_position[0] / CELL).astype(int).tolist())
         self._cells.setdefault(cell, ([0], []))[1].append(len(self.reached))
-        row = row if row >= 0 and np.isfinite(self._left[row]) else -1
+        row = row if row >= 0 and np.isfinite(self._to_goal[row]) else -1
         self.reached.append(_Reached(state, posture, parent, cost, row))
 
     def _expand(self) -> bool:
@@ -141,9 +142,9 @@ class Joining:
         if not len(stances):
             return True
         rows = self.roadmap.find(stances)
-        left = np.where(rows >= 0, self._left[rows], np.inf)
+        to_goal = np.where(rows >= 0, self._to_goal[rows], np.inf)
         odds = features(graph, one.state.stance, one.posture, stances) @ self.roadmap.odds
-        best = np.argsort(left, kind="stable")[: min(TRIED, int(np.isfinite(left).sum()))]
+        best = np.argsort(to_goal, kind="stable")[: min(TRIED, int(np.isfinite(to_goal).sum()))]
         likely = np.argsort(-odds, kind="stable")[:TRIED]
         some = np.concatenate([best, np.setdiff1d(likely, best)])
         postures = graph.nodes(stances[some])
@@ -173,7 +174,7 @@ class Joining:
             np.array([self.reached[k].cost for k in joined]),
         )
         while time.perf_counter() < self.until:
-            walk = cheapest_walk(self.roadmap.roads, self._cost, self._left, origins, FACTOR)
+            walk = cheapest_walk(self.roadmap.roads, self._cost, self._to_goal, origins, FACTOR)
             if walk is None:
                 return None
             begun = self._chain(joined[walk.origin])
@@ -187,7 +188,10 @@ class Joining:
         if not walk.steps:
             return [] if self.goal.reached(first[1].base_position[0], first[0].stance) else None
         stances = self.roadmap.points[walk.stances]
-        states = [State(tuple(s), tuple(m)) for s, m in zip(stances.tolist(), walk.masks.tolist())]
+        states = [
+            State(tuple(s), tuple(m))
+            for s, m in zip(stances.tolist(), walk.masks.tolist(), strict=True)
+        ]
         after = self.graph.nodes(stances[1:])
         nodes, count = self.graph.is_node(after), len(walk.steps)
         whole = np.zeros(count, dtype=np.bool_)

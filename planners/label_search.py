@@ -32,7 +32,7 @@ class Roads(NamedTuple):
     limb: IntArray
     """Limb that it moves, shape (e,)."""
     kept: IntArray
-    """Masks that the limbs which hold keep; of the one that moves those it may be on then, (e, N)."""
+    """Masks that limbs keep that hold; of the one that moves those it may be on then, (e, N)."""
     released: IntArray
     """Masks on which each limb can be released at each stance, shape (n, N)."""
 
@@ -135,10 +135,11 @@ def _cheapest(
         for e in range(roads.start[s], roads.start[s + 1]):
             other, g = roads.other[e], entries.g[here] + cost[e]
             item = entries.filled.used
-            if g + h[other] < np.inf and _carried(here, item, e, roads, entries, labels):
-                if not _covered(item, other, g, entries, labels):
-                    _note(item, other, labels)
-                    push(entries, g + factor * h[other], g, 0.0, other, here, e)
+            if not (g + h[other] < np.inf and _may_step(here, item, e, roads, entries, labels)):
+                continue
+            if not _covered(item, other, g, entries, labels):
+                _note(item, other, labels)
+                push(entries, g + factor * h[other], g, 0.0, other, here, e)
     return NO_LABEL
 
 
@@ -150,9 +151,7 @@ def _note(item: int, s: int, labels: Labels) -> None:
 
 
 @kernel
-def _carried(
-    here: int, item: int, e: int, roads: Roads, entries: Queue, labels: Labels
-) -> bool:
+def _may_step(here: int, item: int, e: int, roads: Roads, entries: Queue, labels: Labels) -> bool:
     """Masks of `item` after step `e` from label `here`; whether the step can be taken."""
     limb, masks = roads.limb[e], labels.masks
     if not can_release(masks[here, limb], roads.released[entries.node[here], limb]):
@@ -172,11 +171,10 @@ def _covered(item: int, s: int, g: float, entries: Queue, labels: Labels) -> boo
     """Whether a label of a stance costs no more than `g` and has all branches of `item`."""
     masks, other = labels.masks, labels.last[s]
     while other >= 0:
-        if entries.g[other] <= g:
-            more = 0
-            for i in range(masks.shape[1]):
-                more |= masks[item, i] & ~masks[other, i]
-            if more == 0:
-                return True
+        more = 0
+        for i in range(masks.shape[1]):
+            more |= masks[item, i] & ~masks[other, i]
+        if more == 0 and entries.g[other] <= g:
+            return True
         other = labels.previous[other]
     return False

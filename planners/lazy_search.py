@@ -40,7 +40,7 @@ steps that are checked at once."""
 INFLATED = 2.0
 """Factor on what is left in the order that leads out of pockets."""
 
-JOINING = 0.5
+JOINING = 0.8
 """Most of the time that goes into a first walk over the roadmap."""
 
 ROUNDING = 1e-9

@@ -16,6 +16,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.cache import cache_folder
@@ -64,7 +65,7 @@ class Roadmap:
         return len(self.points)
 
     @cached_property
-    def _codes(self) -> IntArray:
+    def _codes(self) -> NDArray[np.uint64]:
         return codes(self.points)
 
     def find(self, stances: IntArray) -> IntArray:
@@ -86,9 +87,7 @@ class Roadmap:
         order = np.flatnonzero(able)
         order = order[np.argsort(source[order], kind="stable")]
         start = np.searchsorted(source[order], np.arange(len(self) + 1))
-        return Roads(
-            start, other[order], limb[order], kept[order], self.released.astype(np.int64)
-        )
+        return Roads(start, other[order], limb[order], kept[order], self.released.astype(np.int64))
 
     def write(self, path: str | Path) -> None:
         """Write the roadmap.
@@ -139,7 +138,7 @@ class Roadmap:
 
     @classmethod
     def of(cls, graph: StanceGraph) -> Roadmap | None:
-        """The roadmap that was built for a graph or ships with the package, None if there is none."""
+        """The roadmap that was built for a graph, or ships with the package; None without one."""
         for path in roadmap_files(graph):
             if path.is_file():
                 found = _read(path, path.stat().st_mtime_ns)
@@ -168,7 +167,7 @@ def roadmap_files(graph: StanceGraph) -> list[Path]:
     return built + [asset_path(f"roadmap-{name}.npz")] * (name in SHIPPED)
 
 
-def codes(stances: IntArray) -> IntArray:
+def codes(stances: IntArray) -> NDArray[np.uint64]:
     """One number for each stance, in the order of its points from the last limb, (k, N) -> (k,)."""
     # Points of 16 bits each: four limbs fill a number.
     code = np.zeros(len(stances), dtype=np.uint64)

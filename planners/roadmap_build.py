@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.planners.roadmap import Roadmap, RoadmapError, codes, key_of, one_limb_apart
 from mlivr_gym.planners.step_odds import features, fitted
 from mlivr_gym.postures.postures import Postures
@@ -21,6 +20,7 @@ from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -102,9 +102,9 @@ class _Workers:
     def __init__(self, progress: Progress | None) -> None:
         context = get_context("spawn")
         self.progress, self.stage = progress, 0
-        self.shares = context.Array("d", EXPLORATIONS)
+        self.shares: Any = context.Array("d", EXPLORATIONS)
         self.pool = ProcessPoolExecutor(
-            EXPLORATIONS, mp_context=context, initializer=_begin, initargs=(self.shares,)
+            EXPLORATIONS, mp_context=context, initializer=_start_worker, initargs=(self.shares,)
         )
 
     def __enter__(self) -> _Workers:
@@ -131,7 +131,7 @@ _shares: Any = None
 """In a worker, how far each of them is."""
 
 
-def _begin(shares: Any) -> None:
+def _start_worker(shares: Any) -> None:
     global _shares
     _shares = shares
 

@@ -2,21 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 WORD = 2**64
-
-
-class Randomness(Protocol):
-    """What tasks are drawn from: a `numpy.random.Generator`, or a `Stream`."""
-
-    def integers(self, low: int, /) -> Any:
-        """A whole number from 0 to `low` - 1."""
-
-    def choice(self, a: Any, size: int, /, *, replace: bool) -> Any:
-        """`size` of the values `a`, all different if not `replace`."""
 
 
 class Stream:

@@ -12,19 +12,16 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.envs.streams import Randomness, Stream
+from mlivr_gym.envs.streams import Stream
 from mlivr_gym.errors import SettingError, StanceError, choice, shown
 from mlivr_gym.schema import Place, Whole
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.random_states import TRIES, Randomness, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
 MOST_STEPS = 12
 """Most steps of the walk that leads from the start to the goal."""
-
-TRIES = 200
-"""Draws after which sampling gives up."""
 
 
 class Task(NamedTuple):
@@ -167,51 +164,6 @@ def draw_task(
     graph.state(task.start.stance, task.start.pose)
     graph.check(task.start)
     return Task(task.start, graph.grasp_map.check_goal(task.goal))
-
-
-def random_state(graph: StanceGraph, rng: Randomness) -> State:
-    """A random stance that at least one step leaves.
-
-    Raises:
-        StanceError: If none is found.
-    """
-    for _ in range(TRIES):
-        state = random_stance(graph, rng)
-        if state is not None and graph.successors(state):
-            return state
-    raise StanceError(
-        f"no stance that a step leaves was found on map {graph.grasp_map.name!r} in {TRIES} draws"
-    )
-
-
-def random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
-    """A random stance, or None if the one drawn cannot be held.
-
-    It is one of all, or where these are not known one of a batch round a random point.
-    """
-    if isinstance(graph, PairGraph):
-        stance = graph.points[int(rng.integers(len(graph)))].tolist()
-    else:
-        first = int(rng.integers(len(graph.grasp_map)))
-        close = graph.partners(first)
-        if len(close) < graph.limbs:
-            return None
-        rows = []
-        for _ in range(64):
-            rest = rng.choice(close, graph.limbs - 1, replace=False)
-            if all(b in graph.partners(int(a)) for i, a in enumerate(rest) for b in rest[i + 1 :]):
-                rows.append((first, *rest.tolist()))
-        if not rows:
-            return None
-        stances = np.array(rows, dtype=np.int64)
-        nodes = np.flatnonzero(graph.is_node(graph.nodes(stances)))
-        if not len(nodes):
-            return None
-        stance = stances[nodes[0]].tolist()
-    try:
-        return graph.state(stance)
-    except StanceError:
-        return None
 
 
 def sample_task(

@@ -13,9 +13,9 @@ from mlivr_gym import Box, MlivrError, stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.compiled.kernels import entry, in_parallel, workers
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.planners import Planner, cost_to_go, pair_search, searches, unchecked
 from mlivr_gym.stances import pair_steps
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions import release, steps
 
 ENTRIES = (

@@ -6,9 +6,10 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.tasks import Task, WalkTasks, random_state
+from mlivr_gym.envs.tasks import Task, WalkTasks
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import GoalError, SettingError, StanceError
+from mlivr_gym.stances.random_states import random_state
 
 pytestmark = pytest.mark.usefixtures("cache")
 

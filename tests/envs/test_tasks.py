@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from env_model import SplitMix
 
-from mlivr_gym.envs.tasks import random_state, sample_task
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.planners import Planner
+from mlivr_gym.stances.random_states import random_state
 
 
 def test_start_and_goal_are_drawn_such_that_a_plan_joins_them(env):

@@ -10,13 +10,14 @@ from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, Limb, Settings, robot_spec, stance_graph
-from mlivr_gym.envs.tasks import random_state, sample_task
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.kinematics.base_path import base_path, base_poses
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.planners import Planner
+from mlivr_gym.stances.random_states import random_state
 
 
 @pytest.mark.parametrize(("limbs", "seed"), [(2, 2), (3, 4), (4, 3)])

@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import chisquare
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.planners.baselines import FINDERS, _Node, _simulate, _Task, find_walk
 from mlivr_gym.planners.walks import edges_along
+from mlivr_gym.stances.random_states import random_state
 
 
 @pytest.mark.parametrize("method", FINDERS)

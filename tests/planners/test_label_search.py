@@ -82,11 +82,12 @@ def test_walks_are_the_cheapest_by_another_library(seed, pairs):
         assert best is None
         return
     assert sum(cost[walk.steps]) == pytest.approx(best)
-    assert walk.stances[0] == start and walk.stances[-1] == goal and walk.origin == 0
+    assert (walk.stances[0], walk.stances[-1], walk.origin) == (start, goal, 0)
     at = (start, masks)
     for step, stance, after in zip(walk.steps, walk.stances[1:], walk.masks[1:], strict=True):
         there = (stance, tuple(after.tolist()))
-        assert states.has_edge(at, there) and source[step] == at[0]
+        assert states.has_edge(at, there)
+        assert source[step] == at[0]
         at = there
 
 

@@ -6,9 +6,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from mlivr_gym import stance_graph
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
+from mlivr_gym.stances.random_states import random_state
 
 COSTS = [("base", None), ("steps", None), ("weighted", 0.2)]
 

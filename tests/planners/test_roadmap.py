@@ -99,6 +99,17 @@ def test_no_roadmap_is_built_where_none_is_meant(graph, small_graph):
         graph.vacate()
 
 
+def ends(roadmap):
+    """A stance, and a base position at the other end of what is joined with it."""
+    roads, count = roadmap.roads, len(roadmap)
+    joined = csr_array((np.ones(len(roads.other)), roads.other, roads.start), shape=(count, count))
+    _, part = connected_components(joined)
+    largest = np.flatnonzero(part == np.bincount(part).argmax())
+    x = roadmap.base_position[largest, 0]
+    first, last = largest[x.argmin()], largest[x.argmax()]
+    return tuple(roadmap.points[first].tolist()), roadmap.base_position[last]
+
+
 def first_walk(graph, roadmap, start, goal, cost="steps"):
     target = Goal.checked(graph, np.clip(goal, *graph.grasp_map.cabin), cost, None, 0.2)
     return Joining(graph, roadmap, target, np.inf).walk(start)
@@ -106,22 +117,17 @@ def first_walk(graph, roadmap, start, goal, cost="steps"):
 
 def test_a_first_walk_leads_over_steps_of_the_graph_to_the_goal(graph, roadmap):
     """Also from a stance that is not on the roadmap, and with points newly occupied."""
-    roads, count = roadmap.roads, len(roadmap)
-    joined = csr_array((np.ones(len(roads.other)), roads.other, roads.start), shape=(count, count))
-    _, part = connected_components(joined)
-    largest = np.flatnonzero(part == np.bincount(part).argmax())
-    x = roadmap.base_position[largest, 0]
-    goal, origin = roadmap.base_position[largest[x.argmax()]], roadmap.points[largest[x.argmin()]]
-    state = graph.state(tuple(origin.tolist()))
+    origin, goal = ends(roadmap)
+    state = graph.state(origin)
     beside = graph.successors(state)
     starts = [state, *(beside.after(state, k) for k in range(3))]
     walks = [first_walk(graph, roadmap, s, goal, c) for s in starts for c in ("steps", "base")]
     assert sum(map(bool, walks)) > 2
     for walk in filter(None, walks):
-        for (state, _), (after, posture) in itertools.pairwise(walk):
+        for (state, _), (after, _) in itertools.pairwise(walk):
             steps = graph.successors(state)
             assert after in [steps.after(state, k) for k in range(len(steps.limb))]
-        assert np.linalg.norm(posture.base_position[0] - goal) <= 0.2
+        assert np.linalg.norm(walk[-1][1].base_position[0] - goal) <= 0.2
     longest = max(filter(None, walks), key=len)
     taken = {p for state, _ in longest for p in state.stance}
     here = {*longest[0][0].stance, *longest[-1][0].stance}
@@ -149,14 +155,15 @@ def test_steps_of_the_roadmaps_that_ship_are_steps(robot):
     """From random stances of them all branches keep what the file says."""
     graph = stance_graph(robot=robot)
     roadmap, rng = Roadmap.of(graph), np.random.default_rng(4)
-    assert roadmap is not None and len(roadmap) > 10_000
+    assert roadmap is not None
+    assert len(roadmap) > 10_000
     picked = rng.choice(len(roadmap.pairs), 60, replace=False)
     before, after = roadmap.points[roadmap.pairs[picked]].transpose(1, 0, 2)
     here, there = graph.nodes(before), graph.nodes(after)
-    assert graph.is_node(here).all() and graph.is_node(there).all()
+    assert graph.is_node(here).all()
+    assert graph.is_node(there).all()
     states = [
-        State(tuple(s), tuple(m))
-        for s, m in zip(before.tolist(), here.mask.tolist(), strict=True)
+        State(tuple(s), tuple(m)) for s, m in zip(before.tolist(), here.mask.tolist(), strict=True)
     ]
     masks = graph.masks_after(states, here, np.arange(len(picked)), after, there)
     limb = (before != after).argmax(axis=1)
@@ -171,11 +178,10 @@ def test_steps_of_the_roadmaps_that_ship_are_steps(robot):
 def test_plans_of_four_limbs_come_from_the_roadmap(jem):
     """Ends of the module apart, and each step moves one limb."""
     graph = stance_graph(jem, "mlivr4")
-    roadmap = Roadmap.of(graph)
-    x = roadmap.base_position[:, 0]
-    start, goal = roadmap.points[np.argmin(x)].tolist(), roadmap.base_position[np.argmax(x)]
+    start, goal = ends(Roadmap.of(graph))
     plan = Planner(graph).plan(start, goal, "steps").unwrap()
-    assert plan.statistics.bound >= 1.0 and plan.base_translation > 5.0
+    assert plan.statistics.bound >= 1.0
+    assert plan.base_translation > 5.0
     assert np.linalg.norm(plan.configuration(len(plan.steps))[0] - goal) <= 0.2
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from mlivr_gym import Box, Settings, stance_graph
 from mlivr_gym.cli.main import main
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.why_not import JOINTS, OBSTACLES, RULES
 from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.stances.random_states import random_state
 
 
 def unreachable(graph, rng, radius=0.05):

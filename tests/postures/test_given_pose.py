@@ -198,7 +198,7 @@ def test_joint_angles_from_which_no_limb_can_let_go_are_told(checked_graph, pose
 
 
 def test_three_limbs_start_in_a_given_pose(jem):
-    from mlivr_gym.envs.tasks import random_state
+    from mlivr_gym.stances.random_states import random_state
 
     graph = stance_graph(jem, "mlivr3")
     rng = np.random.default_rng(0)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from mlivr_gym.envs.dynamics import physical_walk
-from mlivr_gym.envs.tasks import random_state, sample_task
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.regrasp import RegraspPath
 from mlivr_gym.planners import Planner
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.state import State
 
 

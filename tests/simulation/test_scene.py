@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, GraspMap, Limb, Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.errors import RenderError, SceneError, ShapeError
 from mlivr_gym.kinematics.ur import forward_kinematics
 from mlivr_gym.pictures.rendering import SceneRenderer, SceneWindow
 from mlivr_gym.simulation.dynamics import dynamics_spec
 from mlivr_gym.simulation.scene import compiled, rgba, scene_spec, set_configuration
+from mlivr_gym.stances.random_states import random_state
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym import stance_graph
-from mlivr_gym.envs.tasks import random_state
+from mlivr_gym.stances.random_states import random_state
 
 
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])

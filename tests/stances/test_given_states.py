@@ -12,13 +12,13 @@ from paper import NO_COLLISIONS
 
 from mlivr_gym import MlivrError, State, stance_graph
 from mlivr_gym.collisions.contacts import contacts
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.timing import plan_trajectory
 from mlivr_gym.stances import step_tables as tables_module
 from mlivr_gym.stances.pair_graph import fill_rows
+from mlivr_gym.stances.random_states import random_state
 
 NAN, HUGE = float("nan"), 2**70
 

@@ -70,7 +70,7 @@ def test_thresholds_hold_for_every_stance(graph, kinematic_graph):
 @pytest.mark.parametrize("limbs", [2, 3, 4])
 def test_a_step_can_always_be_taken_back(jem, limbs):
     graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
-    from mlivr_gym.envs.tasks import random_state
+    from mlivr_gym.stances.random_states import random_state
 
     rng = np.random.default_rng(limbs)
     state = random_state(graph, rng)
@@ -87,7 +87,7 @@ def test_a_step_can_always_be_taken_back(jem, limbs):
 @pytest.mark.parametrize("limbs", [2, 3])
 def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
     """Along a step's base path the held grasp stays in reach, away from singularities."""
-    from mlivr_gym.envs.tasks import random_state
+    from mlivr_gym.stances.random_states import random_state
 
     graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
     rng = np.random.default_rng(7)
@@ -160,7 +160,7 @@ def test_max_step_bounds_every_step(graph, jem):
     ]
     assert far.max() <= graph.max_step + 1e-12
     lazy = stance_graph(jem, "mlivr3", NO_COLLISIONS)
-    from mlivr_gym.envs.tasks import random_state
+    from mlivr_gym.stances.random_states import random_state
 
     rng = np.random.default_rng(0)
     for _ in range(3):

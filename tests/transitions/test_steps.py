@@ -8,9 +8,9 @@ from plain_steps import NO_EDGE, PlainChecks, PlainStep, mask_of, members
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.collisions.motion import Sweep
 from mlivr_gym.compiled.bit_sets import ALL
-from mlivr_gym.envs.tasks import random_state
 from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.motions import Hold, Piece, piece_clear
 
 NO_COLLISIONS = Settings(collisions=False)
