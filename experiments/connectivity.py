@@ -4,9 +4,8 @@
 
 From one random stance the stance graph is explored with collisions checked: again and again a state
 is expanded whose base lies where the fewest were expanded before. Some of the steps are tried the
-other way round. Then neighbours of some stances are counted by what they fail. A walk of four limbs
-from a stance on the deck to one on the overhead, the shortest whose stances were explored, is
-written to `deck_to_overhead/plan.json`, for `mlivr-gym simulate --plan`. Writes
+other way round. Then neighbours of some stances are counted by what they fail, and the shortest
+walk whose stances were explored is looked for from one on the deck to one on the overhead. Writes
 `connectivity.json`, `connectivity.md` and `connectivity.png`.
 """
 
@@ -210,8 +209,8 @@ def walk_between(graph: LazyGraph, found: Explored, start: str, end: str) -> Pla
     return None
 
 
-def explored(robot: str, expansions: int) -> tuple[dict[str, Any], Plan | None]:
-    """What is told of a robot, and a walk of it from deck to overhead."""
+def explored(robot: str, expansions: int) -> dict[str, Any]:
+    """What is told of a robot."""
     graph, rng = stance_graph(robot=robot), np.random.default_rng(0)
     assert isinstance(graph, LazyGraph)
     found = explore(graph, expansions, rng)
@@ -219,7 +218,7 @@ def explored(robot: str, expansions: int) -> tuple[dict[str, Any], Plan | None]:
     faces, bases = faces_of(graph, found.stances), found.bases
     held = Counter("+".join(face) for face in faces)
     shown = rng.permutation(len(bases))[:4000]
-    data = {
+    return {
         "expansions": expansions,
         "stances": len(found.states),
         "steps": len({tuple(sorted(pair)) for pair in found.edges}),
@@ -232,7 +231,6 @@ def explored(robot: str, expansions: int) -> tuple[dict[str, Any], Plan | None]:
         "back": gone_back(graph, found, rng),
         "walk": None if plan is None else len(plan.steps),
     }
-    return data, plan
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -319,10 +317,7 @@ def main() -> None:
     args = parser.parse_args()
     data: dict[str, Any] = {}
     for robot in ROBOTS:
-        data[robot], plan = explored(robot, args.expansions)
-        if robot == "mlivr4" and plan is not None:
-            (args.out / "deck_to_overhead").mkdir(parents=True, exist_ok=True)
-            plan.save(args.out / "deck_to_overhead" / "plan.json")
+        data[robot] = explored(robot, args.expansions)
     write_whole(args.out / "connectivity.json", json.dumps(data) + "\n")
     write_whole(args.out / "connectivity.md", markdown(data))
     picture(data, args.out / "connectivity.png")

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.planners.label_search import Origins, Walk, cheapest_walk
+from mlivr_gym.planners.label_search import Origins, RoadmapWalk, cheapest_walk
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.roadmap import Roadmap
 from mlivr_gym.planners.step_odds import features
@@ -183,7 +183,7 @@ class Joining:
                 return begun + rest
         return None
 
-    def _checked(self, first: At, walk: Walk) -> list[At] | None:
+    def _checked(self, first: At, walk: RoadmapWalk) -> list[At] | None:
         """The states of a walk after the first; None if a step is none now, which is taken out."""
         if not walk.steps:
             return [] if self.goal.reached(first[1].base_position[0], first[0].stance) else None

@@ -59,7 +59,7 @@ class Labels(NamedTuple):
     """Last label of each stance, shape (n,)."""
 
 
-class Walk(NamedTuple):
+class RoadmapWalk(NamedTuple):
     """A walk over a roadmap."""
 
     origin: int
@@ -74,7 +74,7 @@ class Walk(NamedTuple):
 
 def cheapest_walk(
     roads: Roads, cost: Array, h: Array, origins: Origins, factor: float
-) -> Walk | None:
+) -> RoadmapWalk | None:
     """The walk of least cost to a stance of which `h` is 0, or one within `factor` of it.
 
     Args:
@@ -103,7 +103,7 @@ def cheapest_walk(
     chain.reverse()
     origin = -1 - int(entries.link[chain[0]])
     stances, steps = entries.node[chain].tolist(), entries.bits[chain[1:]].tolist()
-    return Walk(origin, stances, steps, labels.masks[chain])
+    return RoadmapWalk(origin, stances, steps, labels.masks[chain])
 
 
 @entry

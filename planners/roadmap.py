@@ -24,6 +24,7 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import write_whole
 from mlivr_gym.planners.label_search import Roads
+from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 FORMAT = 1
@@ -154,9 +155,9 @@ def _read(path: Path, _: int) -> Roadmap:
 
 
 def key_of(graph: StanceGraph) -> str:
-    """Digest of the map, robot and settings of a graph, by which its roadmap is known."""
+    """Digest of map, robot, settings and rules of a graph, by which its roadmap is known."""
     digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
-    digest.update(repr(graph.settings).encode())
+    digest.update(f"{graph.settings!r} {GRAPH_RULES}".encode())
     return digest.hexdigest()[:20]
 
 
