@@ -1,6 +1,7 @@
 """Roadmaps of many limbs against the stance graph that they are a part of."""
 
 import itertools
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -110,9 +111,9 @@ def ends(roadmap):
     return tuple(roadmap.points[first].tolist()), roadmap.base_position[last]
 
 
-def first_walk(graph, roadmap, start, goal, cost="steps"):
+def first_walk(graph, roadmap, start, goal, cost="steps", seconds=60.0):
     target = Goal.checked(graph, np.clip(goal, *graph.grasp_map.cabin), cost, None, 0.2)
-    return Joining(graph, roadmap, target, np.inf).walk(start)
+    return Joining(graph, roadmap, target, time.perf_counter() + seconds).walk(start)
 
 
 def test_a_first_walk_leads_over_steps_of_the_graph_to_the_goal(graph, roadmap):
@@ -139,6 +140,18 @@ def test_a_first_walk_leads_over_steps_of_the_graph_to_the_goal(graph, roadmap):
             assert not set(busy) & set(state.stance)
     finally:
         graph.vacate()
+
+
+def test_no_walk_rests_on_a_roadmap_that_is_wrong(graph, roadmap):
+    """All stances one limb apart are said to be joined, on all branches; few are."""
+    pairs = one_limb_apart(roadmap.points)
+    assert len(pairs) > len(roadmap.pairs)
+    wrong = replace(roadmap, pairs=pairs, kept=np.full((len(pairs), 3), 0xFFFF))
+    origin, goal = ends(roadmap)
+    walk = first_walk(graph, wrong, graph.state(origin), goal, seconds=5.0)
+    for (state, _), (after, _) in itertools.pairwise(walk or []):
+        steps = graph.successors(state)
+        assert after in [steps.after(state, k) for k in range(len(steps.limb))]
 
 
 def test_odds_tell_steps_from_others(graph):
