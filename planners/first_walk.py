@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.label_search import Origins, RoadmapWalk, cheapest_walk
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.roadmap import Roadmap
@@ -86,14 +86,21 @@ class Joining:
             taken = np.isin(roadmap.points, list(self.graph.occupied))
             held = np.asarray(taken.any(axis=1))
             self._cost[held[roads.other]] = np.inf
-        there = np.flatnonzero(self.goal.reached(roadmap.base_position, roadmap.points))
-        self._to_goal: Array = np.full(len(roadmap), np.inf)
-        if len(there):
-            matrix = csr_array((self._cost, roads.other, roads.start), shape=(len(roadmap),) * 2)
-            self._to_goal = dijkstra(matrix, indices=there, min_only=True)
+        reached = self.goal.reached(roadmap.base_position, roadmap.points)
+        self._goals: IntArray = np.flatnonzero(reached)
+        self._to_goal = self._costs_to_goal()
         self._cells: dict[tuple[int, ...], tuple[list[int], list[int]]] = {}
         self._seen: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
         self._rng = np.random.default_rng(0)
+
+    def _costs_to_goal(self) -> Array:
+        """Lower bounds of the cost to the goal over the roadmap, shape (n,)."""
+        if not len(self._goals):
+            return np.full(len(self.roadmap), np.inf)
+        roads, shape = self.roadmap.roads, (len(self.roadmap),) * 2
+        matrix = csr_array((self._cost, roads.other, roads.start), shape=shape)
+        costs: Array = dijkstra(matrix, indices=self._goals, min_only=True)
+        return costs
 
     def walk(self, start: State) -> list[At] | None:
         """States from the start to the goal with their postures; None if none is found."""
@@ -179,14 +186,20 @@ class Joining:
                 return None
             begun = self._chain(joined[walk.origin])
             rest = self._checked(begun[-1], walk)
-            if rest is not None:
-                return begun + rest
+            if rest is None:
+                continue
+            states = begun + rest
+            if self.goal.reached(states[-1][1].base_position[0], states[-1][0].stance):
+                return states
+            # Obstacles may have moved the base of the last stance away from the goal.
+            self._goals = self._goals[self._goals != walk.stances[-1]]
+            self._to_goal = self._costs_to_goal()
         return None
 
     def _checked(self, first: At, walk: RoadmapWalk) -> list[At] | None:
         """The states of a walk after the first; None if a step is none now, which is taken out."""
         if not walk.steps:
-            return [] if self.goal.reached(first[1].base_position[0], first[0].stance) else None
+            return []
         stances = self.roadmap.points[walk.stances]
         states = [
             State(tuple(s), tuple(m))

@@ -8,6 +8,7 @@ it, see `first_walk`. No plan rests on it: every step of a walk is checked anew 
 from __future__ import annotations
 
 import io
+import logging
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -139,12 +140,18 @@ class Roadmap:
 
     @classmethod
     def of(cls, graph: StanceGraph) -> Roadmap | None:
-        """The roadmap that was built for a graph, or ships with the package; None without one."""
-        for path in roadmap_files(graph):
-            if path.is_file():
+        """The roadmap that was built for a graph, or ships with the package; None without one.
+
+        One that cannot be read is passed over with a warning.
+        """
+        for path in filter(Path.is_file, roadmap_files(graph)):
+            try:
                 found = _read(path, path.stat().st_mtime_ns)
-                if found.key == key_of(graph):
-                    return found
+            except RoadmapError as error:
+                logging.getLogger(__name__).warning("%s", error)
+                continue
+            if found.key == key_of(graph):
+                return found
         return None
 
 

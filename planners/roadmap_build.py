@@ -25,7 +25,7 @@ from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
 EXPLORATIONS = 2
-"""Explorations whose stances are put together; each has its own seed and a thread."""
+"""Explorations whose stances are put together; each has its own seed and process."""
 
 CELL = 0.2
 """Edge of the cells of base positions, of which the one least explored comes next [m]."""
@@ -50,6 +50,9 @@ CHUNK = 4096
 
 STAGES = 3
 """Explore, check steps, and work out what can be released."""
+
+World = tuple[GraspMap, RobotSpec, Settings]
+"""What a graph is made of."""
 
 Progress = Callable[[float], None]
 """Called with the share of the work that is done."""
@@ -134,9 +137,6 @@ _shares: Any = None
 def _start_worker(shares: Any) -> None:
     global _shares
     _shares = shares
-
-
-World = tuple[GraspMap, RobotSpec, Settings]
 
 
 def _explored(worker: int, world: World, expansions: int) -> tuple[IntArray, Array, BoolArray]:

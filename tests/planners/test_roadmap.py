@@ -154,6 +154,18 @@ def test_no_walk_rests_on_a_roadmap_that_is_wrong(graph, roadmap):
         assert after in [steps.after(state, k) for k in range(len(steps.limb))]
 
 
+def test_a_walk_ends_at_the_goal_where_the_last_base_is_elsewhere_now(graph, roadmap):
+    """The roadmap puts some bases into the goal region that are not there."""
+    origin, goal = ends(roadmap)
+    away = np.linalg.norm(roadmap.base_position - goal, axis=1)
+    target = np.clip(goal, *graph.grasp_map.cabin)
+    base = np.where(away[:, None] < 0.4, target, roadmap.base_position)
+    wrong = replace(roadmap, base_position=base)
+    walk = first_walk(graph, wrong, graph.state(origin), goal)
+    if walk is not None:
+        assert np.linalg.norm(walk[-1][1].base_position[0] - target) <= 0.2
+
+
 def test_odds_tell_steps_from_others(graph):
     rng = np.random.default_rng(3)
     rows = rng.normal(size=(4000, 4))
@@ -196,6 +208,14 @@ def test_plans_of_four_limbs_come_from_the_roadmap(jem):
     assert plan.statistics.bound >= 1.0
     assert plan.base_translation > 5.0
     assert np.linalg.norm(plan.configuration(len(plan.steps))[0] - goal) <= 0.2
+
+
+def test_a_kept_roadmap_that_cannot_be_read_is_passed_over(jem, tmp_path, monkeypatch, caplog):
+    graph = stance_graph(jem, "mlivr3")
+    monkeypatch.setattr("mlivr_gym.planners.roadmap.cache_folder", lambda: tmp_path)
+    roadmap_files(graph)[0].write_bytes(b"nothing")
+    assert len(Roadmap.of(graph)) > 10_000
+    assert "no roadmap of format" in caplog.text
 
 
 def test_where_roadmaps_are_kept(graph, tmp_path, monkeypatch):
