@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mlivr_gym.cli.arguments import chosen_graph, output_arguments, world_arguments
 from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.outputs import claim, make_folder
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder
 from mlivr_gym.errors import SettingError
@@ -58,9 +59,11 @@ def run(args: argparse.Namespace) -> int:
     if args.out is None and folder is None:
         raise SettingError(f"{CACHE_VARIABLE} is empty, so nothing is kept: name a file with --out")
     path = args.out or roadmap_files(graph)[0]
+    claim(path, folder=None if args.out else folder)
     with Progress("exploring and joining [%]", PER_CENT, quiet=args.quiet) as progress:
         roadmap = build(graph, args.expansions, lambda share: progress.show(int(PER_CENT * share)))
-    path.parent.mkdir(parents=True, exist_ok=True)
+    if not args.out:
+        make_folder(path.parent)
     roadmap.write(path)
     args.result |= {"file": path, "stances": len(roadmap), "steps": len(roadmap.pairs)}
     print(f"{len(roadmap)} stances, {len(roadmap.pairs)} steps between them: {path}")

@@ -20,8 +20,8 @@ def part(tmp_path):
 
 
 def test_a_roadmap_is_built_and_then_found_by_planners(run, part, tmp_path, monkeypatch):
-    monkeypatch.setattr("mlivr_gym.cli.roadmap.cache_folder", lambda: tmp_path)
-    monkeypatch.setattr("mlivr_gym.planners.roadmap.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("mlivr_gym.cli.roadmap.cache_folder", lambda: tmp_path / "new")
+    monkeypatch.setattr("mlivr_gym.planners.roadmap.cache_folder", lambda: tmp_path / "new")
     code, out, _ = run("roadmap", "--robot", "mlivr3", "--map", part, "--expansions", "20")
     assert code == 0
     assert "stances" in out
@@ -53,8 +53,21 @@ def test_without_a_cache_folder_a_file_must_be_named(run, part, monkeypatch):
     assert "--out" in err
 
 
+def test_what_cannot_be_written_is_refused_before_anything_is_built(
+    run, part, tmp_path, monkeypatch
+):
+    def begin(*_):
+        raise AssertionError
+
+    monkeypatch.setattr("mlivr_gym.cli.roadmap.build", begin)
+    for out in (tmp_path, tmp_path / "no" / "roadmap.npz"):
+        code, _, err = run("roadmap", "--robot", "mlivr3", "--map", part, "--out", str(out))
+        assert code == 2
+        assert err.startswith("mlivr-gym: cannot write ")
+
+
 def test_a_roadmap_is_written_where_it_is_wanted(run, part, tmp_path):
-    path = tmp_path / "new" / "roadmap.npz"
+    path = tmp_path / "roadmap.npz"
     code, *_ = run(
         "roadmap", "--robot", "mlivr3", "--map", part, "--expansions", "5", "--out", str(path)
     )
