@@ -25,6 +25,10 @@ STRIDE, EAGERNESS = 0.3, 3.0
 """Advance of a typical step of many limbs [m], and how much a first plan is preferred to a good
 one: factors of `Cost.promise`, see `experiments/many_limbs.py`."""
 
+MOVE, PER_METRE, HASTE = 0.6, 2.0, 2.0
+"""Where the fewest moves to the goal are known: least price of a move by that of a metre, what a
+metre counts in moves, and how much a first plan is preferred to a good one."""
+
 
 @dataclass(frozen=True)
 class Cost:
@@ -86,10 +90,14 @@ class Cost:
         short = np.maximum(distance - tolerance, 0.0)
         return self.base_weight * short + self.step_weight * np.ceil(short / max_step - 1e-9)
 
-    def promise(self, distance: Array) -> Array:
+    def promise(self, distance: Array, moves: Array | None = None) -> Array:
         """Guess of the cost from base positions to the goal, no bound: it leads to a first plan.
 
         Args:
             distance: Distances to the goal [m], any shape.
+            moves: Fewest moves to it, where that is known.
         """
-        return EAGERNESS * distance * (self.base_weight + self.step_weight / STRIDE)
+        if moves is None:
+            return EAGERNESS * distance * (self.base_weight + self.step_weight / STRIDE)
+        price = max(self.step_weight, MOVE * self.base_weight)
+        return HASTE * (price * moves + (self.base_weight + PER_METRE * price) * distance)

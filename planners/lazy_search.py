@@ -7,11 +7,12 @@ parent; one whose posture is known; and a state, once the step to it is checked.
 are worked out in batches.
 
 Every entry has a lower bound of the cost of the plans through it, from the triangle inequality and
-`move_bounds`. The least of those in the queue bounds the cost of every plan, so a plan is told with
-the factor within which it is proved. A search for the least cost takes entries by their bound.
-Others take them by turns in an order of promise, which may lead into a pocket, and by their bound
-with what is left inflated, which leads out again; once there is a plan also by bound alone, to
-prove it good. Where there is a roadmap the first plan comes from that, see `first_walk`.
+`set_bounds`, or `move_bounds` where there are no sets. The least of those in the queue bounds the
+cost of every plan, so a plan is told with the factor within which it is proved. A search for the
+least cost takes entries by their bound. Others take them by turns in an order of promise, which may
+lead into a pocket, and by their bound with what is left inflated, which leads out again; once there
+is a plan now and then also by bound alone, to prove it good. Where there is a roadmap the first
+plan comes from that, see `first_walk`.
 """
 
 from __future__ import annotations
@@ -25,9 +26,10 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.first_walk import Joining
 from mlivr_gym.planners.move_bounds import MoveBounds
 from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
-from mlivr_gym.planners.query import Search
+from mlivr_gym.planners.query import Goal, Search
 from mlivr_gym.planners.queues import Block, Entry, Queue
 from mlivr_gym.planners.roadmap import Roadmap
+from mlivr_gym.planners.set_bounds import SetBounds
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -39,6 +41,9 @@ steps that are checked at once."""
 
 INFLATED = 2.0
 """Factor on what is left in the order that leads out of pockets."""
+
+PROVING = 5
+"""Once there is a plan, every how manyth entry is taken by bound alone, to prove it good."""
 
 JOINING = 0.8
 """Most of the time that goes into a first walk over the roadmap."""
@@ -106,7 +111,7 @@ class _LazySearch:
     def __init__(self, graph: LazyGraph, start: State, search: Search) -> None:
         self.graph, self.search, self.began = graph, search, time.perf_counter()
         self.goal, self.cost = search.goal, search.goal.cost
-        self.max_step, self.moves = graph.max_step, MoveBounds(graph, search.goal)
+        self.max_step, self.moves = graph.max_step, _bounds_of(graph, search.goal)
         self.found, self.turn = Found(), 0
         self.by_bound, self.by_promise, self.inflated = Queue(), Queue(), Queue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
@@ -115,7 +120,9 @@ class _LazySearch:
         """Least cost with which each stance was expanded with all its branches."""
         first = graph.posture_of(start)
         entry = Entry(start.stance, -1, 0.0, 0.0, 0.0, first, start)
-        entry.low = float(self._low(np.array([start.stance]), first.base_position, np.zeros(1))[0])
+        if start.pose is None:  # from another pose limbs may reach farther
+            stance = np.array([start.stance])
+            entry.low = float(self._low(stance, first.base_position, np.zeros(1))[0])
         self._push(entry)
 
     def join(self, roadmap: Roadmap, start: State) -> None:
@@ -193,8 +200,9 @@ class _LazySearch:
         self.turn += 1
         if not self.search.guided:
             return self.by_bound if self.search.inflation == 1.0 else self.by_promise
-        queues = [self.by_promise, self.inflated, self.by_bound]
-        return queues[self.turn % (3 if self.found.goal >= 0 else 2)]
+        if self.found.goal >= 0 and self.turn % PROVING == 0:
+            return self.by_bound
+        return self.inflated if self.turn % 2 else self.by_promise
 
     def _batch(self, queue: Queue, first: Entry) -> list[Entry]:
         """An entry, and those after it the steps to which are not checked either."""
@@ -249,21 +257,23 @@ class _LazySearch:
             return costs
         away = np.maximum(goal.distance(positions) - goal.tolerance, 0.0)
         by_distance = cost.step_weight * np.ceil(away / self.max_step - 1e-9)
-        steps = np.maximum(self._steps(stances), by_distance)
-        low: Array = costs + cost.base_weight * away + steps
+        low: Array = costs + cost.base_weight * away
+        low += np.maximum(self._charged(self.moves.steps(stances)), by_distance)
         return low
 
-    def _steps(self, stances: IntArray) -> Array:
-        """Lower bounds of what is charged for the steps from stances, shape (k,)."""
-        if self.cost.step_weight == 0.0:
-            return np.zeros(len(stances))
-        return self.cost.step_weight * self.moves.steps(stances)
+    def _charged(self, moves: Array) -> Array:
+        """What is charged for numbers of steps, infinite for infinitely many, shape (k,)."""
+        charged: Array = np.full(len(moves), np.inf)
+        some = np.isfinite(moves)
+        charged[some] = self.cost.step_weight * moves[some]
+        return charged
 
-    def _promise(self, positions: Array, costs: Array) -> Array:
+    def _promise(self, stances: IntArray, positions: Array, costs: Array) -> Array:
         """What stances are ordered by in the search for a first plan, shape (k,)."""
         distances = self.goal.distance(positions)
         if self.search.guided:
-            return costs + self.cost.promise(distances)
+            moves = self.moves.steps(stances) if isinstance(self.moves, SetBounds) else None
+            return costs + self.cost.promise(distances, moves)
         return self.search.g_weight * costs + self.search.estimate(distances, self.max_step)
 
     def _pose(self, taken: list[tuple[int, float, IntArray]]) -> None:
@@ -287,7 +297,7 @@ class _LazySearch:
         costs = np.array([self.found.costs[rows[k][0]] for k in nodes])
         costs += self.cost.base_weight * shift + self.cost.step_weight
         low = self._low(stances[nodes], positions, costs)
-        promise = self._promise(positions, costs)
+        promise = self._promise(stances[nodes], positions, costs)
         for n, k in enumerate(nodes.tolist()):
             parent, _, stance = rows[k]
             figures = float(costs[n]), float(low[n]), float(promise[n])
@@ -359,9 +369,9 @@ class _LazySearch:
         if self.search.heuristic != "zero":
             # No plan through a neighbour is shorter than the straight line from here.
             away = max(float(goal.distance(posture.base_position[0])) - goal.tolerance, 0.0)
-            low = costs + cost.base_weight * away + self._steps(stances)
+            low = costs + cost.base_weight * away + self._charged(self.moves.steps(stances))
         shift = np.linalg.norm(guess - posture.base_position, axis=1)
-        promise = self._promise(guess, costs + cost.base_weight * shift)
+        promise = self._promise(stances, guess, costs + cost.base_weight * shift)
         kept = np.flatnonzero(np.isfinite(low) & (low < self.best))
         if not len(kept):
             return
@@ -369,3 +379,9 @@ class _LazySearch:
         lows = np.minimum.accumulate(low[kept][::-1])[::-1]
         self._push(Block(here, float(costs[0]), stances[kept], lows, promise[kept]))
         self.found.generated += len(kept)
+
+
+def _bounds_of(graph: LazyGraph, goal: Goal) -> MoveBounds | SetBounds:
+    """Lower bounds of the steps to a goal."""
+    sets = graph.sets()
+    return MoveBounds(graph, goal) if sets is None else SetBounds(graph, sets, goal)

@@ -13,7 +13,6 @@ import zipfile
 import zlib
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +24,8 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import write_whole
 from mlivr_gym.planners.label_search import Roads
-from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.stance_sets import key_of
 
 FORMAT = 1
 """Format of the files."""
@@ -159,13 +158,6 @@ class Roadmap:
 def _read(path: Path, _: int) -> Roadmap:
     """The roadmap in a file as it was changed last, kept for further planners."""
     return Roadmap.read(path)
-
-
-def key_of(graph: StanceGraph) -> str:
-    """Digest of map, robot, settings and rules of a graph, by which its roadmap is known."""
-    digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
-    digest.update(f"{graph.settings!r} {GRAPH_RULES}".encode())
-    return digest.hexdigest()[:20]
 
 
 def roadmap_files(graph: StanceGraph) -> list[Path]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.planners.roadmap import Roadmap, RoadmapError, codes, key_of, one_limb_apart
+from mlivr_gym.planners.roadmap import Roadmap, RoadmapError, codes, one_limb_apart
 from mlivr_gym.planners.step_odds import features, fitted
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.robot.specification import RobotSpec
@@ -21,6 +21,7 @@ from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.stance_sets import key_of
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -80,6 +81,7 @@ def build(graph: LazyGraph, expansions: int, progress: Progress | None = None) -
     if graph.obstacles or graph.occupied:
         raise RoadmapError("a roadmap is built without obstacles and occupied points")
     world = graph.grasp_map, graph.robot, graph.settings
+    graph.sets()  # once for all processes
     with _Workers(progress) as workers:
         each = max(expansions // EXPLORATIONS, 1)
         found = workers.run(_explored, [(world, each)] * EXPLORATIONS)
@@ -239,6 +241,7 @@ def _graph(world: World) -> LazyGraph:
     grasp_map, robot, settings = world
     graph = stance_graph(grasp_map, robot, settings)
     assert isinstance(graph, LazyGraph)
+    graph.sets()  # what is drawn among neighbours depends on them
     return graph
 
 

@@ -204,6 +204,7 @@ class LazySearcher:
     def find(self, search: Search, first: State) -> Path | None:
         """See `Searcher.find`."""
         roadmap = Roadmap.of(self.graph) if search.guided else None
+        self.graph.sets()  # no part of the time that is given
         found = lazy_search(self.graph, first, search, roadmap)
         position = np.concatenate([p.base_position for p in found.postures])
         states = tuple(found.states[k] for k in _chain(np.array(found.parents), found.goal))

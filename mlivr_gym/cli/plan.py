@@ -16,7 +16,7 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
-from mlivr_gym.cli.progress import Progress
+from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.pictures.plan_figure import plan_figure
@@ -145,6 +145,9 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         refuse_without_effect(args, f"with --method {args.method}", *names)
     with Progress("choosing start and goal", quiet=args.quiet):
         start, goal = chosen_task(graph, args)
+    if isinstance(graph, LazyGraph):
+        with Progress("sets of points within reach [%]", PER_CENT, quiet=args.quiet) as progress:
+            graph.sets(progress.show_share)
     planner, cost, price = Planner(graph), args.cost, args.regrasp_price
     if cost == "time":
         cost, price = fastest_cost(planner, start, goal, args)

@@ -25,6 +25,9 @@ REDRAWN = 0.2
 WIDTH = 24
 """Characters of a bar."""
 
+PER_CENT = 100
+"""Total of what is told by shares."""
+
 
 class Progress:
     """What a command is doing, for how long, and how far it is.
@@ -53,6 +56,10 @@ class Progress:
         self.what, self._total, self._done, self._remark = what, total, 0, ""
         self._began = time.perf_counter()
         self._next = PATIENCE
+
+    def show_share(self, done: float) -> None:
+        """Tell which share of a total of `PER_CENT` is done."""
+        self.show(int(PER_CENT * done))
 
     def show(self, done: int, remark: str = "") -> None:
         """Tell how many are done, and something about them."""

@@ -8,14 +8,12 @@ from pathlib import Path
 from mlivr_gym.cli.arguments import chosen_graph, output_arguments, world_arguments
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim, make_folder
-from mlivr_gym.cli.progress import Progress
+from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners.roadmap import roadmap_files
 from mlivr_gym.planners.roadmap_build import build
 from mlivr_gym.stances.lazy_graph import LazyGraph
-
-PER_CENT = 100
 
 
 def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -61,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     path = args.out or roadmap_files(graph)[0]
     claim(path, folder=None if args.out else folder)
     with Progress("exploring and joining [%]", PER_CENT, quiet=args.quiet) as progress:
-        roadmap = build(graph, args.expansions, lambda share: progress.show(int(PER_CENT * share)))
+        roadmap = build(graph, args.expansions, progress.show_share)
     if not args.out:
         make_folder(path.parent)
     roadmap.write(path)

@@ -126,6 +126,12 @@ def dot(a: Triple, b: Triple) -> float:
 
 
 @kernel
+def cross(a: Triple, b: Triple) -> Triple:
+    """Vector product of two vectors."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
 def minus(a: Triple, b: Triple) -> Triple:
     """From `b` to `a`."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]

@@ -45,6 +45,13 @@ from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.postures.geometries import Grasps, grasps_of_geometries, relative_geometries
+from mlivr_gym.postures.in_reach import (
+    ReachQuery,
+    ReachRoom,
+    farthest_flange,
+    orders_of,
+    sets_in_reach,
+)
 from mlivr_gym.postures.postures import FIELDS, Postures, PostureTable
 from mlivr_gym.postures.records import HeldStance, Posture, PostureRoom, PostureRule, Thresholds
 from mlivr_gym.postures.rule import TIE
@@ -299,6 +306,31 @@ class PostureSolver:
             np.array(geometric_order(wide_rolls)),
         )
 
+    def in_reach(
+        self, sets: IntArray, target: Array | None = None, tolerance: float = np.inf
+    ) -> BoolArray:
+        """Which sets of points may be held at once as far as reach and `w_m` tell, see `in_reach`.
+
+        Of a node, and so of every state, the points are such a set.
+
+        Args:
+            sets: Points, in any order, shape (k, N).
+            target: Where the base is to be [m], shape (3,); by default anywhere.
+            tolerance: How near to it [m].
+        """
+        robot, queries = self.robot, ReachQuery.rows(1)
+        w_m = self.settings.thresholds(robot.limbs)[0]
+        _list_tries(queries["rule"][0], self._candidates(self._held_in_world(sets[:1])))
+        queries["rule"]["thresholds"]["w_m"] = w_m
+        queries["farthest"] = robot.mount_radius + farthest_flange(
+            robot.limb, robot.characteristic_length, w_m
+        )
+        queries["target"], queries["tolerance"] = 0.0 if target is None else target, tolerance
+        out = np.zeros(len(sets), dtype=np.bool_)
+        world = self.shapes.rows, self.grasps, queries, orders_of(robot.limbs)
+        in_parallel(len(sets), sets_in_reach, sets, world, out, rooms=ReachRoom.rows)
+        return out
+
     def _solve_in_place(
         self, held: Grasps, grid: BoxGrid, *, avoid: bool, nodes_only: bool = False
     ) -> Postures:
@@ -339,16 +371,13 @@ class PostureSolver:
         )
         for name, array in zip(("frame", "out", "line", "opposed"), candidates.frames, strict=True):
             stances[name] = array
+        _list_tries(rule, candidates)
         rule["thresholds"] = self._thresholds(thresholds)[0]
         rule["scale_m"], rule["scale_b"] = self._scales()
         margin = min(a / b for a, b in zip(thresholds, self._scales(), strict=True))
         rule["nodes_margin"], rule["first_avoid"] = margin * (1.0 - 3.0 * TIE), avoid
         rule["check"], rule["collide"] = settings.transitions, collisions
         rule["nodes_only"] = nodes_only
-        names = ("height", "roll", "wide_height", "wide_roll")
-        for name, values in zip(names, candidates[1:], strict=True):
-            rule[f"{name}_count"] = len(values)
-            rule[f"{name}s"][: len(values)] = values
         out = Posture.rows(k)
         robots, least = self.shapes.rows, LEAST_IN_THREADS if count == 2 else MANY_LIMBS_IN_THREADS
         in_parallel(
@@ -364,3 +393,11 @@ class PostureSolver:
             out["mask"][:, :count].copy(),
             out["cause"].copy(),
         )
+
+
+def _list_tries(rule: PostureRule, candidates: _Candidates) -> None:
+    """Put the heights and rolls of candidates into a rule."""
+    names = ("height", "roll", "wide_height", "wide_roll")
+    for name, values in zip(names, candidates[1:], strict=True):
+        rule[f"{name}_count"] = len(values)
+        rule[f"{name}s"][: len(values)] = values

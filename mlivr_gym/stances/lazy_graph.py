@@ -13,6 +13,7 @@ from mlivr_gym.postures.solver import OPPOSED_HEIGHTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.stance_sets import Progress, StanceSets
 from mlivr_gym.transitions.records import StanceSet
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State
@@ -26,6 +27,22 @@ class LazyGraph(StanceGraph):
         """Start with nothing known."""
         super().__init__(grasp_map, robot, settings)
         self._released: dict[tuple[bytes, int], Any] = {}
+        self._sets: StanceSets | None = None
+
+    def sets(self, progress: Progress | None = None) -> StanceSets | None:
+        """The sets of points that limbs may hold at once, worked out if need be.
+
+        From then on only such neighbours are looked at.
+
+        Args:
+            progress: Called with the share of the work that is done, where there is any.
+
+        Returns:
+            The sets; None for two or more than four limbs, and if there are too many.
+        """
+        if self._sets is None:
+            self._sets = StanceSets.of(self, progress)
+        return self._sets
 
     def postures(self, stances: IntArray) -> Postures:
         """Postures of stances, shape (k, N), feasible or not.
@@ -88,7 +105,10 @@ class LazyGraph(StanceGraph):
     def _next_to(
         self, stance: tuple[int, ...], limbs: Iterable[int]
     ) -> tuple[IntArray, IntArray, IntArray]:
-        """Limb, point and stance of moves of some limbs to points that the others let them hold."""
+        """Limb, point and stance of moves of some limbs to points that the others let them hold.
+
+        Where the sets of points are known, those that are none are left out: they are no nodes.
+        """
         moved, points = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
         for limb in limbs:
             others = [point for i, point in enumerate(stance) if i != limb]
@@ -98,6 +118,11 @@ class LazyGraph(StanceGraph):
         limb_of, point = np.concatenate(moved), np.concatenate(points)
         stances = np.tile(np.array(stance, dtype=np.int64), (len(limb_of), 1))
         stances[np.arange(len(limb_of)), limb_of] = point
+        if self._sets is None:
+            self._sets = StanceSets.of(self, work_out=False)
+        if self._sets is not None:
+            held = self._sets.find(stances) >= 0
+            limb_of, point, stances = limb_of[held], point[held], stances[held]
         return limb_of, point, stances
 
     def likely_base(self, stances: IntArray) -> Array:

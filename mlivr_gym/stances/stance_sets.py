@@ -1,0 +1,229 @@
+"""Sets of points that the limbs of a robot may hold at once, whichever limb holds which.
+
+Every node holds such a set, see `postures.in_reach`, and a step changes one of its points. So the
+fewest moves between sets are never more than the steps of a walk, and what is no set is no node:
+that tells searches of three and four limbs how far it is to the goal, and in which order to try
+neighbours. The sets of a map and robot are worked out once and kept on disk.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import zipfile
+import zlib
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import BoolArray, IntArray
+from mlivr_gym.compiled.cache import cache_folder, source_digest
+from mlivr_gym.compiled.kernels import entry
+from mlivr_gym.files import FileError, write_whole
+from mlivr_gym.postures import in_reach
+from mlivr_gym.settings import GRAPH_RULES
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+MOST_LIMBS = 4
+"""Most limbs: the numbers of stances have 64 bits."""
+
+MOST_SETS = 40_000_000
+"""Most sets of points close enough that are looked at; those of four limbs on the JEM are 11
+million."""
+
+FORMAT = 1
+"""Format of the files."""
+
+KEPT = 2
+"""Graphs whose sets are kept in memory."""
+
+Progress = Callable[[float], None]
+"""Called with the share of the work that is done."""
+
+
+@dataclass(frozen=True)
+class StanceSets:
+    """Sets of points that may be held at once.
+
+    Attributes:
+        points: Points of each set, ascending, the sets in the order of their numbers, shape (n, N).
+        rests: What is left of each set when one of its points is let go, by number: sets with such
+            a rest in common are one move apart; shape (n, N).
+        rest_count: Number of rests.
+    """
+
+    points: NDArray[np.uint16]
+    rests: NDArray[np.int32]
+    rest_count: int
+
+    def __len__(self) -> int:
+        """Number of sets."""
+        return len(self.points)
+
+    @cached_property
+    def _codes(self) -> NDArray[np.uint64]:
+        return _codes(self.points)
+
+    def find(self, stances: IntArray) -> IntArray:
+        """Rows of the sets that stances hold, shape (k, N) -> (k,); -1 where that is none."""
+        if not len(self):
+            return np.full(len(stances), -1)
+        code = _codes(np.sort(stances, axis=1))
+        row = np.minimum(np.searchsorted(self._codes, code), len(self) - 1)
+        found: IntArray = np.where(self._codes[row] == code, row, -1)
+        return found
+
+    @classmethod
+    def of(
+        cls, graph: StanceGraph, progress: Progress | None = None, *, work_out: bool = True
+    ) -> StanceSets | None:
+        """The sets of a graph: those in memory or in the cache folder, or worked out.
+
+        Obstacles and occupied points do not change them, since they only take stances away.
+
+        Args:
+            graph: The stance graph.
+            progress: Called with the share of the work that is done, where there is any.
+            work_out: Whether they are worked out where they are not known.
+
+        Returns:
+            The sets; None where they are not known, for two or more than four limbs, and if there
+            are too many.
+        """
+        if not 3 <= graph.limbs <= MOST_LIMBS:
+            return None
+        key = f"{key_of(graph)}-{source_digest(Path(in_reach.__file__))}"
+        if key not in _kept:
+            folder = cache_folder()
+            path = None if folder is None else folder / f"sets-{key}.npz"
+            found = _read(path) if path is not None and path.is_file() else None
+            if found is None:
+                if not work_out:
+                    return None
+                found = _worked_out(graph, progress)
+                if found is not None and path is not None:
+                    _write(found, path)
+            _kept[key] = found
+            if len(_kept) > KEPT:
+                _kept.popitem(last=False)
+        return _kept[key]
+
+
+_kept: OrderedDict[str, StanceSets | None] = OrderedDict()
+"""The sets of the graphs used last."""
+
+
+def key_of(graph: StanceGraph) -> str:
+    """Digest of map, robot, settings and rules of a graph, by which what is kept of it is known."""
+    digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
+    digest.update(f"{graph.settings!r} {GRAPH_RULES}".encode())
+    return digest.hexdigest()[:20]
+
+
+def _worked_out(graph: StanceGraph, progress: Progress | None) -> StanceSets | None:
+    """The sets of a graph, None if there are too many."""
+    limbs, together = graph.limbs, graph.together.copy()
+    touching = graph.solver.point_cause > 0
+    together[touching], together[:, touching] = False, False
+    counts = np.zeros(len(together), dtype=np.int64)
+    if not count_sets(together, limbs, MOST_SETS, counts):
+        return None
+    found = [np.zeros((0, limbs), dtype=np.uint16)]
+    done, every = 0, max(int(counts.sum()), 1)
+    for first in np.flatnonzero(counts).tolist():
+        sets = np.empty((counts[first], limbs), dtype=np.int64)
+        sets_from(together, first, sets)
+        found.append(sets[graph.solver.in_reach(sets)].astype(np.uint16))
+        done += len(sets)
+        if progress is not None:
+            progress(done / every)
+    points = np.concatenate(found)
+    rests = np.stack([_codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
+    codes, numbers = np.unique(rests, return_inverse=True)
+    return StanceSets(points, numbers.reshape(rests.shape).astype(np.int32), len(codes))
+
+
+@entry
+def count_sets(together: BoolArray, limbs: int, most: int, counts: IntArray) -> bool:
+    """How many sets of three or four points begin with each: all of them pairwise `together`.
+
+    Args:
+        together: Which points may be held at once, shape (m, m).
+        limbs: Points of a set, 3 or 4.
+        most: Most sets.
+        counts: Filled, shape (m,).
+
+    Returns:
+        Whether there are no more.
+    """
+    count, total = len(together), 0
+    for a in range(count):
+        for b in range(a + 1, count):
+            if together[a, b]:
+                for c in range(b + 1, count):
+                    if together[a, c] and together[b, c]:
+                        if limbs == 3:
+                            counts[a] += 1
+                        else:
+                            for d in range(c + 1, count):
+                                if together[a, d] and together[b, d] and together[c, d]:
+                                    counts[a] += 1
+        total += counts[a]
+        if total > most:
+            return False
+    return True
+
+
+@entry
+def sets_from(together: BoolArray, a: int, out: IntArray) -> None:
+    """The sets that begin with point `a`, in order, into `out`, shape (k, 3) or (k, 4)."""
+    count, n = len(together), 0
+    for b in range(a + 1, count):
+        if together[a, b]:
+            for c in range(b + 1, count):
+                if together[a, c] and together[b, c]:
+                    if out.shape[1] == 3:
+                        out[n, 0], out[n, 1], out[n, 2] = a, b, c
+                        n += 1
+                    else:
+                        for d in range(c + 1, count):
+                            if together[a, d] and together[b, d] and together[c, d]:
+                                out[n, 0], out[n, 1], out[n, 2], out[n, 3] = a, b, c, d
+                                n += 1
+
+
+def _codes(points: IntArray | NDArray[np.uint16]) -> NDArray[np.uint64]:
+    """One number for each row of points, in the order of the first, (k, N) -> (k,)."""
+    code = np.zeros(len(points), dtype=np.uint64)
+    for column in points.T:
+        code = (code << np.uint64(16)) | column.astype(np.uint64)
+    return code
+
+
+def _write(sets: StanceSets, path: Path) -> None:
+    """Write the sets; they are not kept if that fails."""
+    buffer = io.BytesIO()
+    np.savez(buffer, format=FORMAT, points=sets.points, rests=sets.rests, count=sets.rest_count)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, buffer.getvalue())
+    except (OSError, FileError) as error:
+        logging.getLogger(__name__).warning("stance sets are not kept: %s", error)
+
+
+def _read(path: Path) -> StanceSets | None:
+    """The sets in a file; None if it has none of this format."""
+    try:
+        with path.open("rb") as stream, np.load(stream) as data:
+            if int(data["format"]) == FORMAT:
+                return StanceSets(data["points"], data["rests"], int(data["count"]))
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+        pass
+    logging.getLogger(__name__).warning("%r holds no stance sets: worked out anew", str(path))
+    return None
