@@ -28,9 +28,9 @@ class SetBounds:
     def __init__(self, graph: StanceGraph, sets: StanceSets, goal: Goal) -> None:
         """Work the moves out for `goal`."""
         self.sets, points = sets, sets.points.astype(np.int64)
-        near = goal.held(points)
-        near[near] = graph.solver.in_reach(points[near], goal.target, goal.tolerance)
-        self.moves: NDArray[np.int16] = np.where(near, 0, -1).astype(np.int16)
+        there = goal.held(points)
+        there[there] = graph.solver.in_reach(points[there], goal.target, goal.tolerance)
+        self.moves: NDArray[np.int16] = np.where(there, 0, -1).astype(np.int16)
         fewest_moves(sets.rests, self.moves, np.zeros(sets.rest_count, dtype=np.bool_))
 
     def steps(self, stances: IntArray) -> Array:

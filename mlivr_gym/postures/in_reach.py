@@ -12,8 +12,9 @@ round they run; but the line to the grasp of limb 0, about which the body rolls,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import permutations
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -36,8 +37,9 @@ from mlivr_gym.kinematics.poses import (
     vector,
 )
 from mlivr_gym.postures.base_frames import OPPOSED
-from mlivr_gym.postures.records import PostureRule
+from mlivr_gym.postures.records import PostureRule, list_tries
 from mlivr_gym.robot.limb import Limb
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import Triple
 
 SLACK = 1e-6
@@ -122,6 +124,31 @@ def farthest_flange(limb: Limb, characteristic_length: float, w_m: float) -> flo
     height = np.sqrt(np.maximum(plane**2 - radial**2, 0.0))
     square = plane**2 + d1**2 + 2.0 * d1 * height + (d4 + d6 * c5) ** 2
     return float(np.sqrt(square[possible].max()))
+
+
+def reach_queries(
+    robot: RobotSpec,
+    w_m: float,
+    tries: Sequence[Array],
+    target: Array | None = None,
+    tolerance: float = np.inf,
+) -> Any:
+    """A row of `ReachQuery`, shape (1,).
+
+    Args:
+        robot: The robot.
+        w_m: Least limb manipulability.
+        tries: What is tried, see `records.list_tries`.
+        target: Where the base is to be [m], shape (3,); None for anywhere.
+        tolerance: How near to it [m].
+    """
+    out = ReachQuery.rows(1)
+    list_tries(out["rule"][0], tries)
+    out["rule"]["thresholds"]["w_m"] = w_m
+    limbs_reach = farthest_flange(robot.limb, robot.characteristic_length, w_m)
+    out["farthest"] = robot.mount_radius + limbs_reach
+    out["target"], out["tolerance"] = 0.0 if target is None else target, tolerance
+    return out
 
 
 @entry
@@ -292,7 +319,7 @@ def _rolled(
             position = along(centre, height, up)
             if length(minus(target, position)) > query.tolerance + SLACK:
                 continue
-            if not _all_near(position, world, room):
+            if not _none_too_far(position, world, room):
                 continue
             for axis in range(3):
                 base.position[axis] = position[axis]
@@ -314,7 +341,7 @@ def _turn_frame(line: Triple, cosine: float, sine: float, frame: Pose, base: Pos
 
 
 @kernel
-def _all_near(position: Triple, world: _World, room: ReachRoom) -> bool:
+def _none_too_far(position: Triple, world: _World, room: ReachRoom) -> bool:
     """Whether no flange is farther from the base than a limb reaches."""
     for i in range(world.orders.shape[1]):
         flange = vector(world.grasps[room.points[i]].flange.position)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -72,6 +73,14 @@ class PostureRule(Record):
     """Number of rolls tried there."""
     wide_rolls: Annotated[Array, (MOST_POSES,)]
     """These rolls [rad]."""
+
+
+def list_tries(rule: PostureRule, tries: Sequence[Array]) -> None:
+    """Put what is tried into a rule: heights and rolls, and those between opposite walls."""
+    names = ("height", "roll", "wide_height", "wide_roll")
+    for name, values in zip(names, tries, strict=True):
+        rule[f"{name}_count"] = len(values)
+        rule[f"{name}s"][: len(values)] = values
 
 
 class HeldStance(Record):

@@ -45,15 +45,16 @@ from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.postures.geometries import Grasps, grasps_of_geometries, relative_geometries
-from mlivr_gym.postures.in_reach import (
-    ReachQuery,
-    ReachRoom,
-    farthest_flange,
-    orders_of,
-    sets_in_reach,
-)
+from mlivr_gym.postures.in_reach import ReachRoom, orders_of, reach_queries, sets_in_reach
 from mlivr_gym.postures.postures import FIELDS, Postures, PostureTable
-from mlivr_gym.postures.records import HeldStance, Posture, PostureRoom, PostureRule, Thresholds
+from mlivr_gym.postures.records import (
+    HeldStance,
+    Posture,
+    PostureRoom,
+    PostureRule,
+    Thresholds,
+    list_tries,
+)
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_postures
 from mlivr_gym.robot.specification import RobotSpec, geometric_order
@@ -318,14 +319,9 @@ class PostureSolver:
             target: Where the base is to be [m], shape (3,); by default anywhere.
             tolerance: How near to it [m].
         """
-        robot, queries = self.robot, ReachQuery.rows(1)
+        robot, tries = self.robot, self._candidates(self._held_in_world(sets[:1]))[1:]
         w_m = self.settings.thresholds(robot.limbs)[0]
-        _list_tries(queries["rule"][0], self._candidates(self._held_in_world(sets[:1])))
-        queries["rule"]["thresholds"]["w_m"] = w_m
-        queries["farthest"] = robot.mount_radius + farthest_flange(
-            robot.limb, robot.characteristic_length, w_m
-        )
-        queries["target"], queries["tolerance"] = 0.0 if target is None else target, tolerance
+        queries = reach_queries(robot, w_m, tries, target, tolerance)
         out = np.zeros(len(sets), dtype=np.bool_)
         world = self.shapes.rows, self.grasps, queries, orders_of(robot.limbs)
         in_parallel(len(sets), sets_in_reach, sets, world, out, rooms=ReachRoom.rows)
@@ -371,7 +367,7 @@ class PostureSolver:
         )
         for name, array in zip(("frame", "out", "line", "opposed"), candidates.frames, strict=True):
             stances[name] = array
-        _list_tries(rule, candidates)
+        list_tries(rule, candidates[1:])
         rule["thresholds"] = self._thresholds(thresholds)[0]
         rule["scale_m"], rule["scale_b"] = self._scales()
         margin = min(a / b for a, b in zip(thresholds, self._scales(), strict=True))
@@ -393,11 +389,3 @@ class PostureSolver:
             out["mask"][:, :count].copy(),
             out["cause"].copy(),
         )
-
-
-def _list_tries(rule: PostureRule, candidates: _Candidates) -> None:
-    """Put the heights and rolls of candidates into a rule."""
-    names = ("height", "roll", "wide_height", "wide_roll")
-    for name, values in zip(names, candidates[1:], strict=True):
-        rule[f"{name}_count"] = len(values)
-        rule[f"{name}s"][: len(values)] = values

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.kinematics.poses import (
     angle_between,
+    cross,
     into,
     out_of,
     pose,
@@ -60,6 +61,8 @@ def test_frames_and_vectors():
         turned = called(turn)(triple(axis), np.cos(angle), np.sin(angle), triple(v))
         truth = Rotation.from_rotvec(angle * axis).apply(v)
         np.testing.assert_allclose(turned, truth, atol=1e-12)
+        product = called(cross)(triple(v), triple(w))
+        np.testing.assert_allclose(product, np.cross(v, w), atol=1e-12)
         cosine = v @ w / np.linalg.norm(v) / np.linalg.norm(w)
         found = called(angle_between)(triple(v), triple(w))
         assert found == pytest.approx(np.arccos(cosine), abs=1e-9)

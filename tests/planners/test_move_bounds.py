@@ -10,6 +10,7 @@ from paper import NO_COLLISIONS
 from mlivr_gym import stance_graph
 from mlivr_gym.planners.move_bounds import MoveBounds, partitions
 from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.set_bounds import SetBounds, fewest_moves
 from mlivr_gym.world.grasp_map import jem_map
 
 
@@ -34,13 +35,22 @@ def stances_and_steps(request):
     return graph, rows, steps
 
 
-def test_bounds_of_steps_are_admissible_and_consistent(stances_and_steps):
+def by_pairs(graph, goal):
+    return MoveBounds(graph, goal)
+
+
+def by_sets(graph, goal):
+    return SetBounds(graph, graph.sets(), goal)
+
+
+@pytest.mark.parametrize("bounds", [by_pairs, by_sets])
+def test_bounds_of_steps_are_admissible_and_consistent(bounds, stances_and_steps):
     """Never above the fewest steps between nodes, and no step changes them by more than one."""
     graph, rows, steps = stances_and_steps
     base, rng, useful = graph.postures(rows).base_position, np.random.default_rng(0), 0
     for k in rng.integers(0, len(rows), 12):
         goal = Goal.checked(graph, np.clip(base[k], *graph.grasp_map.cabin), "steps", None, 0.2)
-        bound = MoveBounds(graph, goal).steps(rows)
+        bound = bounds(graph, goal).steps(rows)
         goals = set(np.flatnonzero(goal.reached(base, rows)).tolist())
         if not goals:
             continue
@@ -51,6 +61,44 @@ def test_bounds_of_steps_are_admissible_and_consistent(stances_and_steps):
         ends = np.array(steps.edges)
         assert (np.abs(np.diff(bound[ends], axis=1)) <= 1.0).all()
     assert useful
+
+
+def test_bounds_by_sets_are_the_closer_ones(stances_and_steps):
+    """On the whole; nodes that cannot be stepped to the goal are told by infinity."""
+    graph, rows, _ = stances_and_steps
+    base = graph.postures(rows).base_position
+    more = less = 0
+    for k in np.random.default_rng(1).integers(0, len(rows), 8):
+        goal = Goal.checked(graph, np.clip(base[k], *graph.grasp_map.cabin), "steps", None, 0.1)
+        ours, pairs = by_sets(graph, goal).steps(rows), by_pairs(graph, goal).steps(rows)
+        assert ours[k] == 0.0
+        more, less = more + int((ours > pairs).sum()), less + int((ours < pairs).sum())
+    assert more > 10 * less
+
+
+def test_a_goal_on_a_face_needs_all_points_there(stances_and_steps):
+    graph, rows, _ = stances_and_steps
+    target = graph.postures(rows[:1]).base_position[0]
+    goal = Goal.checked(graph, np.clip(target, *graph.grasp_map.cabin), "steps", None, 0.2)
+    nowhere = Goal(goal.target, 0.2, goal.cost, "deck", np.zeros(len(graph.grasp_map), np.bool_))
+    assert by_sets(graph, goal).steps(rows[:1])[0] == 0.0
+    assert np.isinf(by_sets(graph, nowhere).steps(rows)).all()
+
+
+def test_fewest_moves_are_those_of_networkx(stances_and_steps):
+    """From some sets, over sets with a rest in common."""
+    graph, _, _ = stances_and_steps
+    sets, rng = graph.sets(), np.random.default_rng(0)
+    over = nx.Graph()
+    over.add_nodes_from(range(len(sets)))
+    over.add_edges_from((s, ("rest", r)) for s, row in enumerate(sets.rests.tolist()) for r in row)
+    for _ in range(5):
+        goals = rng.choice(len(sets), 2, replace=False).tolist()
+        moves = np.full(len(sets), -1, dtype=np.int16)
+        moves[goals] = 0
+        fewest_moves(sets.rests, moves, np.zeros(sets.rest_count, dtype=np.bool_))
+        found = nx.multi_source_dijkstra_path_length(over, set(goals), weight=None)
+        assert moves.tolist() == [found.get(s, -2) // 2 for s in range(len(sets))]
 
 
 def test_partitions_are_all_there_are_into_pairs():

@@ -1,0 +1,120 @@
+"""Which points limbs may hold at once, against every order of the limbs and every base pose."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+from paper import NO_COLLISIONS
+
+from mlivr_gym import Settings, stance_graph
+from mlivr_gym.kinematics.limb import Angles, held_angles
+from mlivr_gym.kinematics.manipulability import limb_manipulability
+from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
+from mlivr_gym.postures.in_reach import farthest_flange, orders_of
+from mlivr_gym.robot.limb import Limb
+
+
+@pytest.fixture(scope="module", params=[3, 4])
+def graph(request):
+    return stance_graph(robot=f"mlivr{request.param}", settings=NO_COLLISIONS)
+
+
+def closed_w_m(q, robot):
+    """`w_m` by the closed form, of joint angles of shape (..., 6)."""
+    limb = robot.limb
+    u = limb.a2 * np.cos(q[..., 1]) + limb.a3 * np.cos(q[..., 1] + q[..., 2])
+    u = u + limb.d5 * np.sin(q[..., 1:4].sum(axis=-1))
+    det = limb.a2 * limb.a3 * np.sin(q[..., 2]) * np.sin(q[..., 4]) * u
+    return np.abs(det) / robot.characteristic_length**3
+
+
+def least_w_m(graph, stance):
+    """Best `w_m` of the worst limb at each base pose that the solver tries for a stance."""
+    positions, rotations = graph.solver.poses_tried(stance)
+    bases = Pose.rows(len(positions))
+    bases["position"], bases["rotation"] = positions, rotations
+    held = graph.solver.grasps[np.tile(stance, (len(positions), 1))]
+    best, out = np.zeros(held.shape), Angles.rows(*held.shape)
+    for branch in range(8):
+        held_angles(graph.solver.shapes.rows, bases, held, np.full(held.shape, branch), out)
+        best = np.fmax(best, closed_w_m(out["q"], graph.robot))
+    return best.min(axis=1), positions
+
+
+def random_sets(graph, count, seed):
+    """Points of which each two may be held at once, about one place."""
+    rng, sets = np.random.default_rng(seed), []
+    while len(sets) < count:
+        chosen = [int(rng.integers(len(graph.grasp_map)))]
+        while len(chosen) < graph.limbs:
+            able = np.flatnonzero(graph.together[chosen].all(axis=0))
+            chosen.append(int(rng.choice(able)))
+        sets.append(sorted(chosen))
+    return np.array(sets)
+
+
+def test_a_set_is_in_reach_if_some_order_of_the_limbs_reaches_it(graph):
+    """Wherever the base may be, and near a target; what is within rounding may be either."""
+    sets = random_sets(graph, 150 if graph.limbs == 3 else 300, 0)
+    found, asked = graph.solver.in_reach(sets), graph.solver.thresholds[0]["w_m"]
+    target = graph.grasp_map.positions.mean(axis=0)
+    nearby = graph.solver.in_reach(sets, target, 0.6)
+    some = 0
+    for points, anywhere, there in zip(sets, found, nearby, strict=True):
+        tried = [least_w_m(graph, order) for order in permutations(points)]
+        w_m = np.concatenate([one[0] for one in tried])
+        away = np.linalg.norm(np.concatenate([one[1] for one in tried]) - target, axis=1)
+        inside = np.where(away <= 0.6, w_m, 0.0)
+        for least, said in ((w_m.max(), anywhere), (inside.max(), there)):
+            if abs(least - asked) > 1e-5:
+                assert said == (least >= asked)
+                some += said
+    assert 10 < found.sum() < 130
+    assert some > found.sum()
+
+
+@pytest.mark.parametrize("collisions", [True, False])
+def test_every_node_is_in_reach(collisions):
+    """Also of stances that are worked out anew where they touch something, and at its base."""
+    for limbs in (3, 4):
+        graph = stance_graph(robot=f"mlivr{limbs}", settings=Settings(collisions=collisions))
+        stances = random_sets(graph, 4000, 1)
+        stances = np.random.default_rng(2).permuted(stances, axis=1)
+        postures = graph.nodes(stances)
+        nodes = np.flatnonzero(graph.is_node(postures))
+        assert len(nodes) > 30
+        assert graph.solver.in_reach(np.sort(stances[nodes], axis=1)).all()
+        for k in nodes[:30]:
+            assert graph.solver.in_reach(stances[k : k + 1], postures.base_position[k], 1e-6)[0]
+
+
+def test_no_flange_is_farther_than_the_bound_and_some_are_nearly():
+    """At random joint angles, for the manipulability of a node and for none."""
+    graph = stance_graph(robot="mlivr3", settings=NO_COLLISIONS)
+    robot, rng = graph.robot, np.random.default_rng(0)
+    for limb in (robot.limb, Limb(d1=0.1, a2=-0.3, a3=-0.5, d4=0.2, d5=0.15, d6=0.05)):
+        q = rng.uniform(-np.pi, np.pi, (40_000, 6))
+        lengths, scale = limb.lengths, robot.characteristic_length
+        for angles in q[:20]:
+            one = robot.__class__(name="one", limbs=3, limb=limb)
+            definition = limb_manipulability(jacobian(angles, lengths), scale)
+            assert closed_w_m(angles, one) == pytest.approx(definition, abs=1e-9)
+        w_m = closed_w_m(q, robot.__class__(name="one", limbs=3, limb=limb))
+        for least in (0.0, 0.05, 0.1):
+            bound, some = farthest_flange(limb, scale, least), q[w_m >= least]
+            some = some[rng.choice(len(some), min(len(some), 3000), replace=False)]
+            away = [np.linalg.norm(forward_kinematics(a, lengths)[6, :3, 3]) for a in some]
+            assert 0.85 * bound < max(away) <= bound
+    assert farthest_flange(robot.limb, robot.characteristic_length, 10.0) == 0.0
+
+
+def test_orders_are_told_apart_by_neighbours_about_the_body():
+    """Each order of points on a circle occurs once, first point and sense apart."""
+    for limbs, count in ((2, 1), (3, 1), (4, 3), (5, 12)):
+        found = orders_of(limbs)
+        around = {
+            frozenset(frozenset((a, b)) for a, b in zip(row, np.roll(row, 1), strict=True))
+            for row in found.tolist()
+        }
+        assert len(found) == len(around) == count

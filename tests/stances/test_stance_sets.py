@@ -1,0 +1,133 @@
+"""Sets of points that limbs may hold at once, against all sets and all stances."""
+
+from dataclasses import replace
+from itertools import combinations, permutations
+
+import numpy as np
+import pytest
+from paper import NO_COLLISIONS
+
+from mlivr_gym import stance_graph
+from mlivr_gym.stances import stance_sets
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.stance_sets import StanceSets, count_sets, sets_from
+from mlivr_gym.world.grasp_map import jem_map
+
+
+@pytest.fixture(scope="module", params=[(3, 24), (4, 16)])
+def graph(request):
+    """A graph of three or four limbs on a few points of a wall."""
+    limbs, count = request.param
+    jem = jem_map()
+    chosen = np.flatnonzero((np.array(jem.faces) == "forward") & (jem.positions[:, 0] < 5.5))
+    chosen = chosen[np.linspace(0, len(chosen) - 1, count).astype(int)]
+    few = jem.subset(np.isin(np.arange(len(jem)), chosen), "few")
+    return stance_graph(few, f"mlivr{limbs}", NO_COLLISIONS)
+
+
+@pytest.fixture
+def empty_cache(tmp_path, monkeypatch):
+    """A cache folder of its own, and nothing in memory."""
+    monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(stance_sets, "_kept", stance_sets.OrderedDict())
+    return tmp_path / "cache"
+
+
+def test_sets_are_all_in_reach_in_order_with_what_is_a_move_away(graph, empty_cache):
+    sets, limbs = graph.sets(), graph.limbs
+    every = np.array(list(combinations(range(len(graph.grasp_map)), limbs)))
+    able = [all(graph.together[a, b] for a, b in combinations(row, 2)) for row in every.tolist()]
+    every = every[able]
+    expected = every[graph.solver.in_reach(every)]
+    np.testing.assert_array_equal(sets.points, expected)
+    assert len(sets) == len(expected) > 10
+    held = [set(row) for row in expected.tolist()]
+    for a, b in combinations(range(0, len(sets), 3), 2):
+        common = set(sets.rests[a].tolist()) & set(sets.rests[b].tolist())
+        assert bool(common) == (len(held[a] & held[b]) == limbs - 1)
+    assert sets.rests.max() + 1 == sets.rest_count
+
+
+def test_sets_of_stances_are_found_in_any_order(graph):
+    sets, rng = graph.sets(), np.random.default_rng(0)
+    rows = rng.integers(0, len(sets), 50)
+    stances = rng.permuted(sets.points[rows].astype(np.int64), axis=1)
+    np.testing.assert_array_equal(sets.find(stances), rows)
+    none = np.array([[0, 0, 0, 0][: graph.limbs]])
+    assert sets.find(none).tolist() == [-1]
+    nothing = StanceSets(sets.points[:0], sets.rests[:0], 0)
+    assert nothing.find(stances[:2]).tolist() == [-1, -1]
+
+
+def test_neighbours_that_are_nodes_are_the_same_with_sets_and_without(graph, monkeypatch):
+    """Of every stance; with them fewer postures are worked out."""
+    kept = stance_graph(graph.grasp_map, graph.robot, graph.settings)
+    kept.sets()
+    monkeypatch.setattr(StanceSets, "of", classmethod(lambda cls, graph, *_, **__: None))
+    plain = stance_graph(graph.grasp_map, graph.robot, graph.settings)
+    rows = np.array(list(permutations(range(len(graph.grasp_map)), graph.limbs)))
+    rows = rows[np.random.default_rng(0).permutation(len(rows))[:3000]]
+    stances = rows[plain.is_node(plain.nodes(rows))]
+    assert len(stances) > 5
+    for stance in map(tuple, stances[:20].tolist()):
+        ours, theirs = kept.candidates(stance), plain.candidates(stance)
+        np.testing.assert_array_equal(ours[0], theirs[0])
+        np.testing.assert_array_equal(ours[1], theirs[1])
+        assert len(kept._next_to(stance, range(graph.limbs))[0]) <= len(
+            plain._next_to(stance, range(graph.limbs))[0]
+        )
+
+
+def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_cache, caplog):
+    told = []
+    first = StanceSets.of(graph, told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    (file,) = empty_cache.glob("sets-*.npz")
+    again = told.copy()
+    stance_sets._kept.clear()
+    read = StanceSets.of(graph, told.append, work_out=False)
+    assert told == again
+    np.testing.assert_array_equal(read.points, first.points)
+    np.testing.assert_array_equal(read.rests, first.rests)
+    for content in (b"nothing", file.read_bytes()[:200]):
+        stance_sets._kept.clear()
+        file.write_bytes(content)
+        assert StanceSets.of(graph, work_out=False) is None
+        assert "holds no stance sets" in caplog.text
+        np.testing.assert_array_equal(StanceSets.of(graph).points, first.points)
+    stance_sets._kept.clear()
+    with np.load(file) as data:
+        np.savez(file, **{**data, "format": 99})
+    assert StanceSets.of(graph, work_out=False) is None
+
+
+def test_there_are_no_sets_of_two_or_five_limbs_or_of_too_many(graph, empty_cache, monkeypatch):
+    """Searches then go by moves of limbs in pairs."""
+    for limbs in (2, 5):
+        other = LazyGraph(graph.grasp_map, replace(graph.robot, limbs=limbs), NO_COLLISIONS)
+        assert other.sets() is None
+    monkeypatch.setattr(stance_sets, "MOST_SETS", 10)
+    assert StanceSets.of(graph) is None
+    assert not list(empty_cache.glob("sets-*.npz"))
+
+
+def test_counts_and_lists_of_sets_are_those_of_all_combinations():
+    """Of random pairs that may be held together."""
+    rng = np.random.default_rng(0)
+    for limbs in (3, 4):
+        together = rng.random((12, 12)) < 0.7
+        together = np.triu(together, 1) | np.triu(together, 1).T
+        expected = [
+            row
+            for row in combinations(range(12), limbs)
+            if all(together[a, b] for a, b in combinations(row, 2))
+        ]
+        counts = np.zeros(12, dtype=np.int64)
+        assert count_sets(together, limbs, len(expected), counts)
+        assert counts.tolist() == np.bincount([row[0] for row in expected], minlength=12).tolist()
+        assert not count_sets(together, limbs, len(expected) - 1, np.zeros(12, dtype=np.int64))
+        for first in range(12):
+            out = np.empty((counts[first], limbs), dtype=np.int64)
+            sets_from(together, first, out)
+            assert list(map(tuple, out.tolist())) == [row for row in expected if row[0] == first]
