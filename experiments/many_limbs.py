@@ -14,6 +14,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import subprocess
+import sys
+import tempfile
 import time
 from functools import partial
 from pathlib import Path
@@ -26,6 +30,7 @@ from processes import Processes
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
@@ -41,6 +46,15 @@ NEAREST, FARTHEST = 1.0, 5.0
 
 STANCES = 40
 """Random stances whose steps are counted."""
+
+REPLANNING = 2.0
+"""How long a plan around an occupied point is looked for [s]."""
+
+MOST_SHOWN = 5.0
+"""Largest factor that the plot shows."""
+
+WELL_PROVED = 1.5
+"""Factor of the least cost within which plans are to be proved."""
 
 
 def fan(robot: str) -> dict[str, Any]:
@@ -83,17 +97,47 @@ def asked(seed: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
     out: dict[str, Any] = {"distance": away}
     for cost in COSTS:
         fresh = stance_graph(robot=robot)
-        found = Planner(fresh).plan(start.stance, goal.tolist(), cost, time_limit=seconds)
+        planner = Planner(fresh)
+        found = planner.plan(start.stance, goal.tolist(), cost, time_limit=seconds)
         out[cost] = {
             "reason": found.reason,
             "improvements": [[one.time, one.cost, one.bound] for one in found.improvements],
             "bound": found.plan.statistics.bound if found.plan else None,
             "steps": len(found.plan.steps) if found.plan else None,
             "executed": executed(fresh, found.plan) if found.plan else None,
+            "replanned": replanned(planner, found.plan, goal, cost) if found.plan else None,
         }
     if seed < others:
         out["methods"] = {name: walk_of(robot, name, start, goal, seconds) for name in METHODS}
     return out
+
+
+def replanned(planner: Planner, plan: Plan, goal: Array, cost: str) -> float | None:
+    """How long a first plan takes once a point is occupied that the plan grasps half-way [s]."""
+    start = plan.stances[0]
+    grasped = [step.to_point for step in plan.steps if step.to_point not in start]
+    if not grasped:
+        return None
+    planner.graph.occupy([grasped[len(grasped) // 2]])
+    again = planner.plan(start, goal.tolist(), cost, time_limit=REPLANNING)
+    planner.graph.occupy([])
+    return again.improvements[0].time if again.improvements else REPLANNING
+
+
+def first_build(robot: str) -> dict[str, float]:
+    """How many sets of points there are, and how long they take with nothing kept on disk [s]."""
+    code = (
+        "import time; from mlivr_gym import stance_graph; "
+        f"graph = stance_graph(robot={robot!r}); began = time.perf_counter(); "
+        "print(len(graph.sets()), time.perf_counter() - began)"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        world = {**os.environ, CACHE_VARIABLE: folder}
+        told = subprocess.run(
+            [sys.executable, "-c", code], env=world, check=True, capture_output=True, text=True
+        ).stdout
+    count, seconds = told.split()
+    return {"sets": int(count), "seconds": float(seconds)}
 
 
 def executed(graph: LazyGraph, plan: Plan) -> bool:
@@ -109,7 +153,8 @@ def markdown(data: dict[str, Any]) -> str:
         "# Three and four limbs",
         "",
         f"Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data['seconds']:g} s "
-        "a task and cost on a graph that knows nothing but the roadmap that ships; times are those "
+        "a task and cost on a graph that knows nothing but the roadmap that ships and the sets of "
+        "points within reach, which are worked out once for a map and robot; times are those "
         f"of a machine with two cores, tasks at once: {data.get('workers', 1)}.",
         "",
         "![Share of tasks with a plan over time](many_limbs.png)",
@@ -132,6 +177,12 @@ def markdown(data: dict[str, Any]) -> str:
             f"| `{robot}` | {np.median(found['nodes']):.0f} | {steps.mean():.1f} | "
             f"{(steps == 0).mean():.0%} | {new:.1f} | {checked:.1f} | {again:.1f} |"
         )
+    lines += ["", "## Sets of points within reach", ""]
+    lines += ["With an empty cache, compiling included.", ""]
+    lines += ["| robot | sets | worked out in [s] |", "|---|---|---|"]
+    for robot in ROBOTS:
+        built = data["built"][robot]
+        lines.append(f"| `{robot}` | {built['sets']} | {built['seconds']:.1f} |")
     lines += [
         "",
         "## Random tasks",
@@ -140,12 +191,14 @@ def markdown(data: dict[str, Any]) -> str:
         "tasks but those that have no plan. *First over last*: cost of the first plan by that of "
         "the last, median. *Bound*: factor of the least cost "
         "within which the last plan is proved, median; *within 1.5*: share of all tasks but those "
-        "that have no plan. *Undecided*: neither a plan nor the proof that there is none.",
+        "that have no plan. *Undecided*: neither a plan nor the proof that there is none. "
+        "*Replanned*: median time of a first plan once a point is occupied that the plan grasps "
+        "half-way.",
         "",
         "| robot | cost | tasks | plans | none exists | undecided | first plan [s] "
         "| within 0.5 s | within 2 s | first over last | bound | within 1.5 | steps "
-        "| carried out |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
+        "| replanned [s] | carried out |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for robot in ROBOTS:
         lines += [
@@ -165,37 +218,48 @@ def _row(robot: str, cost: str, found: list[dict[str, Any]]) -> str:
     undecided = len(found) - len(plans) - none
     start = f"| `{robot}` | {cost} | {len(found)} | {len(plans)} | {none} | {undecided} |"
     if not plans:
-        return f"{start} - | - | - | - | - | - | - | - |"
+        return f"{start} - | - | - | - | - | - | - | - | - |"
     bounds = np.array([one["bound"] or np.inf for one in plans])
-    good = (bounds <= 1.5).sum() / max(len(found) - none, 1)
+    good = (bounds <= WELL_PROVED).sum() / max(len(found) - none, 1)
     first = np.array([one["improvements"][0][0] for one in plans])
     soon = [(first <= most).sum() / max(len(found) - none, 1) for most in (0.5, 2.0)]
     ratio = np.median([one["improvements"][0][1] / one["improvements"][-1][1] for one in plans])
     steps = np.mean([one["steps"] for one in plans])
     done = sum(bool(one["executed"]) for one in plans)
+    again = [one["replanned"] for one in plans if one["replanned"] is not None]
+    soonest = f"{np.median(again):.2f}" if again else "-"
     return (
         f"{start} {np.median(first):.2f} | {soon[0]:.0%} | {soon[1]:.0%} | {ratio:.2f} "
-        f"| {np.median(bounds):.2f} | {good:.0%} | {steps:.1f} | {done} of {len(plans)} |"
+        f"| {np.median(bounds):.2f} | {good:.0%} | {steps:.1f} "
+        f"| {soonest} | {done} of {len(plans)} |"
     )
 
 
 def curves(data: dict[str, Any], path: Path) -> None:
-    """Share of the tasks that have a plan, over time."""
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
-    for axis, robot in zip(axes, ROBOTS, strict=True):
+    """Share of the tasks that have a plan, over time, and how good the last plans are proved."""
+    figure = Figure(figsize=(9.0, 6.4), layout="constrained")
+    axes = figure.subplots(2, 2, sharey=True)
+    for column, robot in enumerate(ROBOTS):
+        above, below = axes[:, column]
         for cost, colour in zip(COSTS, ("#1f5fd0", "#d62728"), strict=True):
             found = [task[cost] for task in data["tasks"][robot]]
             first = sorted(one["improvements"][0][0] for one in found if one["improvements"])
-            share = np.arange(1, len(first) + 1) / len(found)
-            axis.step([0.0, *first, data["seconds"]], [0.0, *share, share[-1] if first else 0.0],
-                      where="post", color=colour, label=f"cost {cost}")  # fmt: skip
-        axis.set_title(robot)
-        axis.set_xlabel("time [s]")
-        axis.grid(alpha=0.3)
-        axis.legend()
-    axes[0].set_ylabel("share of the tasks with a plan")
-    axes[0].set_ylim(0.0, 1.0)
+            bounds = sorted(one["bound"] for one in found if one["bound"] is not None)
+            for axis, values, end in ((above, first, data["seconds"]), (below, bounds, MOST_SHOWN)):
+                share = np.arange(1, len(values) + 1) / len(found)
+                axis.step([0.0, *values, end], [0.0, *share, share[-1] if values else 0.0],
+                          where="post", color=colour, label=f"cost {cost}")  # fmt: skip
+        above.set_title(robot)
+        above.set_xlabel("time [s]")
+        below.set_xlabel("last plan proved within this factor of the least cost")
+        below.set_xlim(1.0, MOST_SHOWN)
+        below.axvline(WELL_PROVED, color="#666666", linewidth=0.8, linestyle=":")
+        for axis in (above, below):
+            axis.grid(alpha=0.3)
+            axis.legend(loc="lower right")
+    axes[0, 0].set_ylabel("share of the tasks with a plan")
+    axes[1, 0].set_ylabel("share of the tasks")
+    axes[0, 0].set_ylim(0.0, 1.0)
     save_figure(figure, path)
 
 
@@ -215,9 +279,12 @@ def main() -> None:
         "workers": args.workers,
         "seconds": args.seconds,
         "fan": {},
+        "built": {},
         "tasks": {},
     }
     for robot in ROBOTS:
+        data["built"][robot] = first_build(robot)
+        stance_graph(robot=robot).sets()
         data["fan"][robot] = fan(robot)
         work = partial(asked, robot=robot, seconds=args.seconds, others=args.others)
         data["tasks"][robot] = list(tasks.answers(work, range(args.tasks), f"tasks of {robot}"))
