@@ -49,6 +49,8 @@ out on rounded figures."""
 MOST_FRAMES = 24
 """Most unrolled body axes of a set: both senses of the orders of five limbs."""
 
+UNKNOWN = -1
+
 CELLS = 256
 """Cells of joint 3 and of joint 5 over which `farthest_flange` takes bounds."""
 
@@ -76,7 +78,7 @@ class ReachRoom(Record):
     normal: Vector
     """Their mean normal."""
     frame_count: int
-    """Number of unrolled body axes."""
+    """Number of unrolled body axes, `UNKNOWN` until they are needed."""
     frames: Annotated[Rows[Pose], (MOST_FRAMES,)]
     """These axes."""
     order: Annotated[IntArray, (MOST_FRAMES,), np.int64]
@@ -194,19 +196,19 @@ def _set_in_reach(world: _World, room: ReachRoom) -> bool:
     if length(minus(vector(query.target), centre)) > query.tolerance + highest:
         return False
     if upright:
-        if not _set_frames(_unit(normal), world, room):
-            return True
+        room.frame_count = UNKNOWN
         for k in range(count):
             line = _line(k, centre, world, room)
             if _rolled(line, _unit(normal), k == 0, False, world, room):
                 return True
     if opposed:
         for k in range(count):
+            room.frame_count = UNKNOWN
             line, rail = _line(k, centre, world, room), vector(world.grasps[room.points[k]].rail)
             out = _unit(_across(rail, line))
             if length(_across(rail, line)) ** 2 < SLACK:
                 out = _unit(_across(cross(vector(world.grasps[room.points[k]].normal), rail), line))
-            if not _set_frames(out, world, room) or _rolled(line, out, True, True, world, room):
+            if _rolled(line, out, True, True, world, room):
                 return True
     return False
 
@@ -302,7 +304,7 @@ def _rolled(
         level: Whether a roll of zero counts, which is the same about every line.
         opposed: Whether rolls and heights are those between opposite walls.
         world: What all sets share.
-        room: The set, with its unrolled body axes.
+        room: The set; its unrolled body axes are worked out if they are needed.
     """
     query, rule, base = world.query, world.query.rule, room.base
     roll_count = rule.wide_roll_count if opposed else rule.roll_count
@@ -321,6 +323,8 @@ def _rolled(
                 continue
             if not _none_too_far(position, world, room):
                 continue
+            if room.frame_count == UNKNOWN and not _set_frames(out, world, room):
+                return True
             for axis in range(3):
                 base.position[axis] = position[axis]
             for f in range(room.frame_count):
