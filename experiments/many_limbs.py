@@ -53,6 +53,8 @@ REPLANNING = 2.0
 MOST_SHOWN = 5.0
 """Largest factor that the plot shows."""
 
+UNREACHED = "goal outside the reachable set"
+
 WELL_PROVED = 1.5
 """Factor of the least cost within which plans are to be proved."""
 
@@ -214,7 +216,7 @@ def markdown(data: dict[str, Any]) -> str:
 def _row(robot: str, cost: str, found: list[dict[str, Any]]) -> str:
     """A row of the table of tasks."""
     plans = [one for one in found if one["improvements"]]
-    none = sum(one["reason"] == "search exhausted" for one in found)
+    none = sum(one["reason"] in ("search exhausted", UNREACHED) for one in found)
     undecided = len(found) - len(plans) - none
     start = f"| `{robot}` | {cost} | {len(found)} | {len(plans)} | {none} | {undecided} |"
     if not plans:

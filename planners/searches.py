@@ -206,6 +206,8 @@ class LazySearcher:
         roadmap = Roadmap.of(self.graph) if search.guided else None
         self.graph.sets()  # no part of the time that is given
         found = lazy_search(self.graph, first, search, roadmap)
+        if not found.states:  # no moves lead to the goal, whatever steps there are
+            return None
         position = np.concatenate([p.base_position for p in found.postures])
         states = tuple(found.states[k] for k in _chain(np.array(found.parents), found.goal))
         counts, tree = (len(found.states), found.generated), _tree(position, found.parents)
