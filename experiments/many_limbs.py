@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from many_limbs_methods import METHODS, section, walk_of
+from many_limbs_methods import METHODS, NO_PLAN, section, walk_of
 from matplotlib.figure import Figure
 from processes import Processes
 
@@ -52,8 +52,6 @@ REPLANNING = 2.0
 
 MOST_SHOWN = 5.0
 """Largest factor that the plot shows."""
-
-UNREACHED = "goal outside the reachable set"
 
 WELL_PROVED = 1.5
 """Factor of the least cost within which plans are to be proved."""
@@ -216,7 +214,7 @@ def markdown(data: dict[str, Any]) -> str:
 def _row(robot: str, cost: str, found: list[dict[str, Any]]) -> str:
     """A row of the table of tasks."""
     plans = [one for one in found if one["improvements"]]
-    none = sum(one["reason"] in ("search exhausted", UNREACHED) for one in found)
+    none = sum(one["reason"] in NO_PLAN for one in found)
     undecided = len(found) - len(plans) - none
     start = f"| `{robot}` | {cost} | {len(found)} | {len(plans)} | {none} | {undecided} |"
     if not plans:

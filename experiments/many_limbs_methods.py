@@ -31,6 +31,9 @@ METHODS = {
 }
 """The others, and their names in the table."""
 
+NO_PLAN = ("search exhausted", "goal outside the reachable set")
+"""What a planner says where it has shown that there is no plan."""
+
 MOST_STEPS = 60
 
 
@@ -117,7 +120,7 @@ def section(measured: dict[str, list[dict[str, Any]]], seconds: float) -> list[s
 
 def _rows(robot: str, tasks: list[dict[str, Any]]) -> list[str]:
     """Rows of the table of methods: those of a robot, on the tasks that may have a plan."""
-    able = [task for task in tasks if task["steps"]["reason"] != "search exhausted"]
+    able = [task for task in tasks if task["steps"]["reason"] not in NO_PLAN]
     firsts = [task["steps"]["improvements"][:1] for task in able]
     found = {SEARCH: [(one[0][1], one[0][0]) if one else None for one in firsts]}
     found |= {name: [task["methods"][key] for task in able] for key, name in METHODS.items()}

@@ -8,6 +8,8 @@ import pytest
 from paper import NO_COLLISIONS
 
 from mlivr_gym import stance_graph
+from mlivr_gym.kinematics.poses import quaternion
+from mlivr_gym.planners import Planner
 from mlivr_gym.planners.move_bounds import MoveBounds, partitions
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.set_bounds import SetBounds, fewest_moves
@@ -83,6 +85,30 @@ def test_a_goal_on_a_face_needs_all_points_there(stances_and_steps):
     nowhere = Goal(goal.target, 0.2, goal.cost, "deck", np.zeros(len(graph.grasp_map), np.bool_))
     assert by_sets(graph, goal).steps(rows[:1])[0] == 0.0
     assert np.isinf(by_sets(graph, nowhere).steps(rows)).all()
+
+
+def test_a_goal_to_which_no_moves_lead_is_told(stances_and_steps):
+    """At once, with no state expanded."""
+    graph, rows, _ = stances_and_steps
+    planner, base = Planner(graph), graph.postures(rows).base_position
+    start = rows[0].tolist()
+    goal = np.clip(base.min(axis=0) - 5.0, *graph.grasp_map.cabin)
+    found = planner.plan(start, goal, "steps", goal_tolerance=0.01)
+    assert found.reason == "goal outside the reachable set"
+    assert found.expanded == 0
+    assert planner.plan(start, np.clip(base[0], *graph.grasp_map.cabin), "steps").plan is not None
+
+
+def test_a_start_in_another_pose_is_planned_from_whatever_its_set(stances_and_steps):
+    """Its base may lie where no limb reaches with the manipulability of a node."""
+    graph, rows, _ = stances_and_steps
+    planner, stance, posture = Planner(graph), rows[0].tolist(), graph.postures(rows[:1])
+    pose = [*posture.base_position[0], *quaternion(posture.base_rotation[0])]
+    away = np.clip(posture.base_position[0] + [1.0, 0.0, 0.0], *graph.grasp_map.cabin)
+    asked = {"goal_tolerance": 0.8, "time_limit": 5.0}
+    plain = planner.plan(stance, away, "steps", **asked)
+    posed = planner.plan(stance, away, "steps", start_pose=pose, **asked)
+    assert (plain.plan is None) == (posed.plan is None)
 
 
 def test_fewest_moves_are_those_of_networkx(stances_and_steps):
