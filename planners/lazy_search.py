@@ -43,7 +43,7 @@ INFLATED = 2.0
 """Factor on what is left in the order that leads out of pockets."""
 
 PROVING = 5
-"""Once there is a plan, every how manyth entry is taken by bound alone, to prove it good."""
+"""Once there is a plan one entry of so many is taken by bound alone, to prove it good."""
 
 JOINING = 0.8
 """Most of the time that goes into a first walk over the roadmap."""
@@ -383,5 +383,5 @@ class _LazySearch:
 
 def _bounds_of(graph: LazyGraph, goal: Goal) -> MoveBounds | SetBounds:
     """Lower bounds of the steps to a goal."""
-    sets = graph.sets()
+    sets = graph.sets(work_out=False)
     return MoveBounds(graph, goal) if sets is None else SetBounds(graph, sets, goal)

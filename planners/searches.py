@@ -197,14 +197,19 @@ def _seeds(rows: Sequence[tuple[int, int, int]], costs: Array) -> Seeds:
 class LazySearcher:
     """The search of any number of limbs."""
 
-    def __init__(self, graph: LazyGraph) -> None:
-        """Search `graph`."""
-        self.graph = graph
+    def __init__(self, graph: LazyGraph, *, work_out: bool = True) -> None:
+        """Search `graph`.
+
+        Args:
+            graph: The stance graph.
+            work_out: Whether its sets of points are worked out first where they are not known.
+        """
+        self.graph, self.work_out = graph, work_out
 
     def find(self, search: Search, first: State) -> Path | None:
         """See `Searcher.find`."""
         roadmap = Roadmap.of(self.graph) if search.guided else None
-        self.graph.sets()  # no part of the time that is given
+        self.graph.sets(work_out=self.work_out)  # no part of the time that is given
         found = lazy_search(self.graph, first, search, roadmap)
         if not found.states:  # no moves lead to the goal, whatever steps there are
             return None

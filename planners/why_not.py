@@ -123,6 +123,6 @@ def _leads(
     if isinstance(other, PairGraph):
         searcher = PairSearcher(other, Estimates(other))
     else:
-        searcher = LazySearcher(other)
+        searcher = LazySearcher(other, work_out=False)  # they would be asked for this once
     path = searcher.find(search, start)
     return path is not None and path.status == FOUND

@@ -29,19 +29,21 @@ class LazyGraph(StanceGraph):
         self._released: dict[tuple[bytes, int], Any] = {}
         self._sets: StanceSets | None = None
 
-    def sets(self, progress: Progress | None = None) -> StanceSets | None:
-        """The sets of points that limbs may hold at once, worked out if need be.
+    def sets(self, progress: Progress | None = None, *, work_out: bool = True) -> StanceSets | None:
+        """The sets of points that limbs may hold at once; see `StanceSets.of`.
 
-        From then on only such neighbours are looked at.
+        Where they are known only such neighbours are looked at.
 
         Args:
             progress: Called with the share of the work that is done, where there is any.
+            work_out: Whether they are worked out where they are not known.
 
         Returns:
-            The sets; None for two or more than four limbs, and if there are too many.
+            The sets; None where they are not known, for two or more than four limbs, and if there
+            are too many.
         """
         if self._sets is None:
-            self._sets = StanceSets.of(self, progress)
+            self._sets = StanceSets.of(self, progress, work_out=work_out)
         return self._sets
 
     def postures(self, stances: IntArray) -> Postures:
@@ -118,10 +120,9 @@ class LazyGraph(StanceGraph):
         limb_of, point = np.concatenate(moved), np.concatenate(points)
         stances = np.tile(np.array(stance, dtype=np.int64), (len(limb_of), 1))
         stances[np.arange(len(limb_of)), limb_of] = point
-        if self._sets is None:
-            self._sets = StanceSets.of(self, work_out=False)
-        if self._sets is not None:
-            held = self._sets.find(stances) >= 0
+        sets = self.sets(work_out=False)
+        if sets is not None:
+            held = sets.find(stances) >= 0
             limb_of, point, stances = limb_of[held], point[held], stances[held]
         return limb_of, point, stances
 
