@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from paper import NO_COLLISIONS
 
-from mlivr_gym import stance_graph
+from mlivr_gym import Settings, stance_graph
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.move_bounds import MoveBounds, partitions
@@ -99,16 +99,21 @@ def test_a_goal_to_which_no_moves_lead_is_told(stances_and_steps):
     assert planner.plan(start, np.clip(base[0], *graph.grasp_map.cabin), "steps").plan is not None
 
 
-def test_a_start_in_another_pose_is_planned_from_whatever_its_set(stances_and_steps):
-    """Its base may lie where no limb reaches with the manipulability of a node."""
+def test_a_start_in_a_given_pose_needs_no_set_in_reach(stances_and_steps):
+    """It may have less manipulability than a node: it is at its goal, though no set says so."""
     graph, rows, _ = stances_and_steps
-    planner, stance, posture = Planner(graph), rows[0].tolist(), graph.postures(rows[:1])
+    strict = stance_graph(
+        graph.grasp_map, graph.robot, Settings(collisions=False, limb_threshold=0.2)
+    )
+    (weak, *_) = np.flatnonzero(strict.sets().find(rows) < 0)
+    posture = graph.postures(rows[weak : weak + 1])
     pose = [*posture.base_position[0], *quaternion(posture.base_rotation[0])]
-    away = np.clip(posture.base_position[0] + [1.0, 0.0, 0.0], *graph.grasp_map.cabin)
-    asked = {"goal_tolerance": 0.8, "time_limit": 5.0}
-    plain = planner.plan(stance, away, "steps", **asked)
-    posed = planner.plan(stance, away, "steps", start_pose=pose, **asked)
-    assert (plain.plan is None) == (posed.plan is None)
+    goal = np.clip(posture.base_position[0], *graph.grasp_map.cabin)
+    stance, planner = rows[weak].tolist(), Planner(strict)
+    assert planner.plan(stance, goal, "steps").reason == "start infeasible"
+    found = planner.plan(stance, goal, "steps", start_pose=pose)
+    assert found.plan is not None
+    assert not found.plan.steps
 
 
 def test_fewest_moves_are_those_of_networkx(stances_and_steps):

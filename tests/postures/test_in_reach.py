@@ -74,6 +74,33 @@ def test_a_set_is_in_reach_if_some_order_of_the_limbs_reaches_it(graph):
     assert some > found.sum()
 
 
+def test_sets_between_opposite_walls_are_reached_from_their_own_rolls_and_heights():
+    """Two points on the deck and two overhead, at the best of the base poses tried there."""
+    graph = stance_graph(
+        robot="mlivr4", settings=Settings(collisions=False, limb_threshold=0.02)
+    )  # more of them are in reach
+    faces, rng = np.array(graph.grasp_map.faces), np.random.default_rng(3)
+    deck, overhead = (np.flatnonzero(faces == name) for name in ("deck", "overhead"))
+    sets = []
+    while len(sets) < 60:
+        points = [*rng.choice(deck, 2, False), *rng.choice(overhead, 2, False)]
+        if all(graph.together[a, b] for a, b in permutations(points, 2)):
+            sets.append(sorted(points))
+    assert (
+        np.linalg.norm(graph.grasp_map.normals[np.array(sets)].mean(axis=1), axis=1) < 0.2
+    ).all()
+    asked, inside = graph.limb_threshold, 0
+    for points in sets:
+        tried = [least_w_m(graph, order) for order in permutations(points)]
+        w_m, base = (np.concatenate([one[k] for one in tried]) for k in (0, 1))
+        best = int(w_m.argmax())
+        if abs(w_m[best] - asked) > 1e-5:
+            found = graph.solver.in_reach(np.array([points]), base[best], 1e-3)[0]
+            assert found == (w_m[best] >= asked)
+            inside += found
+    assert inside > 3
+
+
 @pytest.mark.parametrize("collisions", [True, False])
 def test_every_node_is_in_reach(collisions):
     """Also of stances that are worked out anew where they touch something, and at its base."""
