@@ -120,7 +120,6 @@ def replanned(planner: Planner, plan: Plan, goal: Array, cost: str) -> float | N
         return None
     planner.graph.occupy([grasped[len(grasped) // 2]])
     again = planner.plan(start, goal.tolist(), cost, time_limit=REPLANNING)
-    planner.graph.occupy([])
     return again.improvements[0].time if again.improvements else REPLANNING
 
 

@@ -5,6 +5,7 @@ import itertools
 import networkx as nx
 import numpy as np
 import pytest
+from map_data import few_of_a_wall
 from paper import NO_COLLISIONS
 
 from mlivr_gym import Settings, stance_graph
@@ -13,18 +14,13 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.planners.move_bounds import MoveBounds, partitions
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.set_bounds import SetBounds, fewest_moves
-from mlivr_gym.world.grasp_map import jem_map
 
 
 @pytest.fixture(scope="module", params=[(3, 24), (4, 16)])
 def stances_and_steps(request):
     """A graph of three or four limbs on a few points of a wall, its stances, and its steps."""
     limbs, count = request.param
-    jem = jem_map()
-    chosen = np.flatnonzero((np.array(jem.faces) == "forward") & (jem.positions[:, 0] < 5.5))
-    chosen = chosen[np.linspace(0, len(chosen) - 1, count).astype(int)]
-    few = jem.subset(np.isin(np.arange(len(jem)), chosen), "few")
-    graph = stance_graph(few, f"mlivr{limbs}", NO_COLLISIONS)
+    graph = stance_graph(few_of_a_wall(count), f"mlivr{limbs}", NO_COLLISIONS)
     rows = np.array(list(itertools.permutations(range(count), limbs)))
     rows = rows[graph.is_node(graph.nodes(rows))]
     steps = nx.Graph()

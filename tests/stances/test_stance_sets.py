@@ -5,24 +5,20 @@ from itertools import combinations, permutations
 
 import numpy as np
 import pytest
+from map_data import few_of_a_wall
 from paper import NO_COLLISIONS
 
 from mlivr_gym import stance_graph
 from mlivr_gym.stances import stance_sets
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.stance_sets import StanceSets, count_sets, sets_from
-from mlivr_gym.world.grasp_map import jem_map
 
 
 @pytest.fixture(scope="module", params=[(3, 24), (4, 16)])
 def graph(request):
     """A graph of three or four limbs on a few points of a wall."""
     limbs, count = request.param
-    jem = jem_map()
-    chosen = np.flatnonzero((np.array(jem.faces) == "forward") & (jem.positions[:, 0] < 5.5))
-    chosen = chosen[np.linspace(0, len(chosen) - 1, count).astype(int)]
-    few = jem.subset(np.isin(np.arange(len(jem)), chosen), "few")
-    return stance_graph(few, f"mlivr{limbs}", NO_COLLISIONS)
+    return stance_graph(few_of_a_wall(count), f"mlivr{limbs}", NO_COLLISIONS)
 
 
 @pytest.fixture

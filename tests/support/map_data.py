@@ -1,4 +1,8 @@
-"""Entries of map files."""
+"""Entries of map files, and a small map of a wall."""
+
+import numpy as np
+
+from mlivr_gym.world.grasp_map import jem_map
 
 POINT = {"id": "P", "face": "deck", "position": [0, 0, 0], "normal": [0, 0, 1], "rail": [1, 0, 0]}
 
@@ -10,3 +14,11 @@ RAIL = {"id": "H", "face": "deck", "min": [4, 0, 0], "max": [5, 1, 1]}
 
 
 BOX = {"id": "B", "min": [6, 0, 0], "max": [7, 1, 1]}
+
+
+def few_of_a_wall(count):
+    """Some points of the JEM's forward wall."""
+    jem = jem_map()
+    chosen = np.flatnonzero((np.array(jem.faces) == "forward") & (jem.positions[:, 0] < 5.5))
+    chosen = chosen[np.linspace(0, len(chosen) - 1, count).astype(int)]
+    return jem.subset(np.isin(np.arange(len(jem)), chosen), "few")
