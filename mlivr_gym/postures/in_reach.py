@@ -50,6 +50,7 @@ MOST_FRAMES = 24
 """Most unrolled body axes of a set: both senses of the orders of five limbs."""
 
 UNKNOWN = -1
+"""Number of body axes that were not worked out yet."""
 
 CELLS = 256
 """Cells of joint 3 and of joint 5 over which `farthest_flange` takes bounds."""
