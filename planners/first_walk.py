@@ -78,10 +78,12 @@ class Joining:
     def __post_init__(self) -> None:
         """Work out what leads to the goal on the roadmap."""
         roadmap, cost, roads = self.roadmap, self.goal.cost, self.roadmap.roads
-        source = np.repeat(np.arange(len(roadmap)), np.diff(roads.start))
-        away = roadmap.base_position[roads.other] - roadmap.base_position[source]
-        shift = np.sqrt(np.einsum("ij,ij->i", away, away))
-        self._cost: Array = cost.base_weight * shift + cost.step_weight + LEAST_COST
+        self._cost: Array = np.full(len(roads.other), cost.step_weight + LEAST_COST)
+        if cost.base_weight:
+            source = np.repeat(np.arange(len(roadmap)), np.diff(roads.start))
+            away = roadmap.base_position[roads.other] - roadmap.base_position[source]
+            shift = np.sqrt(np.einsum("ij,ij->i", away, away))
+            self._cost = cost.base_weight * shift + cost.step_weight + LEAST_COST
         if self.graph.occupied:
             taken = np.isin(roadmap.points, list(self.graph.occupied))
             held = np.asarray(taken.any(axis=1))

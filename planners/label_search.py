@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
@@ -23,17 +24,20 @@ NO_LABEL, NO_ROOM = -1, -2
 
 
 class Roads(NamedTuple):
-    """Steps between n stances, in both directions, by the stance that they leave."""
+    """Steps between n stances, in both directions, by the stance that they leave.
 
-    start: IntArray
+    There are millions, so numbers are small: memory that is used first costs more than all else.
+    """
+
+    start: NDArray[np.int32]
     """First step of each stance, and their number, shape (n + 1,)."""
-    other: IntArray
+    other: NDArray[np.int32]
     """Stance after each step, shape (e,)."""
-    limb: IntArray
+    limb: NDArray[np.uint8]
     """Limb that it moves, shape (e,)."""
-    kept: IntArray
+    kept: NDArray[np.uint16]
     """Masks that limbs keep that hold; of the one that moves those it may be on then, (e, N)."""
-    released: IntArray
+    released: NDArray[np.uint16]
     """Masks on which each limb can be released at each stance, shape (n, N)."""
 
 
@@ -129,11 +133,12 @@ def _cheapest(
         s = entries.node[here]
         if h[s] == 0.0:
             return int(here)
-        if not has_room(entries, roads.start[s + 1] - roads.start[s]):
+        start, stop = int(roads.start[s]), int(roads.start[s + 1])
+        if not has_room(entries, stop - start):
             return NO_ROOM
         pop(entries)
-        for e in range(roads.start[s], roads.start[s + 1]):
-            other, g = roads.other[e], entries.g[here] + cost[e]
+        for e in range(start, stop):
+            other, g = int(roads.other[e]), entries.g[here] + cost[e]
             item = entries.filled.used
             if not (g + h[other] < np.inf and _may_step(here, item, e, roads, entries, labels)):
                 continue
@@ -153,11 +158,11 @@ def _note(item: int, s: int, labels: Labels) -> None:
 @kernel
 def _may_step(here: int, item: int, e: int, roads: Roads, entries: Queue, labels: Labels) -> bool:
     """Masks of `item` after step `e` from label `here`; whether the step can be taken."""
-    limb, masks = roads.limb[e], labels.masks
-    if not can_release(masks[here, limb], roads.released[entries.node[here], limb]):
+    limb, masks = int(roads.limb[e]), labels.masks
+    if not can_release(masks[here, limb], int(roads.released[entries.node[here], limb])):
         return False
     for i in range(masks.shape[1]):
-        kept = roads.kept[e, i]
+        kept = int(roads.kept[e, i])
         if i != limb:
             kept = kept_on_edge(masks[here, i], kept)
         if kept == 0:

@@ -35,7 +35,7 @@ from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
 
-POSTURES, SHARE, STEPS = 128, 32, 32
+POSTURES, SHARE, STEPS = 128, 8, 32
 """Most stances whose postures are worked out at once, most of them that are of one block, and most
 steps that are checked at once."""
 

@@ -49,7 +49,8 @@ class Roadmap:
         base_position: Base positions [m], shape (n, 3).
         released: Masks on which each limb can be released, shape (n, N).
         pairs: Stances that a step joins, in both directions, shape (p, 2).
-        kept: Masks that the limbs which hold keep on it, 0 for the one that moves, shape (p, N).
+        kept: Masks that the limbs which hold keep on it, 0 for the one that moves, shape (p, N) of
+            any kind of whole number.
         odds: Weights of `step_odds.features`, which tell likely steps from others.
     """
 
@@ -80,15 +81,23 @@ class Roadmap:
     def roads(self) -> Roads:
         """The steps in both directions, by the stance that they leave."""
         a, b = self.pairs.T
-        limb = (self.points[a] != self.points[b]).argmax(axis=1)
-        source, other = np.concatenate([a, b]), np.concatenate([b, a])
-        limb, kept = np.tile(limb, 2), np.tile(self.kept, (2, 1)).astype(np.int64)
-        kept[np.arange(len(limb)), limb] = self.released[other, limb]
-        able = (self.released[source, limb] != 0) & (self.released[other, limb] != 0)
-        order = np.flatnonzero(able)
-        order = order[np.argsort(source[order], kind="stable")]
-        start = np.searchsorted(source[order], np.arange(len(self) + 1))
-        return Roads(start, other[order], limb[order], kept[order], self.released.astype(np.int64))
+        apart, limb = self._codes[a] ^ self._codes[b], np.zeros(len(a), dtype=np.uint8)
+        for i in range(1, self.points.shape[1]):
+            limb += (apart >> np.uint64(16 * i)) > 0
+        able = (self.released[a, limb] != 0) & (self.released[b, limb] != 0)
+        a, b, limb, kept = a[able], b[able], limb[able], self.kept[able]
+        back = np.argsort(b, kind="stable")
+        source, other = np.concatenate([a, b[back]]), np.concatenate([b, a[back]])
+        order = np.argsort(source, kind="stable")  # of two halves in order
+        source, other = source[order], other[order]
+        row = np.concatenate([np.arange(len(a)), back])[order]
+        limb, kept = limb[row], np.take(kept, row, axis=0)
+        kept[np.arange(len(kept)), limb] = self.released[other, limb]
+        start = np.searchsorted(source, np.arange(len(self) + 1))
+        return Roads(
+            start.astype(np.int32), other.astype(np.int32), limb, kept.astype(np.uint16),
+            self.released.astype(np.uint16),
+        )  # fmt: skip
 
     def write(self, path: str | Path) -> None:
         """Write the roadmap.
@@ -124,14 +133,14 @@ class Roadmap:
             if int(found.pop("format")) != FORMAT:
                 raise ValueError
             points = found["points"].astype(np.int64)
-            every = one_limb_apart(points)
-            joined = np.unpackbits(found.pop("joined"), count=len(every)).astype(np.bool_)
+            every = _numbers_one_limb_apart(points)
+            joined = np.unpackbits(found.pop("joined"), count=len(every)).view(np.bool_)
             kept = found["kept"]
             if len(kept) != int(joined.sum()):
                 raise ValueError
             return cls(
                 str(found["key"]), points, found["base_position"].astype(np.float64),
-                found["released"].astype(np.int64), every[joined], kept.astype(np.int64),
+                found["released"].astype(np.int64), _pairs(every[joined], len(points)), kept,
                 found["odds"],
             )  # fmt: skip
         except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
@@ -182,7 +191,12 @@ def one_limb_apart(points: IntArray) -> IntArray:
     Args:
         points: Stances in the order of their codes, shape (n, N).
     """
-    pairs = [np.zeros((0, 2), dtype=np.int64)]
+    return _pairs(_numbers_one_limb_apart(points), len(points))
+
+
+def _numbers_one_limb_apart(points: IntArray) -> IntArray:
+    """The numbers of the pairs of `one_limb_apart`, shape (p,)."""
+    numbers = [np.zeros(0, dtype=np.int64)]
     for limb in range(points.shape[1]):
         rest = codes(np.delete(points, limb, axis=1))
         order = np.argsort(rest, kind="stable")
@@ -191,13 +205,20 @@ def one_limb_apart(points: IntArray) -> IntArray:
             same = np.flatnonzero(held[apart:] == held[:-apart])
             if not len(same):
                 break
-            pairs.append(np.stack([order[same], order[same + apart]], axis=1))
+            numbers.append(order[same] * len(points) + order[same + apart])
             apart += 1
-    every = np.concatenate(pairs)
-    ordered: IntArray = every[np.lexsort((every[:, 1], every[:, 0]))]
-    return ordered
+    every: IntArray = np.concatenate(numbers)
+    every.sort()
+    return every
+
+
+def _pairs(numbers: IntArray, count: int) -> IntArray:
+    """The pairs of some numbers, see `_numbers`, shape (p, 2)."""
+    pairs: IntArray = np.stack(np.divmod(numbers, count), axis=1)
+    return pairs
 
 
 def _numbers(pairs: IntArray, count: int) -> IntArray:
+    """One number for each pair of `count` stances, in their order, shape (p,)."""
     numbers: IntArray = pairs[:, 0] * count + pairs[:, 1]
     return numbers

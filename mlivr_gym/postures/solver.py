@@ -26,6 +26,7 @@ geometry; where that posture touches the surroundings, the candidates are tried 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -234,6 +235,7 @@ class PostureSolver:
             self._rejected.update(rejected.tolist())
         self._solved.append(out)
 
+    @cached_property
     def _scales(self) -> tuple[float, float]:
         """Limb and base manipulability that count as margin 1."""
         given = self.settings.thresholds(self.robot.limbs)
@@ -369,8 +371,8 @@ class PostureSolver:
             stances[name] = array
         list_tries(rule, candidates[1:])
         rule["thresholds"] = self._thresholds(thresholds)[0]
-        rule["scale_m"], rule["scale_b"] = self._scales()
-        margin = min(a / b for a, b in zip(thresholds, self._scales(), strict=True))
+        rule["scale_m"], rule["scale_b"] = self._scales
+        margin = min(a / b for a, b in zip(thresholds, self._scales, strict=True))
         rule["nodes_margin"], rule["first_avoid"] = margin * (1.0 - 3.0 * TIE), avoid
         rule["check"], rule["collide"] = settings.transitions, collisions
         rule["nodes_only"] = nodes_only

@@ -27,11 +27,11 @@ def random_roads(rng, pairs):
     rows.sort(key=lambda row: row[0])
     source = np.array([row[0] for row in rows])
     roads = Roads(
-        np.searchsorted(source, np.arange(STANCES + 1)),
-        np.array([row[1] for row in rows]),
-        np.array([row[2] for row in rows]),
-        np.array([row[4] for row in rows]),
-        released,
+        np.searchsorted(source, np.arange(STANCES + 1)).astype(np.int32),
+        np.array([row[1] for row in rows], dtype=np.int32),
+        np.array([row[2] for row in rows], dtype=np.uint8),
+        np.array([row[4] for row in rows], dtype=np.uint16),
+        released.astype(np.uint16),
     )
     return roads, np.array([row[3] for row in rows]), source
 
