@@ -86,12 +86,10 @@ class Roadmap:
             limb += (apart >> np.uint64(16 * i)) > 0
         able = (self.released[a, limb] != 0) & (self.released[b, limb] != 0)
         a, b, limb, kept = a[able], b[able], limb[able], self.kept[able]
-        back = np.argsort(b, kind="stable")
-        source, other = np.concatenate([a, b[back]]), np.concatenate([b, a[back]])
-        order = np.argsort(source, kind="stable")  # of two halves in order
-        source, other = source[order], other[order]
-        row = np.concatenate([np.arange(len(a)), back])[order]
-        limb, kept = limb[row], np.take(kept, row, axis=0)
+        source, other = np.concatenate([a, b]), np.concatenate([b, a])
+        order = np.argsort(source, kind="stable")
+        source, other, pair = source[order], other[order], order % len(a)
+        limb, kept = limb[pair], np.take(kept, pair, axis=0)
         kept[np.arange(len(kept)), limb] = self.released[other, limb]
         start = np.searchsorted(source, np.arange(len(self) + 1))
         return Roads(
