@@ -21,6 +21,7 @@ from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.roadmap import Roadmap
 from mlivr_gym.planners.step_odds import features
 from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.turns import lowest_first, turned
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
@@ -34,8 +35,8 @@ TRIED = 24
 EXPANDED = 2000
 """Most states that are expanded to join the roadmap."""
 
-FACTOR = 1.5
-"""Weight of what is left in the search over the roadmap."""
+FACTORS = (1.1, 1.5, 3.0)
+"""Weights of what is left in the search over the roadmap."""
 
 LEAST_COST = 1e-9
 """Added to the cost of a step, so that what is left is 0 at the goal alone."""
@@ -177,17 +178,20 @@ class Joining:
 
     def _over_roadmap(self, joined: list[int]) -> list[At] | None:
         """A walk over the roadmap from any state that is there, every step checked."""
+        some = [self.reached[k] for k in joined]
+        turns = lowest_first(np.array([one.state.stance for one in some]))
+        masks = np.array([one.state.masks for one in some], dtype=np.int64)
         origins = Origins(
-            np.array([self.reached[k].row for k in joined]),
-            np.array([self.reached[k].state.masks for k in joined], dtype=np.int64),
-            np.array([self.reached[k].cost for k in joined]),
+            np.array([one.row for one in some]),
+            turned(masks, turns),
+            np.array([one.cost for one in some]),
         )
         while time.perf_counter() < self.until:
-            walk = cheapest_walk(self.roadmap.roads, self._cost, self._to_goal, origins, FACTOR)
+            walk = cheapest_walk(self.roadmap.roads, self._cost, self._to_goal, origins, FACTORS)
             if walk is None:
                 return None
             begun = self._chain(joined[walk.origin])
-            rest = self._checked(begun[-1], walk)
+            rest = self._checked(begun[-1], walk, int(turns[walk.origin]))
             if rest is None:
                 continue
             states = begun + rest
@@ -198,31 +202,63 @@ class Joining:
             self._to_goal = self._costs_to_goal()
         return None
 
-    def _checked(self, first: At, walk: RoadmapWalk) -> list[At] | None:
-        """The states of a walk after the first; None if a step is none now, which is taken out."""
+    def _checked(self, first: At, walk: RoadmapWalk, turn: int) -> list[At] | None:
+        """The states of a walk after the first; None if a step is none now, which is taken out.
+
+        Args:
+            first: Where it begins.
+            walk: The walk over stances of the roadmap.
+            turn: The turn after which the first of them is that where it begins.
+        """
         if not walk.steps:
             return []
-        stances = self.roadmap.points[walk.stances]
-        states = [
-            State(tuple(s), tuple(m))
-            for s, m in zip(stances.tolist(), walk.masks.tolist(), strict=True)
-        ]
-        after = self.graph.nodes(stances[1:])
-        nodes, count = self.graph.is_node(after), len(walk.steps)
-        whole = np.zeros(count, dtype=np.bool_)
+        back = -np.cumsum([turn, *self.roadmap.roads.turn[walk.steps].tolist()])
+        stances = turned(self.roadmap.points[walk.stances], back)
+        masks = turned(walk.masks, back)
+        after, count = self.graph.nodes(stances[1:]), len(walk.steps)
+        nodes = self.graph.is_node(after)
+        found = after.mask
         if nodes.all():
-            here = join(first[1], after)
-            masks = self.graph.masks_after(
-                [first[0], *states[1:-1]], here.take(np.arange(count)), np.arange(count),
-                stances[1:], after,
-            )  # fmt: skip
-            whole = (masks == walk.masks[1:]).all(axis=1)
-        bad = np.flatnonzero(~(whole if nodes.all() else nodes))
+            found = self._masks_checked(stances, masks, join(first[1], after))
+        bad = np.flatnonzero(~found.all(axis=1))
         for k in bad.tolist():
             self._take_out(walk.steps[k], node=bool(nodes[k]))
         if len(bad):
             return None
-        return [(states[k + 1], after.take(np.array([k]))) for k in range(count)]
+        return [
+            (State(tuple(s), tuple(m)), after.take(np.array([k])))
+            for k, s, m in zip(range(count), stances[1:].tolist(), masks[1:].tolist(), strict=True)
+        ]
+
+    def _masks_checked(self, stances: IntArray, masks: IntArray, postures: Postures) -> IntArray:
+        """Masks after the steps of a walk, 0 where there is no step, shape (k, N).
+
+        Where they are others than a roadmap tells, which may be one of the robot after a turn, the
+        steps from there on are checked anew.
+
+        Args:
+            stances: The k + 1 stances.
+            masks: The masks there that the roadmap tells; those found take their place.
+            postures: Their postures.
+        """
+        begin, count = 0, len(stances) - 1
+        found = np.zeros_like(masks[1:])
+        while begin < count:
+            rows = np.arange(begin, count)
+            states = [
+                State(tuple(s), tuple(m))
+                for s, m in zip(stances[rows].tolist(), masks[rows].tolist(), strict=True)
+            ]
+            found[begin:] = self.graph.masks_after(
+                states, postures.take(rows), np.arange(len(rows)), stances[rows + 1],
+                postures.take(rows + 1),
+            )  # fmt: skip
+            other = np.flatnonzero((found[begin:] != masks[begin + 1 :]).any(axis=1))
+            if not len(other) or not found[begin:].all():
+                break
+            begin += int(other[0]) + 1
+            masks[begin] = found[begin - 1]
+        return found
 
     def _take_out(self, step: int, *, node: bool) -> None:
         """Take a step out of the roadmap, or all steps to its stance if that is no node now."""

@@ -6,6 +6,7 @@ so a stance is entered once for each set of masks that no cheaper way there cove
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.planners.queue import Queue, first, has_room, pop, push, queue
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
-ROOM = 1 << 19
+ROOM = 1 << 17
 """Most labels of a search."""
 
 NO_LABEL, NO_ROOM = -1, -2
@@ -35,8 +36,13 @@ class Roads(NamedTuple):
     """Stance after each step, shape (e,)."""
     limb: NDArray[np.uint8]
     """Limb that it moves, shape (e,)."""
+    turn: NDArray[np.uint8]
+    """Turn that puts the limbs in the places that they have at the stance after it, shape (e,)."""
     kept: NDArray[np.uint16]
-    """Masks that limbs keep that hold; of the one that moves those it may be on then, (e, N)."""
+    """Masks that limbs keep that hold; of the one that moves those it may be on then, (e, N).
+
+    The limbs are those of the stance before.
+    """
     released: NDArray[np.uint16]
     """Masks on which each limb can be released at each stance, shape (n, N)."""
 
@@ -77,28 +83,33 @@ class RoadmapWalk(NamedTuple):
 
 
 def cheapest_walk(
-    roads: Roads, cost: Array, h: Array, origins: Origins, factor: float
+    roads: Roads, cost: Array, h: Array, origins: Origins, factors: Sequence[float]
 ) -> RoadmapWalk | None:
-    """The walk of least cost to a stance of which `h` is 0, or one within `factor` of it.
+    """The walk of least cost to a stance of which `h` is 0, or one within a factor of it.
 
     Args:
         roads: The steps.
         cost: Cost of each, infinite if it cannot be taken, shape (e,).
         h: Lower bounds of the cost from each stance, infinite if none leads on, shape (n,).
         origins: Where walks begin.
-        factor: Weight of `h`, at least 1: more labels are looked at the smaller it is.
+        factors: Weights of `h`, at least 1, ascending: more labels are looked at the smaller it is,
+            so the next is taken where that takes more than `ROOM`.
 
     Returns:
-        The walk; None if there is none, or if it takes more than `ROOM` labels.
+        The walk; None if there is none, or if it takes too many labels with every factor.
     """
     room, limbs = ROOM + len(origins.stance), roads.kept.shape[1]
-    entries = queue(room)
-    labels = Labels(
-        np.empty((room, limbs), dtype=np.int64),
-        np.empty(room, dtype=np.int64),
-        np.full(len(h), NO_LABEL),
-    )
-    item = int(_cheapest((roads, cost), h, factor, origins, entries, labels))
+    item = NO_ROOM
+    for factor in factors:
+        entries = queue(room)
+        labels = Labels(
+            np.empty((room, limbs), dtype=np.int64),
+            np.empty(room, dtype=np.int64),
+            np.full(len(h), NO_LABEL),
+        )
+        item = int(_cheapest((roads, cost), h, factor, origins, entries, labels))
+        if item != NO_ROOM:
+            break
     if item < 0:
         return None
     chain = [item]
@@ -158,16 +169,17 @@ def _note(item: int, s: int, labels: Labels) -> None:
 @kernel
 def _may_step(here: int, item: int, e: int, roads: Roads, entries: Queue, labels: Labels) -> bool:
     """Masks of `item` after step `e` from label `here`; whether the step can be taken."""
-    limb, masks = int(roads.limb[e]), labels.masks
+    limb, turn, masks = int(roads.limb[e]), int(roads.turn[e]), labels.masks
+    limbs = masks.shape[1]
     if not can_release(masks[here, limb], int(roads.released[entries.node[here], limb])):
         return False
-    for i in range(masks.shape[1]):
+    for i in range(limbs):
         kept = int(roads.kept[e, i])
         if i != limb:
             kept = kept_on_edge(masks[here, i], kept)
         if kept == 0:
             return False
-        masks[item, i] = kept
+        masks[item, (i - turn + limbs) % limbs] = kept
     return True
 
 

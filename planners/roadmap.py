@@ -14,6 +14,7 @@ import zlib
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +25,11 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import write_whole
 from mlivr_gym.planners.label_search import Roads
+from mlivr_gym.postures.turns import lowest_first, turned
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import key_of
 
-FORMAT = 1
+FORMAT = 2
 """Format of the files."""
 
 
@@ -39,18 +41,43 @@ class RoadmapError(MlivrError):
     """A roadmap cannot be built or read."""
 
 
+class Pairs(NamedTuple):
+    """Pairs of stances that differ in the point of one limb, the robot turned as it may be."""
+
+    rows: NDArray[np.int32]
+    """The two stances, shape (p, 2)."""
+    limbs: NDArray[np.int8]
+    """The limb of each that holds another point, shape (p, 2)."""
+
+    def take(self, index: Any) -> Pairs:
+        """The chosen pairs."""
+        return Pairs(self.rows[index], self.limbs[index])
+
+    @property
+    def turns(self) -> IntArray:
+        """Turns that put the limbs of the first stance in the places of the second, (p,)."""
+        turns: IntArray = np.subtract(self.limbs[:, 0], self.limbs[:, 1], dtype=np.int64)
+        return turns
+
+    def stances_after(self, points: IntArray) -> IntArray:
+        """The second stances with the limbs of the first, shape (p, N)."""
+        return turned(points[self.rows[:, 1]], -self.turns)
+
+
 @dataclass(frozen=True)
 class Roadmap:
     """Stances that are known to be joined by steps.
+
+    A stance stands for those of the robot after turns, see `turns`: limb 0 holds its lowest point.
 
     Attributes:
         key: Digest of map, robot and settings, see `key_of`.
         points: Point index of each limb, in the order of `codes`, shape (n, N).
         base_position: Base positions [m], shape (n, 3).
         released: Masks on which each limb can be released, shape (n, N).
-        pairs: Stances that a step joins, in both directions, shape (p, 2).
-        kept: Masks that the limbs which hold keep on it, 0 for the one that moves, shape (p, N) of
-            any kind of whole number.
+        pairs: Stances that a step joins, in both directions.
+        kept: Masks that the limbs of the first stance which hold keep on it, 0 for the one that
+            moves, shape (p, N) of any kind of whole number.
         odds: Weights of `step_odds.features`, which tell likely steps from others.
     """
 
@@ -58,7 +85,7 @@ class Roadmap:
     points: IntArray
     base_position: Array
     released: IntArray
-    pairs: IntArray
+    pairs: Pairs
     kept: IntArray
     odds: Array
 
@@ -72,7 +99,7 @@ class Roadmap:
 
     def find(self, stances: IntArray) -> IntArray:
         """Rows of stances, shape (k, N) -> (k,); -1 for those that it does not have."""
-        code = codes(stances)
+        code = codes(turned(stances, lowest_first(stances)))
         row = np.minimum(np.searchsorted(self._codes, code), len(self) - 1)
         found: IntArray = np.where(self._codes[row] == code, row, -1)
         return found
@@ -80,21 +107,20 @@ class Roadmap:
     @cached_property
     def roads(self) -> Roads:
         """The steps in both directions, by the stance that they leave."""
-        a, b = self.pairs.T
-        apart, limb = self._codes[a] ^ self._codes[b], np.zeros(len(a), dtype=np.uint8)
-        for i in range(1, self.points.shape[1]):
-            limb += (apart >> np.uint64(16 * i)) > 0
-        able = (self.released[a, limb] != 0) & (self.released[b, limb] != 0)
-        a, b, limb, kept = a[able], b[able], limb[able], self.kept[able]
+        (a, b), (i, j) = self.pairs.rows.T, self.pairs.limbs.T
+        able = (self.released[a, i] != 0) & (self.released[b, j] != 0)
+        a, b, i, j, kept = a[able], b[able], i[able], j[able], self.kept[able]
+        limbs, released = self.points.shape[1], self.released.astype(np.uint16)
         source, other = np.concatenate([a, b]), np.concatenate([b, a])
         order = np.argsort(source, kind="stable")
-        source, other, pair = source[order], other[order], order % len(a)
-        limb, kept = limb[pair], np.take(kept, pair, axis=0)
-        kept[np.arange(len(kept)), limb] = self.released[other, limb]
+        limb, turn = np.concatenate([i, j])[order], np.concatenate([i - j, j - i])[order] % limbs
+        kept = np.concatenate([kept, turned(kept, i - j)]).astype(np.uint16, copy=False)
+        kept, source, other = np.take(kept, order, axis=0), source[order], other[order]
+        kept[np.arange(len(kept)), limb] = released[other, (limb - turn) % limbs]
         start = np.searchsorted(source, np.arange(len(self) + 1))
         return Roads(
-            start.astype(np.int32), other.astype(np.int32), limb, kept.astype(np.uint16),
-            self.released.astype(np.uint16),
+            start.astype(np.int32), other, limb.astype(np.uint8), turn.astype(np.uint8), kept,
+            released,
         )  # fmt: skip
 
     def write(self, path: str | Path) -> None:
@@ -103,8 +129,8 @@ class Roadmap:
         Raises:
             FileError: If the file cannot be written.
         """
-        every, buffer = one_limb_apart(self.points), io.BytesIO()
-        joined = np.isin(_numbers(every, len(self)), _numbers(self.pairs, len(self)))
+        every, buffer = _numbers_one_limb_apart(self.points), io.BytesIO()
+        joined = np.isin(every, _numbers(self.pairs, self.points))
         np.savez_compressed(
             buffer,
             format=FORMAT,
@@ -138,7 +164,7 @@ class Roadmap:
                 raise ValueError
             return cls(
                 str(found["key"]), points, found["base_position"].astype(np.float64),
-                found["released"].astype(np.int64), _pairs(every[joined], len(points)), kept,
+                found["released"].astype(np.int64), _pairs(every[joined], points), kept,
                 found["odds"],
             )  # fmt: skip
         except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
@@ -183,40 +209,49 @@ def codes(stances: IntArray) -> NDArray[np.uint64]:
     return code
 
 
-def one_limb_apart(points: IntArray) -> IntArray:
-    """Pairs of stances that differ in the point of one limb, in order, shape (p, 2).
+def one_limb_apart(points: IntArray) -> Pairs:
+    """Pairs of stances that differ in the point of one limb, the robot turned as it may be.
 
     Args:
-        points: Stances in the order of their codes, shape (n, N).
+        points: Stances, of which the lowest point is the first, in the order of their codes,
+            shape (n, N).
+
+    Returns:
+        The pairs in order, the row of the first stance below that of the second.
     """
-    return _pairs(_numbers_one_limb_apart(points), len(points))
+    return _pairs(_numbers_one_limb_apart(points), points)
 
 
-def _numbers_one_limb_apart(points: IntArray) -> IntArray:
+def _numbers_one_limb_apart(points: IntArray) -> NDArray[np.int64]:
     """The numbers of the pairs of `one_limb_apart`, shape (p,)."""
+    limbs = points.shape[1]
+    # What the others hold, in turn from the limb on that moves.
+    turns = np.tile(np.arange(limbs), len(points))
+    rest = codes(turned(np.repeat(points, limbs, axis=0), turns)[:, 1:])
+    order = np.argsort(rest, kind="stable")
+    held, apart = rest[order], 1
     numbers = [np.zeros(0, dtype=np.int64)]
-    for limb in range(points.shape[1]):
-        rest = codes(np.delete(points, limb, axis=1))
-        order = np.argsort(rest, kind="stable")
-        held, apart = rest[order], 1
-        while True:
-            same = np.flatnonzero(held[apart:] == held[:-apart])
-            if not len(same):
-                break
-            numbers.append(order[same] * len(points) + order[same + apart])
-            apart += 1
+    while True:
+        same = np.flatnonzero(held[apart:] == held[:-apart])
+        if not len(same):
+            break
+        numbers.append(order[same] * len(rest) + order[same + apart])
+        apart += 1
     every: IntArray = np.concatenate(numbers)
     every.sort()
     return every
 
 
-def _pairs(numbers: IntArray, count: int) -> IntArray:
-    """The pairs of some numbers, see `_numbers`, shape (p, 2)."""
-    pairs: IntArray = np.stack(np.divmod(numbers, count), axis=1)
-    return pairs
+def _pairs(numbers: IntArray, points: IntArray) -> Pairs:
+    """The pairs of some numbers, see `_numbers`."""
+    ends = np.empty((len(numbers), 2), dtype=np.int32)
+    ends[:, 0], ends[:, 1] = np.divmod(numbers, points.size)
+    rows, limbs = np.divmod(ends, np.int32(points.shape[1]))
+    return Pairs(rows, limbs.astype(np.int8))
 
 
-def _numbers(pairs: IntArray, count: int) -> IntArray:
-    """One number for each pair of `count` stances, in their order, shape (p,)."""
-    numbers: IntArray = pairs[:, 0] * count + pairs[:, 1]
+def _numbers(pairs: Pairs, points: IntArray) -> IntArray:
+    """One number for each pair of stances, in their order, shape (p,)."""
+    ends = pairs.rows.astype(np.int64) * points.shape[1] + pairs.limbs
+    numbers: IntArray = ends[:, 0] * points.size + ends[:, 1]
     return numbers

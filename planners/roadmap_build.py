@@ -7,12 +7,13 @@ from concurrent.futures import ProcessPoolExecutor, wait
 from dataclasses import dataclass, field
 from itertools import pairwise
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.planners.roadmap import Roadmap, RoadmapError, codes, one_limb_apart
+from mlivr_gym.planners.roadmap import Pairs, Roadmap, RoadmapError, codes, one_limb_apart
+from mlivr_gym.planners.roadmap_use import most_used, use_of
 from mlivr_gym.planners.step_odds import features, fitted
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.robot.specification import RobotSpec
@@ -34,6 +35,9 @@ CELL = 0.2
 TRIED = 160
 """Most neighbours of a stance that are tried."""
 
+FORGET = 4000
+"""Expansions after which the graph forgets what it remembers, which takes memory."""
+
 ANEW = 1500
 """Expansions after which an exploration begins at one more random stance."""
 
@@ -49,8 +53,11 @@ MOST_LIMBS = 4
 CHUNK = 4096
 """Stances whose postures are worked out at once."""
 
-STAGES = 3
-"""Explore, check steps, and work out what can be released."""
+MOST, SPARE = 100_000, 1.5
+"""Stances that are kept, and how many times as many are taken before steps are checked."""
+
+STAGES = 5
+"""Explore, see what serves, check steps, see what serves, and work out what can be released."""
 
 World = tuple[GraspMap, RobotSpec, Settings]
 """What a graph is made of."""
@@ -59,13 +66,16 @@ Progress = Callable[[float], None]
 """Called with the share of the work that is done."""
 
 
-def build(graph: LazyGraph, expansions: int, progress: Progress | None = None) -> Roadmap:
+def build(
+    graph: LazyGraph, expansions: int, most: int = MOST, progress: Progress | None = None
+) -> Roadmap:
     """Explore the graph and join what is found, in a process for each exploration.
 
     Args:
         graph: The stance graph, without obstacles and occupied points.
         expansions: Stances whose neighbours are worked out; the more, the shorter are walks over
             the roadmap, and the more starts can be joined to it.
+        most: Most stances that are kept.
         progress: Called now and then with the share of the work that is done.
 
     Raises:
@@ -85,26 +95,68 @@ def build(graph: LazyGraph, expansions: int, progress: Progress | None = None) -
     with _Workers(progress) as workers:
         each = max(expansions // EXPLORATIONS, 1)
         found = workers.run(_explored, [(world, each)] * EXPLORATIONS)
-        points = np.unique(np.concatenate([one[0] for one in found]), axis=0)
-        points = points[np.argsort(codes(points), kind="stable")]
-        odds = fitted(*(np.concatenate([one[k] for one in found]) for k in (1, 2)))
-        pairs = one_limb_apart(points)
-        parts = np.array_split(pairs, EXPLORATIONS)
-        kept = np.concatenate(workers.run(_joined, [(world, points, part) for part in parts]))
-        rows = np.array_split(points, EXPLORATIONS)
-        known = workers.run(_known, [(world, part) for part in rows])
+        points, base = _distinct([one[:2] for one in found])
+        odds = fitted(*(np.concatenate([one[k] for one in found]) for k in (2, 3)))
+        return _joined(graph, _Found(points, base, odds), most, workers)
+
+
+class _Found(NamedTuple):
+    """What was explored."""
+
+    points: IntArray
+    """Stances in the order of their codes, shape (n, N)."""
+    base: Array
+    """Their base positions [m], shape (n, 3)."""
+    odds: Array
+    """Weights of `step_odds.features`."""
+
+
+def _joined(graph: LazyGraph, found: _Found, most: int, workers: _Workers) -> Roadmap:
+    """A roadmap of the stances that serve most of those that were found.
+
+    Most pairs of them are steps, so that what serves least is found without a check of each.
+    """
+    world, (points, base, odds) = (graph.grasp_map, graph.robot, graph.settings), found
+    chosen = _serving(one_limb_apart(points), base, int(SPARE * most), workers)
+    points, base = points[chosen], base[chosen]
+    pairs = one_limb_apart(points)
+    cuts = [len(pairs.rows) * k // EXPLORATIONS for k in range(EXPLORATIONS + 1)]
+    parts = [pairs.take(slice(a, b)) for a, b in pairwise(cuts)]
+    kept = np.concatenate(workers.run(_steps, [(world, points, part) for part in parts]))
     able = kept.all(axis=1)
-    pairs, kept = pairs[able], kept[able]
-    limb = (points[pairs[:, 0]] != points[pairs[:, 1]]).argmax(axis=1)
-    kept[np.arange(len(kept)), limb] = 0
+    pairs, kept = pairs.take(able), kept[able]
+    chosen = _serving(pairs, base, most, workers)
+    within = chosen[pairs.rows].all(axis=1)
+    points, kept = points[chosen], kept[within]
+    pairs = Pairs((np.cumsum(chosen) - 1)[pairs.rows[within]], pairs.limbs[within])
+    kept[np.arange(len(kept)), pairs.limbs[:, 0]] = 0
+    known = workers.run(_known, [(world, part) for part in np.array_split(points, EXPLORATIONS)])
     position, released = (np.concatenate([one[k] for one in known]) for k in (0, 1))
     return Roadmap(key_of(graph), points, position, released, pairs, kept, odds)
+
+
+def _serving(pairs: Pairs, base: Array, most: int, workers: _Workers) -> BoolArray:
+    """The stances that serve most, by either cost; all if there are no more than that."""
+    if len(base) <= most:
+        workers.skip()
+        return np.ones(len(base), dtype=np.bool_)
+    given = [(pairs.rows, base, cost) for cost in ("steps", "base")]
+    use: Array = np.sum(workers.run(_used, given), axis=0)
+    return most_used(use, most)
+
+
+def _distinct(found: Sequence[tuple[Any, ...]]) -> tuple[IntArray, Array]:
+    """Stances and base positions of all explorations, each stance once, in order."""
+    points, base = (np.concatenate([one[k] for one in found]) for k in (0, 1))
+    _, index = np.unique(codes(points), return_index=True)
+    return points[index], base[index]
 
 
 class _Workers:
     """Processes that tell how far they are."""
 
     def __init__(self, progress: Progress | None) -> None:
+        """Start them; `progress` is called with the share of the work that is done."""
         context = get_context("spawn")
         self.progress, self.stage = progress, 0
         self.shares: Any = context.Array("d", EXPLORATIONS)
@@ -113,9 +165,11 @@ class _Workers:
         )
 
     def __enter__(self) -> _Workers:
+        """Themselves."""
         return self
 
     def __exit__(self, *_: object) -> None:
+        """End them."""
         self.pool.shutdown(cancel_futures=True)
 
     def run(self, work: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
@@ -128,8 +182,12 @@ class _Workers:
             _, waiting = wait(waiting, timeout=0.5)
             if self.progress is not None:
                 self.progress((self.stage + sum(self.shares) / EXPLORATIONS) / STAGES)
-        self.stage += 1
+        self.skip()
         return [job.result() for job in jobs]
+
+    def skip(self) -> None:
+        """Pass over a stage."""
+        self.stage += 1
 
 
 _shares: Any = None
@@ -141,34 +199,49 @@ def _start_worker(shares: Any) -> None:
     _shares = shares
 
 
-def _explored(worker: int, world: World, expansions: int) -> tuple[IntArray, Array, BoolArray]:
-    """Stances of an exploration, and candidates of its first steps with what they turned out."""
+def _explored(worker: int, world: World, expansions: int) -> tuple[Any, ...]:
+    """Stances of an exploration, base positions, candidates of first steps and what these were."""
     found = _Exploration(_graph(world), np.random.default_rng(worker))
     for count in range(expansions):
         found.expand(count)
+        if count % FORGET == FORGET - 1:
+            found.graph = _graph(world)  # what it remembers takes memory
         _shares[worker] = (count + 1) / expansions
     rows, steps = np.concatenate(found.candidates), np.concatenate(found.outcomes)
-    return np.array(found.stances, dtype=np.int64), rows, steps
+    base = np.concatenate([posture.base_position for _, posture in found.states])
+    return np.array(found.stances, dtype=np.int64), base, rows, steps
 
 
-def _joined(worker: int, world: World, points: IntArray, pairs: IntArray) -> IntArray:
+def _used(worker: int, pairs: IntArray, base: Array, cost: str) -> Array:
+    """How much each stance serves by a cost, shape (n,)."""
+
+    def progress(share: float) -> None:
+        _shares[worker] = share
+
+    return use_of(pairs, base, cost, progress)
+
+
+def _steps(worker: int, world: World, points: IntArray, pairs: Pairs) -> IntArray:
     """Masks after steps that may leave all branches; 0 where there is no step, shape (p, N)."""
-    graph, used = _graph(world), np.unique(pairs)
+    graph, used = _graph(world), np.unique(pairs.rows)
     postures, row = _postures(graph, points[used]), np.zeros(len(points), dtype=np.int64)
     row[used] = np.arange(len(used))
-    kept: IntArray = np.zeros((len(pairs), graph.limbs), dtype=np.int64)
-    for at in range(0, len(pairs), AT_ONCE):
+    count = len(pairs.rows)
+    kept: IntArray = np.zeros((count, graph.limbs), dtype=np.int64)
+    for at in range(0, count, AT_ONCE):
         if at % (64 * AT_ONCE) == 0:
-            graph = _graph(world)  # what it remembers takes memory
-        some = pairs[at : at + AT_ONCE]
-        first, before = np.unique(some[:, 0], return_inverse=True)
-        here, after = postures.take(row[first]), postures.take(row[some[:, 1]])
+            graph = _graph(world)
+        some = pairs.take(slice(at, at + AT_ONCE))
+        first, before = np.unique(some.rows[:, 0], return_inverse=True)
+        here = postures.take(row[first])
+        after = postures.take(row[some.rows[:, 1]]).turned(-some.turns)
         states = [
             State(tuple(stance), tuple(mask))
             for stance, mask in zip(points[first].tolist(), here.mask.tolist(), strict=True)
         ]
-        kept[at : at + AT_ONCE] = graph.masks_after(states, here, before, points[some[:, 1]], after)
-        _shares[worker] = (at + len(some)) / len(pairs)
+        stances = some.stances_after(points)
+        kept[at : at + AT_ONCE] = graph.masks_after(states, here, before, stances, after)
+        _shares[worker] = (at + len(stances)) / count
     return kept
 
 
@@ -226,11 +299,13 @@ class _Exploration:
             self.outcomes.append(steps)
 
     def add(self, state: State, posture: Postures) -> None:
-        """Note a state, unless its stance is known."""
-        if state.stance in self.known:
+        """Note a state, unless its stance is known, the robot turned as it may be."""
+        first = state.stance.index(min(state.stance))
+        stance = state.stance[first:] + state.stance[:first]
+        if stance in self.known:
             return
-        self.known.add(state.stance)
-        self.stances.append(state.stance)
+        self.known.add(stance)
+        self.stances.append(stance)
         where = tuple(np.floor(posture.base_position[0] / CELL).astype(int).tolist())
         self.cells.setdefault(where, ([0], []))[1].append(len(self.states))
         self.states.append((state, posture))

@@ -5,9 +5,10 @@ if from one of the base poses that the solver tries, for some order of the limbs
 its point with the `w_m` that a stance needs. That is true of every node, whatever stands around it,
 so what is not in reach is none.
 
-The robot looks the same after a turn by one limb and after a half turn about the line to limb 0, so
-orders of the points about the body count once that differ by where they begin and by which way
-round they run; but the line to the grasp of limb 0, about which the body rolls, may be to any.
+The robot looks the same after a turn by one limb and after a half turn about the line about which
+it rolls, so orders of the points about the body count once that differ by where they begin and by
+which way round they run. That line is the one to the point nearest to the centroid, see `turns`; of
+points that are equally near any may be meant.
 """
 
 from __future__ import annotations
@@ -196,14 +197,22 @@ def _set_in_reach(world: _World, room: ReachRoom) -> bool:
         highest = max(highest, rule.wide_heights[rule.wide_height_count - 1])
     if length(minus(vector(query.target), centre)) > query.tolerance + highest:
         return False
+    nearest = np.inf
+    for k in range(count):
+        nearest = min(nearest, _away(k, centre, world, room))
     if upright:
-        room.frame_count = UNKNOWN
+        room.frame_count, level = UNKNOWN, True
         for k in range(count):
+            if _away(k, centre, world, room) > nearest + SLACK:
+                continue
             line = _line(k, centre, world, room)
-            if _rolled(line, _unit(normal), k == 0, False, world, room):
+            if _rolled(line, _unit(normal), level, False, world, room):
                 return True
+            level = False
     if opposed:
         for k in range(count):
+            if _away(k, centre, world, room) > nearest + SLACK:
+                continue
             room.frame_count = UNKNOWN
             line, rail = _line(k, centre, world, room), vector(world.grasps[room.points[k]].rail)
             out = _unit(_across(rail, line))
@@ -224,6 +233,12 @@ def _middle(world: _World, room: ReachRoom) -> None:
             grasp = world.grasps[room.points[i]]
             room.centre[axis] += grasp.point[axis] / count
             room.normal[axis] += grasp.normal[axis] / count
+
+
+@kernel
+def _away(k: int, centre: Triple, world: _World, room: ReachRoom) -> float:
+    """Distance of point `k` from the centroid [m]."""
+    return length(minus(vector(world.grasps[room.points[k]].point), centre))
 
 
 @kernel

@@ -12,11 +12,11 @@ the largest margin `min(w_m / w_m_min over limbs, w_b / w_b_min)` is taken. Marg
 count as equal, as those of mirror postures are: then the largest clearance of the robot to itself
 decides, and if that is equal within `CLEARANCE_TIE` too, a fixed order in the frame of the grasps:
 the smaller roll, of two opposite ones the positive about the line from the centroid to the grasp of
-limb 0, the lower base, the lower branch labels from the last limb to the first. That line turns
-round when two limbs change places, so no side of the module is favoured; only between opposite
-walls does the sign of the rail's direction enter. The order in which heights and rolls are listed
-plays no part. With collisions checked the rule is the same among candidates that touch nothing, so
-the posture differs only where the rule's choice comes too close to something.
+the first limb, the lower base, the lower branch labels from the last limb to the first. The first
+of two limbs is limb 0: the line turns round when they change places, so no side of the module is
+favoured; of more it is the one with the grasp nearest to the centroid, see `turns`. Only between
+opposite walls does the sign of the rail's direction enter. With collisions checked the rule is the
+same among candidates that touch nothing.
 
 But for the surroundings, the result depends on the relative geometry of the grasps alone. It is
 worked out in the frame of the first grasp on rounded figures, see `geometries`, once for each
@@ -26,6 +26,7 @@ geometry; where that posture touches the surroundings, the candidates are tried 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -58,6 +59,7 @@ from mlivr_gym.postures.records import (
 )
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_postures
+from mlivr_gym.postures.turns import first_limbs, turned, turned_frames
 from mlivr_gym.robot.specification import RobotSpec, geometric_order
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
@@ -169,6 +171,13 @@ class PostureSolver:
         With `nodes_only` nothing but its zero masks is told of a stance that cannot be held, which
         is found much sooner.
         """
+        if self.robot.limbs == 2:
+            return self._solve(stances, nodes_only)
+        turns = first_limbs(self.grasp_map, stances)
+        return self._solve(turned(stances, turns), nodes_only).turned(-turns)
+
+    def _solve(self, stances: IntArray, nodes_only: bool) -> Postures:
+        """Postures of stances with whose limb 0 the rule begins; see `solve`."""
         rows, inverse = relative_geometries(self.grasp_map, stances)
         new: list[int] = []
         where = np.empty(len(rows), dtype=np.int64)
@@ -183,15 +192,11 @@ class PostureSolver:
             self._solve_new(rows[np.array(new)], nodes_only)
         local = self._solved.take(where[inverse])
         frames = self.grasp_map.rotations[stances[:, 0]]
-        postures = Postures(
+        postures = replace(
+            local,
             base_position=self.grasp_map.positions[stances[:, 0]]
             + np.einsum("kij,kj->ki", frames, local.base_position),
             base_rotation=frames @ local.base_rotation,
-            w_m=local.w_m,
-            w_b=local.w_b,
-            branch=local.branch,
-            mask=local.mask,
-            cause=local.cause,
         )
         if self.settings.collisions:
             self._avoid_boxes(stances, postures)
@@ -263,8 +268,8 @@ class PostureSolver:
             collisions: Whether branches that touch something are left out; by default as in the
                 settings.
         """
-        settings, count = self.settings, len(stances)
-        collisions = settings.collisions if collisions is None else collisions
+        collisions = self.settings.collisions if collisions is None else collisions
+        count = len(stances)
         held = self._held_in_world(stances)
         away = positions - held.centres
         frames = (rotations.copy(), away, away, np.zeros(count, dtype=np.bool_))
@@ -288,15 +293,18 @@ class PostureSolver:
         Returns:
             Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3), in the world.
         """
-        held = self._held_in_world(np.array([stance], dtype=np.int64))
+        points = np.array([stance], dtype=np.int64)
+        turns = first_limbs(self.grasp_map, points)
+        held = self._held_in_world(turned(points, turns))
         frames, heights, rolls, *wide = self._candidates(held)
         frame, out, line, opposed = (part[0] for part in frames)
         if opposed:
             heights, rolls = wide
-        turns = Rotation.from_rotvec(rolls[:, None] * line).as_matrix()
-        positions = held.centres[0] + heights[:, None, None] * (turns @ out)
-        rotations = np.broadcast_to(turns @ frame, (len(heights), *turns.shape))
-        return positions.reshape(-1, 3), rotations.reshape(-1, 3, 3)
+        rolled = Rotation.from_rotvec(rolls[:, None] * line).as_matrix()
+        positions = held.centres[0] + heights[:, None, None] * (rolled @ out)
+        rotations = np.broadcast_to(rolled @ frame, (len(heights), *rolled.shape))
+        frames_of = turned_frames(rotations.reshape(-1, 3, 3), -turns, len(stance))
+        return positions.reshape(-1, 3), frames_of
 
     def _candidates(self, held: Grasps) -> _Candidates:
         """The robot's candidates for some grasps."""
@@ -363,10 +371,8 @@ class PostureSolver:
         rule = rules[0]
         stances = HeldStance.rows(k)
         stances["centre"] = held.centres
-        tool_length = self.robot.tool_length
-        stances["grasps"][:, :count] = grasp_rows(
-            held.grasps, held.normals, held.rails, tool_length
-        )
+        grasps = grasp_rows(held.grasps, held.normals, held.rails, self.robot.tool_length)
+        stances["grasps"][:, :count] = grasps
         for name, array in zip(("frame", "out", "line", "opposed"), candidates.frames, strict=True):
             stances[name] = array
         list_tries(rule, candidates[1:])

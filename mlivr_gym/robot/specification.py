@@ -80,8 +80,8 @@ def geometric_order(rolls: Iterable[float]) -> tuple[float, ...]:
     """Rolls [rad] by their size, the positive of two opposite ones first.
 
     This order is the last rule by which a posture is chosen. The roll is counted about the line to
-    the grasp of limb 0, so which side of a wall is preferred changes with the limb that holds
-    either point: no side of the module is favoured.
+    the grasp of one limb, with two limbs of limb 0, so which side of a wall is preferred changes
+    with the limb that holds either point: no side of the module is favoured.
     """
 
     def key(roll: float) -> tuple[float, bool]:
@@ -108,8 +108,8 @@ class RobotSpec:
         span: Greatest distance of two points held at once that is tried [m].
         heights: Heights of the base over the grasps' centroid that are tried [m], in any order:
             they are kept lowest first.
-        rolls: Rolls about the line from the grasps' centroid to that of limb 0 that are tried
-            [rad], in any order; kept in `geometric_order`.
+        rolls: Rolls about the line from the grasps' centroid to that of limb 0, of more than two
+            limbs to the nearest, that are tried [rad], in any order; kept in `geometric_order`.
         lift: How far a gripper departs along the surface normal before it swings [m].
         folds: Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base
             moves, at most four, the preferred first; those that do not lie in the windows of the

@@ -29,7 +29,7 @@ def test_a_roadmap_is_built_and_then_found_by_planners(run, part, tmp_path, monk
     found = Roadmap.of(graph)
     assert found is not None
     assert found.key == key_of(graph)
-    assert f"{len(found)} stances, {len(found.pairs)} steps" in out
+    assert f"{len(found)} stances, {len(found.pairs.rows)} steps" in out
 
 
 @pytest.mark.parametrize(

@@ -22,9 +22,9 @@ from mlivr_gym.transitions.state import State
 
 @pytest.fixture(scope="module")
 def graph(jem):
-    """Three limbs on part of the JEM."""
+    """Four limbs on part of the JEM."""
     part = jem.subset(jem.positions[:, 0] < 2.6, "part")
-    return stance_graph(part, "mlivr3")
+    return stance_graph(part, "mlivr4")
 
 
 @pytest.fixture(scope="module")
@@ -34,35 +34,48 @@ def roadmap(graph):
 
 def test_pairs_one_limb_apart_are_all_there_are():
     rng = np.random.default_rng(0)
-    points = np.unique(rng.integers(0, 6, (60, 3)), axis=0)
+    points = np.array(list(itertools.permutations(range(7), 4)))
+    points = points[points.argmin(axis=1) == 0]
+    points = points[np.sort(rng.choice(len(points), 90, replace=False))]
     points = points[np.argsort(codes(points))]
-    found = set(map(tuple, one_limb_apart(points).tolist()))
-    expected = {
-        (a, b)
-        for a, b in itertools.combinations(range(len(points)), 2)
-        if (points[a] != points[b]).sum() == 1
+    pairs, expected = one_limb_apart(points), set()
+    for a, b in itertools.combinations(range(len(points)), 2):
+        for turn in range(4):
+            there = np.roll(points[b], turn)
+            if (points[a] != there).sum() == 1:
+                expected.add((a, b, *there.tolist()))
+    found = {
+        (*rows, *after)
+        for rows, after in zip(
+            pairs.rows.tolist(), pairs.stances_after(points).tolist(), strict=True
+        )
     }
     assert found == expected
+    assert len(found) == len(pairs.rows) > 100
+    here, there = points[pairs.rows[:, 0]], pairs.stances_after(points)
+    np.testing.assert_array_equal((here != there).argmax(axis=1), pairs.limbs[:, 0])
 
 
 def test_roads_are_the_steps_of_the_graph_between_its_stances(graph, roadmap):
     """All of them and no others, from all branches, with the masks that the graph says."""
     roads, rng = roadmap.roads, np.random.default_rng(1)
     for s in rng.choice(len(roadmap), 12, replace=False).tolist():
-        stance = tuple(roadmap.points[s].tolist())
-        state = graph.state(stance)
+        state = graph.state(tuple(roadmap.points[s].tolist()))
         steps, found = graph.successors(state), {}
         for k in range(len(steps.limb)):
             after = steps.after(state, k)
             row = int(roadmap.find(np.array([after.stance]))[0])
             if row >= 0:
-                found[row] = after.masks
+                found[row] = after
         mine = range(roads.start[s], roads.start[s + 1])
         assert {int(roads.other[e]) for e in mine} == set(found)
         for e in mine:
+            after = found[int(roads.other[e])]
             limb, masks = int(roads.limb[e]), list(state.masks)
-            kept = [int(roads.kept[e, i]) & (masks[i] if i != limb else -1) for i in range(3)]
-            assert tuple(kept) == found[int(roads.other[e])]
+            kept = [int(roads.kept[e, i]) & (masks[i] if i != limb else -1) for i in range(4)]
+            assert tuple(kept) == after.masks
+            there = np.roll(after.stance, -int(roads.turn[e]))
+            np.testing.assert_array_equal(there, roadmap.points[roads.other[e]])
 
 
 def test_a_roadmap_is_read_as_it_was_written(graph, roadmap, tmp_path):
@@ -70,8 +83,10 @@ def test_a_roadmap_is_read_as_it_was_written(graph, roadmap, tmp_path):
     roadmap.write(path)
     again = Roadmap.read(path)
     assert again.key == roadmap.key
-    for name in ("points", "released", "pairs", "kept", "odds"):
+    for name in ("points", "released", "kept", "odds"):
         np.testing.assert_array_equal(getattr(again, name), getattr(roadmap, name))
+    for one, other in zip(again.pairs, roadmap.pairs, strict=True):
+        np.testing.assert_array_equal(one, other)
     np.testing.assert_allclose(again.base_position, roadmap.base_position, atol=1e-6)
 
 
@@ -87,6 +102,19 @@ def test_the_same_expansions_give_the_same_roadmap(graph, roadmap):
     again = build(graph, 60)
     np.testing.assert_array_equal(again.points, roadmap.points)
     np.testing.assert_array_equal(again.kept, roadmap.kept)
+
+
+def test_no_more_stances_are_kept_than_are_asked_for(graph, roadmap):
+    """Those that are kept and their steps are as without."""
+    fewer = build(graph, 60, most=150)
+    assert len(fewer) == 150 < len(roadmap)
+    rows = roadmap.find(fewer.points)
+    assert (rows >= 0).all()
+    np.testing.assert_array_equal(fewer.released, roadmap.released[rows])
+    theirs = {tuple(p): k for p, k in zip(roadmap.pairs.rows.tolist(), roadmap.kept, strict=True)}
+    assert len(fewer.pairs.rows) > 150
+    for pair, kept in zip(rows[fewer.pairs.rows].tolist(), fewer.kept, strict=True):
+        np.testing.assert_array_equal(kept, theirs[tuple(pair)])
 
 
 def test_no_roadmap_is_built_where_none_is_meant(graph, small_graph):
@@ -111,7 +139,7 @@ def ends(roadmap):
     return tuple(roadmap.points[first].tolist()), roadmap.base_position[last]
 
 
-def first_walk(graph, roadmap, start, goal, cost="steps", seconds=60.0):
+def first_walk(graph, roadmap, start, goal, cost="steps", seconds=8.0):
     target = Goal.checked(graph, np.clip(goal, *graph.grasp_map.cabin), cost, None, 0.2)
     return Joining(graph, roadmap, target, time.perf_counter() + seconds).walk(start)
 
@@ -145,8 +173,8 @@ def test_a_first_walk_leads_over_steps_of_the_graph_to_the_goal(graph, roadmap):
 def test_no_walk_rests_on_a_roadmap_that_is_wrong(graph, roadmap):
     """All stances one limb apart are said to be joined, on all branches; few are."""
     pairs = one_limb_apart(roadmap.points)
-    assert len(pairs) > len(roadmap.pairs)
-    wrong = replace(roadmap, pairs=pairs, kept=np.full((len(pairs), 3), 0xFFFF))
+    assert len(pairs.rows) > len(roadmap.pairs.rows)
+    wrong = replace(roadmap, pairs=pairs, kept=np.full((len(pairs.rows), 4), 0xFFFF))
     origin, goal = ends(roadmap)
     walk = first_walk(graph, wrong, graph.state(origin), goal, seconds=5.0)
     for (state, _), (after, _) in itertools.pairwise(walk or []):
@@ -182,8 +210,9 @@ def test_steps_of_the_roadmaps_that_ship_are_steps(robot):
     roadmap, rng = Roadmap.of(graph), np.random.default_rng(4)
     assert roadmap is not None
     assert len(roadmap) > 10_000
-    picked = rng.choice(len(roadmap.pairs), 60, replace=False)
-    before, after = roadmap.points[roadmap.pairs[picked]].transpose(1, 0, 2)
+    picked = rng.choice(len(roadmap.pairs.rows), 60, replace=False)
+    pairs = roadmap.pairs.take(picked)
+    before, after = roadmap.points[pairs.rows[:, 0]], pairs.stances_after(roadmap.points)
     here, there = graph.nodes(before), graph.nodes(after)
     assert graph.is_node(here).all()
     assert graph.is_node(there).all()
@@ -195,7 +224,7 @@ def test_steps_of_the_roadmaps_that_ship_are_steps(robot):
     masks[np.arange(len(picked)), limb] = 0
     np.testing.assert_array_equal(masks, roadmap.kept[picked])
     np.testing.assert_allclose(
-        roadmap.base_position[roadmap.pairs[picked, 0]], here.base_position, atol=1e-5
+        roadmap.base_position[pairs.rows[:, 0]], here.base_position, atol=1e-5
     )
     assert features(graph, states[0].stance, here.take(np.array([0])), after[:1]).shape == (1, 4)
 

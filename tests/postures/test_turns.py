@@ -1,0 +1,103 @@
+"""A robot of many limbs that has turned about its own axis is the same robot."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import GraspMap, Settings, stance_graph
+from mlivr_gym.postures.turns import first_limbs, lowest_first, turned, turned_frames
+
+
+def stances_of(graph, count, seed):
+    """Random stances whose points may be held two by two, about one place."""
+    rng, rows = np.random.default_rng(seed), []
+    while len(rows) < count:
+        chosen = [int(rng.integers(len(graph.grasp_map)))]
+        while len(chosen) < graph.limbs:
+            able = np.flatnonzero(graph.together[chosen].all(axis=0))
+            if not len(able):
+                break
+            chosen.append(int(rng.choice(able)))
+        if len(chosen) == graph.limbs:
+            rows.append(chosen)
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(("limbs", "collisions"), [(3, True), (4, False), (4, True)])
+def test_postures_turn_with_the_limbs(jem, limbs, collisions):
+    """Pose, manipulability and branches are those of the stance, whichever limb comes first."""
+    graph = stance_graph(jem, f"mlivr{limbs}", Settings(collisions=collisions))
+    stances = stances_of(graph, 1000 if limbs == 3 else 6000, limbs)
+    found = graph.nodes(stances)
+    held = graph.is_node(found)
+    assert held.sum() > 40
+    stances, found = stances[held], found.take(held)
+    for turn in range(1, limbs):
+        other = graph.nodes(np.roll(stances, -turn, axis=1))
+        assert graph.is_node(other).all()
+        np.testing.assert_allclose(other.base_position, found.base_position, atol=1e-12)
+        yaw = Rotation.from_rotvec([0.0, 0.0, 2.0 * np.pi * turn / limbs]).as_matrix()
+        np.testing.assert_allclose(other.base_rotation, found.base_rotation @ yaw, atol=1e-12)
+        np.testing.assert_allclose(other.w_b, found.w_b, rtol=1e-9)
+        for name in ("w_m", "branch", "mask"):
+            ours, theirs = getattr(other, name), np.roll(getattr(found, name), -turn, axis=1)
+            np.testing.assert_allclose(ours, theirs, rtol=1e-9)
+
+
+def test_the_poses_tried_turn_with_the_limbs(jem):
+    graph = stance_graph(jem, "mlivr3", Settings(collisions=False))
+    for stance in stances_of(graph, 20, 0):
+        positions, rotations = graph.solver.poses_tried(stance.tolist())
+        yaw = Rotation.from_rotvec([0.0, 0.0, 2.0 * np.pi / 3.0]).as_matrix()
+        others, after = graph.solver.poses_tried(np.roll(stance, -1).tolist())
+        np.testing.assert_allclose(others, positions, atol=1e-12)
+        np.testing.assert_allclose(after, rotations @ yaw, atol=1e-12)
+
+
+def random_map(rng, count):
+    """Points at small whole numbers, of which some stances are their own image."""
+    places = np.unique(rng.integers(0, 4, (4 * count, 3)), axis=0)
+    places = places[rng.permutation(len(places))[:count]]
+    return map_of([f"p{k}" for k in range(count)], places)
+
+
+def map_of(ids, places):
+    """A map of points on one face."""
+    points = [
+        {"id": name, "face": "deck", "position": p, "normal": [0, 0, 1], "rail": [1, 0, 0]}
+        for name, p in zip(ids, places.tolist(), strict=True)
+    ]
+    return GraspMap.from_dict({"points": points})
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32), limbs=st.integers(3, 5))
+def test_the_first_limb_is_the_same_point_after_a_turn(seed, limbs):
+    """Also in stances that are their own image, and whatever the points are numbered by."""
+    rng = np.random.default_rng(seed)
+    grasp_map = random_map(rng, 12)
+    stances = np.array([rng.choice(12, limbs, replace=False) for _ in range(30)])
+    first = first_limbs(grasp_map, stances)
+    point = stances[np.arange(30), first]
+    positions = grasp_map.positions[stances]
+    away = np.linalg.norm(positions - positions.mean(axis=1, keepdims=True), axis=2)
+    np.testing.assert_allclose(away[np.arange(30), first], away.min(axis=1), atol=1e-6)
+    for turn in range(1, limbs):
+        there = np.roll(stances, -turn, axis=1)
+        np.testing.assert_array_equal(there[np.arange(30), first_limbs(grasp_map, there)], point)
+    order = rng.permutation(12)
+    shuffled = map_of([grasp_map.ids[k] for k in order], grasp_map.positions[order])
+    number = {name: k for k, name in enumerate(shuffled.ids)}
+    theirs = np.vectorize(lambda p: number[grasp_map.ids[p]])(stances)
+    ids = [shuffled.ids[p] for p in theirs[np.arange(30), first_limbs(shuffled, theirs)]]
+    assert ids == [grasp_map.ids[p] for p in point]
+
+
+def test_turns_put_limbs_in_the_places_of_others():
+    values = np.arange(8).reshape(2, 4)
+    np.testing.assert_array_equal(turned(values, np.array([1, -1])), [[1, 2, 3, 0], [7, 4, 5, 6]])
+    np.testing.assert_array_equal(lowest_first(np.array([[5, 2, 9], [1, 7, 3]])), [1, 0])
+    frames = turned_frames(np.eye(3)[None], np.array([1]), 4)
+    np.testing.assert_allclose(frames[0, :, 0], [0.0, 1.0, 0.0], atol=1e-15)
