@@ -34,6 +34,7 @@ from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State
 
 ROBOTS = ("mlivr3", "mlivr4")
@@ -132,6 +133,19 @@ def faces_of(graph: LazyGraph, stances: IntArray) -> list[tuple[str, ...]]:
     return [tuple(sorted(set(row))) for row in faces[stances].tolist()]
 
 
+def within_span(graph: LazyGraph, state: State, posture: Postures) -> IntArray:
+    """Stances one move from a state of which only the distances of the points are known, (k, N)."""
+    stances = [np.zeros((0, graph.limbs), dtype=np.int64)]
+    for limb, held in enumerate(state.stance):
+        if can_release(state.masks[limb], graph.released(state.stance, posture, limb)):
+            able = graph.together[np.delete(state.stance, limb)].all(axis=0)
+            able[held] = False
+            points = np.flatnonzero(able)
+            stances.append(np.tile(state.stance, (len(points), 1)))
+            stances[-1][:, limb] = points
+    return np.concatenate(stances)
+
+
 def limits(graph: LazyGraph, found: Explored, rng: np.random.Generator) -> dict[str, Any]:
     """Neighbours of some stances, counted by the first of the conditions that they fail."""
     free = stance_graph(
@@ -141,7 +155,7 @@ def limits(graph: LazyGraph, found: Explored, rng: np.random.Generator) -> dict[
     counts, shares = Counter[str](), []
     for k in rng.choice(len(found.states), SAMPLE, replace=False).tolist():
         state, posture = found.states[k], found.postures[k]
-        stances = graph.neighbours(state, posture)
+        stances = within_span(graph, state, posture)
         loose, real = free.postures(stances), graph.nodes(stances)
         reachable = free.is_node(loose)
         dexterous = reachable & (loose.w_m.min(axis=1) >= limb)

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from mlivr_gym import stance_graph
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.first_walk import Joining
+from mlivr_gym.planners.first_walk import FACTORS, LEAST_COST, Joining
+from mlivr_gym.planners.label_search import Origins, cheapest_walk
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.roadmap import Roadmap, RoadmapError, codes, one_limb_apart, roadmap_files
 from mlivr_gym.planners.roadmap_build import build
@@ -168,6 +169,28 @@ def test_a_first_walk_leads_over_steps_of_the_graph_to_the_goal(graph, roadmap):
             assert not set(busy) & set(state.stance)
     finally:
         graph.vacate()
+
+
+def test_from_a_stance_of_the_roadmap_the_walk_is_the_one_over_it(graph, roadmap):
+    """Of the robot as it has turned: no step that the roadmap tells has to be taken out."""
+    roads, count = roadmap.roads, len(roadmap)
+    cost = np.full(len(roads.other), 1.0 + LEAST_COST)
+    matrix, long = csr_array((cost, roads.other, roads.start), shape=(count, count)), 0
+    for goal in roadmap.base_position[:: count // 12]:
+        target = np.clip(goal, *graph.grasp_map.cabin)
+        reached = np.linalg.norm(roadmap.base_position - target, axis=1) <= 0.2
+        h = dijkstra(matrix, indices=np.flatnonzero(reached), min_only=True)
+        row = int(np.where(np.isfinite(h), h, -1.0).argmax())
+        start = graph.state(tuple(np.roll(roadmap.points[row], 1).tolist()))
+        masks = np.roll(start.masks, -1)[None]
+        origins = Origins(np.array([row]), masks, np.zeros(1))
+        expected = cheapest_walk(roads, cost, h, origins, FACTORS)
+        if expected is not None:
+            walk = first_walk(graph, roadmap, start, goal)
+            there = np.array([state.stance for state, _ in walk])
+            np.testing.assert_array_equal(roadmap.find(there), expected.stances)
+            long += len(walk) > 4
+    assert long > 2
 
 
 def test_no_walk_rests_on_a_roadmap_that_is_wrong(graph, roadmap):

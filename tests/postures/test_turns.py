@@ -95,6 +95,17 @@ def test_the_first_limb_is_the_same_point_after_a_turn(seed, limbs):
     assert ids == [grasp_map.ids[p] for p in point]
 
 
+def test_of_a_rectangle_the_limb_before_a_short_side_is_the_first():
+    """However it lies: its four points are equally near, and no axis of the map is favoured."""
+    rng, corners = np.random.default_rng(5), np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])
+    for _ in range(10):
+        grasp_map = map_of("abcd", Rotation.random(random_state=rng).apply(corners))
+        for stance in np.array([(0, 1, 2, 3), (1, 2, 3, 0), (3, 2, 1, 0), (2, 1, 0, 3)]):
+            first = int(first_limbs(grasp_map, stance[None])[0])
+            side = grasp_map.positions[stance[[first, (first + 1) % 4]]]
+            assert np.linalg.norm(side[1] - side[0]) == pytest.approx(1.0)
+
+
 def test_turns_put_limbs_in_the_places_of_others():
     values = np.arange(8).reshape(2, 4)
     np.testing.assert_array_equal(turned(values, np.array([1, -1])), [[1, 2, 3, 0], [7, 4, 5, 6]])
