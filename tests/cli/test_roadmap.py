@@ -36,7 +36,8 @@ def test_a_roadmap_is_built_and_then_found_by_planners(run, part, tmp_path, monk
     ("arguments", "words"),
     [
         (["--robot", "mlivr2"], "two limbs"),
-        (["--robot", "mlivr3", "--expansions", "0"], "between 1 and 10,000,000"),
+        (["--robot", "mlivr3", "--expansions", "0"], "--expansions is 0; it must be between 1"),
+        (["--robot", "mlivr3", "--stances", "-1"], "--stances is -1; it must be between 1"),
         (["--robot", "mlivr3", "--no-transitions"], "steps are not checked"),
     ],
 )
