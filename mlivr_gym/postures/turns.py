@@ -3,8 +3,9 @@
 The limbs of a robot are alike and mounted at equal angles, so a stance whose points change limbs in
 turn is the same stance of a robot that has turned. With more than two limbs its posture is the same
 too: the rule of postures begins with a limb that the grasps decide, not with limb 0, see
-`first_limbs`. So are its steps, but for a few that the checks prove in one place only. A turn `t`
-puts limb `(t + i) % N` in the place of limb `i`.
+`first_limbs`. So are its steps if the body looks the same too, which is a cube: with four limbs,
+see `same_after_turns`; with three a few are not. A turn `t` puts limb `(t + i) % N` in the place of
+limb `i`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,11 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.postures.geometries import RESOLUTION
 from mlivr_gym.world.grasp_map import GraspMap
+
+
+def same_after_turns(limbs: int) -> bool:
+    """Whether all of a robot, the cube of its body too, is as before after any turn."""
+    return 4 % limbs == 0
 
 
 def turned(values: NDArray[Any], turns: NDArray[Any]) -> NDArray[Any]:

@@ -1,0 +1,164 @@
+"""Where tables of nodes are kept: small files to pass on, and unpacked ones in the cache folder."""
+
+from __future__ import annotations
+
+import io
+import logging
+import lzma
+from collections import OrderedDict
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.cache import cache_folder
+from mlivr_gym.compiled.limb_masks import unpacked
+from mlivr_gym.files import FileError, write_whole
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_pairs import count_pairs, gathered, spread
+from mlivr_gym.stances.node_table import (
+    RESOLUTION,
+    Nodes,
+    NodeTable,
+    NodeTableError,
+    table_of,
+)
+from mlivr_gym.stances.stance_sets import StanceSets, key_of
+from mlivr_gym.world.grasp_map import GraspMap
+
+FORMAT = 1
+"""Format of the files."""
+
+KEPT = 2
+"""Tables that are kept in memory."""
+
+_kept: OrderedDict[str, NodeTable | None] = OrderedDict()
+"""The tables of the graphs used last."""
+
+
+def node_table(graph: LazyGraph) -> NodeTable | None:
+    """The table that was built for a graph, or given as a small file; None without one.
+
+    One that cannot be read is passed over with a warning.
+    """
+    key = key_of(graph)
+    if key not in _kept:
+        _kept[key] = _found(graph, key)
+        if len(_kept) > KEPT:
+            _kept.popitem(last=False)
+    return _kept[key]
+
+
+def write_table(table: NodeTable, graph: LazyGraph, path: str | Path) -> None:
+    """Write a table as small as it gets.
+
+    Raises:
+        FileError: If the file cannot be written.
+    """
+    limbs, away = table.limbs, table.base_position - _centroids(graph.grasp_map, table.points)
+    masks = [unpacked(one, limbs).astype(np.uint16) for one in (table.masks, table.released)]
+    arrays = [
+        np.array([str(FORMAT), key_of(graph)]),
+        np.diff(table.points.astype(np.int32), axis=0, prepend=0).astype(np.int16).T.copy(),
+        *_coded(np.rint(away / RESOLUTION).astype(np.int32)),
+        *_coded(np.stack(masks, axis=2).reshape(-1, 2)),
+        gathered(table),
+    ]
+    stream = io.BytesIO()
+    for one in arrays:
+        np.save(stream, one)
+    write_whole(path, lzma.compress(stream.getvalue()))
+
+
+def _coded(rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint32]]:
+    """The different ones of some rows, and which of them each is: there are few."""
+    different, which = np.unique(rows, axis=0, return_inverse=True)
+    return different, which.reshape(-1).astype(np.uint32)
+
+
+def read_table(path: str | Path, graph: LazyGraph, sets: StanceSets) -> NodeTable | None:
+    """The table in a file; None if it is one of another graph.
+
+    Raises:
+        NodeTableError: If it is none of this format.
+    """
+    try:
+        with lzma.open(path) as stream:
+            head = _arrays(stream, 1)[0].tolist()
+            if head[0] != str(FORMAT):
+                raise ValueError
+            if head[1] != key_of(graph):
+                return None
+            apart, places, place, pairs, pair, joined = _arrays(stream, 6)
+        points = np.cumsum(apart.T, axis=0, dtype=np.int64)
+        base = _centroids(graph.grasp_map, points) + places[place] * RESOLUTION
+        masks, released = pairs[pair].reshape(*points.shape, 2).transpose(2, 0, 1)
+        table = table_of(Nodes(points, base, masks, released), sets)
+        count = count_pairs(table, 0, len(table.offset) - 1)
+        spread(table, np.unpackbits(joined, count=count).view(np.bool_))
+        return table
+    except (OSError, ValueError, TypeError, IndexError, EOFError, lzma.LZMAError):
+        raise NodeTableError(f"{str(path)!r} is no table of nodes of format {FORMAT}") from None
+
+
+def _found(graph: LazyGraph, key: str) -> NodeTable | None:
+    """The table of a graph: as it was unpacked, or a small file, unpacked for the next time.
+
+    To put the nodes of a small file together takes seconds.
+    """
+    log, path = logging.getLogger(__name__), unpacked_path(key)
+    if path is None:
+        return None
+    if path.is_file():
+        try:
+            with path.open("rb") as stream:
+                return NodeTable(*_arrays(stream, len(NodeTable._fields)))
+        except (OSError, ValueError, EOFError):
+            log.warning("%r holds no table of nodes: it is passed over", str(path))
+    small, sets = path.parent / small_name(key), graph.sets(work_out=False)
+    if not small.is_file() or sets is None:
+        return None
+    try:
+        table = read_table(small, graph, sets)
+        if table is not None:
+            write_unpacked(table, path)
+    except (NodeTableError, FileError) as error:
+        log.warning("%s", error)
+        return None
+    return table
+
+
+def small_name(key: str) -> str:
+    """Name under which a small file is found in the cache folder."""
+    return f"nodes-{key}.xz"
+
+
+def unpacked_path(key: str) -> Path | None:
+    """Where the table of a graph lies in the cache folder, None without one."""
+    folder = cache_folder()
+    return None if folder is None else folder / f"nodes-{key}-{FORMAT}.npy"
+
+
+def write_unpacked(table: NodeTable, path: Path) -> None:
+    """Write a table as it is read soonest.
+
+    Raises:
+        FileError: If the file cannot be written.
+    """
+    stream = io.BytesIO()
+    for one in table:
+        np.save(stream, one)
+    write_whole(path, stream.getvalue())
+
+
+def _arrays(stream: IO[bytes], count: int) -> list[NDArray[Any]]:
+    """Arrays that were saved one after the other."""
+    return [np.load(stream, allow_pickle=False) for _ in range(count)]
+
+
+def _centroids(grasp_map: GraspMap, points: IntArray | NDArray[np.uint16]) -> Array:
+    """Centroids of the points of stances, shape (n, 3) [m]."""
+    centroids: Array = grasp_map.positions[points].mean(axis=1)
+    return centroids

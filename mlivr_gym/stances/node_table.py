@@ -1,0 +1,125 @@
+"""All nodes of the stance graph of three or four limbs, once and for all.
+
+With four limbs a node stands for those of the robot after turns, see `postures.turns`: limb 0 holds
+its lowest point. Each has what a step asks before it is checked: where the base is, on which
+branches the limbs may hold and be released, and which nodes are a move away. So a walk that no step
+forbids is found without a posture worked out, and what is no walk there is none on the graph.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.limb_masks import packed
+from mlivr_gym.errors import MlivrError
+from mlivr_gym.postures.turns import lowest_first, same_after_turns, turned
+from mlivr_gym.stances.stance_sets import StanceSets
+
+RESOLUTION = 1e-5
+"""Base positions are kept from the grasps' centroid as whole multiples of it [m]."""
+
+ROUNDED = RESOLUTION
+"""Farthest that a kept base position lies from the true one [m]: half a diagonal, and the rounding
+of the numbers."""
+
+
+class NodeTableError(MlivrError):
+    """A table of nodes cannot be built or read."""
+
+
+class Nodes(NamedTuple):
+    """What is worked out of n nodes, in the order of their codes."""
+
+    points: IntArray
+    """Point index of each limb, shape (n, N)."""
+    base_position: Array
+    """Base positions in the world [m], shape (n, 3)."""
+    masks: IntArray
+    """On which branches the limbs may hold, shape (n, N)."""
+    released: IntArray
+    """On which of them they can be released, shape (n, N)."""
+
+
+class NodeTable(NamedTuple):
+    """The n nodes of a graph, in the order of `codes`, as compiled code reads them."""
+
+    points: NDArray[np.uint16]
+    """Point index of each limb, of four the lowest first, shape (n, N)."""
+    base_position: NDArray[np.float32]
+    """Base positions in the world [m], within `ROUNDED`, shape (n, 3)."""
+    masks: NDArray[np.uint64]
+    """On which branches the limbs may hold, see `limb_masks`, shape (n,)."""
+    released: NDArray[np.uint64]
+    """On which of them they can be released, shape (n,)."""
+    sets: NDArray[np.int32]
+    """Row of the set of points of each, see `StanceSets`, shape (n,)."""
+    rests: NDArray[np.int32]
+    """What the others hold beside each limb, in turn from it on, by number, shape (n, N).
+
+    Where turns make a difference it is part of the number which limb that is."""
+    start: NDArray[np.int32]
+    """First of `members` of each such rest, and their number, shape (r + 1,)."""
+    members: NDArray[np.int32]
+    """Nodes that have a rest in common, which are a move apart: `row * N + limb` of those whose
+    limb can be released, those of a rest one after the other, shape (m,)."""
+    offset: IntArray
+    """First of the bits of each rest, and their number, shape (r + 1,)."""
+    bits: NDArray[np.uint64]
+    """Which members of a rest a step may join, see `may_join`; a bit for each two of them."""
+
+    @property
+    def limbs(self) -> int:
+        """Number of limbs."""
+        return int(self.points.shape[1])
+
+    def find(self, stances: IntArray) -> tuple[IntArray, IntArray]:
+        """Rows of stances, and the turns after which they are those of the table.
+
+        Args:
+            stances: Point indices, shape (k, N).
+
+        Returns:
+            Rows, -1 for what is no node, and turns, each of shape (k,).
+        """
+        turns = np.zeros(len(stances), dtype=np.int64)
+        if same_after_turns(self.limbs):
+            turns = lowest_first(stances)
+        wanted, known = codes(turned(stances, turns)), codes(self.points)
+        rows: IntArray = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
+        return np.where(known[rows] == wanted, rows, -1), turns
+
+
+def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
+    """One number for each stance, in the order of its points from limb 0 on, (k, N) -> (k,)."""
+    # Points of 16 bits each: four limbs fill a number.
+    code = np.zeros(len(stances), dtype=np.uint64)
+    for column in stances.T:
+        code = (code << np.uint64(16)) | column.astype(np.uint64)
+    return code
+
+
+def table_of(nodes: Nodes, sets: StanceSets) -> NodeTable:
+    """The table of some nodes, which holds no bits yet, but has room for them."""
+    points, released = nodes.points, nodes.released
+    limbs = points.shape[1]
+    beside: Any = np.stack(
+        [codes(np.roll(points, -k, axis=1)[:, 1:]) for k in range(limbs)], axis=1
+    )
+    if not same_after_turns(limbs):
+        beside = beside * np.uint64(limbs) + np.arange(limbs, dtype=np.uint64)
+    known, rests = np.unique(beside, return_inverse=True)
+    numbers = rests.reshape(-1).astype(np.int32)
+    members = np.argsort(numbers, kind="stable").astype(np.int32)
+    members = members[released.reshape(-1)[members] != 0]
+    start = np.searchsorted(numbers[members], np.arange(len(known) + 1)).astype(np.int32)
+    sizes = np.diff(start).astype(np.int64)
+    offset = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(sizes * sizes)])
+    return NodeTable(
+        points.astype(np.uint16), nodes.base_position.astype(np.float32), packed(nodes.masks),
+        packed(released), sets.find(points).astype(np.int32), numbers.reshape(points.shape), start,
+        members, offset, np.zeros(int(offset[-1]) // 64 + 1, dtype=np.uint64),
+    )  # fmt: skip

@@ -1,0 +1,214 @@
+"""Work out all nodes of the stance graph of three or four limbs, with what a step asks of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, wait
+from itertools import permutations
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.turns import same_after_turns, turned, turned_frames
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.settings import Settings
+from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_pairs import count_pairs, list_pairs, spread
+from mlivr_gym.stances.node_table import Nodes, NodeTable, NodeTableError, codes, table_of
+from mlivr_gym.world.grasp_map import GraspMap
+
+WORKERS = 2
+"""Processes that share the work."""
+
+AT_ONCE = 4000
+"""Stances that are worked out at once; what a graph remembers of them takes memory."""
+
+PAIRS = 1_000_000
+"""Bits of rests whose pairs are checked at once, unless one rest has more."""
+
+FAR = np.pi / 2.0
+"""Turn of the base from which on steps are checked [rad]."""
+
+STAGES = 2
+"""The nodes, and what joins them."""
+
+World = tuple[GraspMap, RobotSpec, Settings]
+"""What a graph is made of."""
+
+Progress = Callable[[float], None]
+"""Called with the share of the work that is done."""
+
+
+def build(graph: LazyGraph, progress: Progress | None = None) -> NodeTable:
+    """Work out every stance that holds one of the sets of points, in processes.
+
+    Args:
+        graph: The stance graph, without obstacles and occupied points.
+        progress: Called now and then with the share of the work that is done.
+
+    Raises:
+        NodeTableError: If the sets of points are not known, which are those of three or four
+            limbs; if steps are not checked, or there are obstacles or occupied points.
+    """
+    if not graph.settings.transitions or graph.obstacles or graph.occupied:
+        raise NodeTableError(
+            "nodes are worked out where steps are checked, without obstacles and occupied points"
+        )
+    sets = graph.sets()
+    if sets is None:
+        raise NodeTableError(
+            f"robot {graph.robot.name!r} has {graph.limbs} limbs on {len(graph.grasp_map)} points: "
+            f"nodes are worked out for three or four limbs and at most 40 million sets of points"
+        )
+    world = graph.grasp_map, graph.robot, graph.settings
+    with _Workers(progress) as workers:
+        found = workers.run(_nodes, [(world, sets.points[k::WORKERS]) for k in range(WORKERS)])
+        points, base, rotation, masks, released = map(np.concatenate, zip(*found, strict=True))
+        order = np.argsort(codes(points))
+        nodes = Nodes(*(one[order] for one in (points, base, masks, released)))
+        table = table_of(nodes, sets)
+        joined = workers.run(_joined, _shared(world, nodes, rotation[order], table))
+        spread(table, np.concatenate(joined))
+    return table
+
+
+def _shared(world: World, nodes: Nodes, rotation: Array, table: NodeTable) -> list[tuple[Any, ...]]:
+    """What each worker checks: rests with about as many pairs."""
+    cuts = np.searchsorted(table.offset, table.offset[-1] * np.arange(WORKERS + 1) // WORKERS)
+    return [(world, nodes, rotation, table, cuts[k], cuts[k + 1]) for k in range(WORKERS)]
+
+
+class _Workers:
+    """Processes that tell how far they are."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        """Start them; `progress` is called with the share of the work that is done."""
+        context = get_context("spawn")
+        self.progress, self.stage = progress, 0
+        self.shares: Any = context.Array("d", WORKERS)
+        self.pool = ProcessPoolExecutor(
+            WORKERS, mp_context=context, initializer=_start_worker, initargs=(self.shares,)
+        )
+
+    def __enter__(self) -> _Workers:
+        """Themselves."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End them."""
+        self.pool.shutdown(cancel_futures=True)
+
+    def run(self, work: Callable[..., Any], arguments: list[tuple[Any, ...]]) -> list[Any]:
+        """What `work` returns for each of some arguments: one of `STAGES`."""
+        for k in range(WORKERS):
+            self.shares[k] = 0.0
+        jobs = [self.pool.submit(work, k, *given) for k, given in enumerate(arguments)]
+        waiting: Any = jobs
+        while waiting:
+            _, waiting = wait(waiting, timeout=0.5)
+            if self.progress is not None:
+                self.progress((self.stage + sum(self.shares) / WORKERS) / STAGES)
+        self.stage += 1
+        return [job.result() for job in jobs]
+
+
+_shares: Any = None
+"""In a worker, how far each of them is."""
+
+
+def _start_worker(shares: Any) -> None:
+    global _shares
+    _shares = shares
+
+
+def _nodes(
+    worker: int, world: World, sets: NDArray[np.uint16]
+) -> tuple[IntArray, Array, Array, IntArray, IntArray]:
+    """The nodes that hold some sets of points.
+
+    Returns:
+        Points, shape (n, N), base positions and rotations, masks, and those on which the limbs can
+        be released.
+    """
+    limbs = sets.shape[1]
+    # Sets are ascending: of what turns make alike the lowest point comes first.
+    alike = same_after_turns(limbs)
+    orders = np.array([one for one in permutations(range(limbs)) if not (alike and one[0])])
+    none = np.zeros((0, limbs), dtype=np.int64)
+    found = [(none, np.zeros((0, 3)), np.zeros((0, 3, 3)), none, none)]
+    each = AT_ONCE // len(orders)
+    for at in range(0, len(sets), each):
+        stances = sets[at : at + each].astype(np.int64)[:, orders].reshape(-1, limbs)
+        graph = _graph(world)
+        postures = graph.nodes(stances)
+        nodes = np.flatnonzero(graph.is_node(postures))
+        stances, postures = stances[nodes], postures.take(nodes)
+        released = graph.all_released(stances, postures)
+        base, rotation = postures.base_position, postures.base_rotation
+        found.append((stances, base, rotation, postures.mask, released))
+        _shares[worker] = min((at + each) / len(sets), 1.0)
+    points, base, rotation, masks, released = map(np.concatenate, zip(*found, strict=True))
+    return points, base, rotation, masks, released
+
+
+def _joined(
+    worker: int, world: World, nodes: Nodes, rotation: Array, table: NodeTable, *rests: int
+) -> BoolArray:
+    """Whether a step may join each pair of `list_pairs` of rests from the first to the last.
+
+    The limbs that hold must be able to follow the base. Where it turns far, as few steps do, all
+    else is checked too.
+    """
+    first, last = rests
+    found, at, start = [np.zeros(0, dtype=np.bool_)], first, table.start
+    while at < last:
+        end = max(int(np.searchsorted(table.offset, table.offset[at] + PAIRS, "right")) - 1, at + 1)
+        end = min(end, last)
+        pairs = np.empty((count_pairs(table, at, end), 2), dtype=np.int64)
+        list_pairs(table, at, end, pairs)
+        members = table.members[start[at] : start[end]].astype(np.int64)
+        found.append(_may_step(_graph(world), nodes, rotation, members, pairs - start[at]))
+        at = end
+        _shares[worker] = (table.offset[at] - table.offset[first]) / max(
+            int(table.offset[last] - table.offset[first]), 1
+        )
+    return np.concatenate(found)
+
+
+def _may_step(
+    graph: LazyGraph, nodes: Nodes, rotation: Array, members: IntArray, pairs: IntArray
+) -> BoolArray:
+    """Whether a step may join pairs of some members, (p, 2) -> (p,); see `_joined`."""
+    rows, turns = np.divmod(members, graph.limbs)
+    if not same_after_turns(graph.limbs):
+        turns[:] = 0
+    # After the turn the limb that moves is the first, so that the others have the same places.
+    points, masks = turned(nodes.points[rows], turns), turned(nodes.masks[rows], turns)
+    frames, none = turned_frames(rotation[rows], turns, graph.limbs), np.zeros_like(points)
+    postures = Postures(
+        nodes.base_position[rows], frames, none.astype(float), none[:, 0].astype(float), none,
+        masks, none[:, 0],
+    )  # fmt: skip
+    stances, world = graph.checks.stances(points, postures), graph.checks.world(graph.obstacle_grid)
+    before, after = pairs.T
+    steps = graph.step_rows(stances, before, after, masks[before])
+    may: BoolArray = np.asarray(graph.checks.hold(steps, stances, world)).astype(np.bool_)
+    cosine = (np.einsum("kij,kij->k", frames[before], frames[after]) - 1.0) / 2.0
+    far = np.flatnonzero(may & (cosine < np.cos(FAR)))
+    for at in range(0, len(far), AT_ONCE):
+        some = far[at : at + AT_ONCE]
+        steps = graph.step_rows(stances, before[some], after[some], masks[before[some]])
+        may[some] = graph.masks_of_steps(steps, stances).all(axis=1)
+    return may
+
+
+def _graph(world: World) -> LazyGraph:
+    """A graph that knows nothing yet: what it remembers takes memory."""
+    graph = stance_graph(*world)
+    assert isinstance(graph, LazyGraph)
+    return graph

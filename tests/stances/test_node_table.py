@@ -1,0 +1,214 @@
+"""Tables of all nodes against the stance graph, asked for every stance and every step."""
+
+import itertools
+
+import numpy as np
+import pytest
+from compiled import called
+from small_tables import small_table
+
+from mlivr_gym import Settings, stance_graph
+from mlivr_gym.compiled.limb_masks import unpacked
+from mlivr_gym.postures.turns import same_after_turns, turned, turned_frames
+from mlivr_gym.stances import node_files
+from mlivr_gym.stances.node_files import (
+    node_table,
+    read_table,
+    small_name,
+    unpacked_path,
+    write_table,
+)
+from mlivr_gym.stances.node_pairs import count_pairs, ends_of, gathered, list_pairs, row_of, spread
+from mlivr_gym.stances.node_table import ROUNDED, NodeTableError, codes
+from mlivr_gym.stances.node_table_build import build
+from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.transitions.state import State
+
+
+@pytest.fixture(scope="module", params=[3, 4])
+def known(request):
+    return small_table(request.param)
+
+
+@pytest.fixture(scope="module")
+def graph(known):
+    return known[0]
+
+
+@pytest.fixture(scope="module")
+def table(known):
+    return known[1]
+
+
+def is_set(bits, k):
+    word, place = divmod(int(k), 64)
+    return bool(int(bits[word]) >> place & 1)
+
+
+def test_it_has_every_node_and_what_the_graph_says_of_it(graph, table):
+    limbs = graph.limbs
+    every = np.array(list(itertools.permutations(range(len(graph.grasp_map)), limbs)))
+    every = every[
+        [all(graph.together[a, b] for a, b in itertools.combinations(s, 2)) for s in every]
+    ]
+    postures = graph.nodes(every)
+    nodes = graph.is_node(postures)
+    rows, turns = table.find(every)
+    np.testing.assert_array_equal(rows >= 0, nodes)
+    assert nodes.sum() > 100
+    every, postures, rows, turns = every[nodes], postures.take(nodes), rows[nodes], turns[nodes]
+    np.testing.assert_array_equal(turned(every, turns), table.points[rows])
+    away = np.linalg.norm(table.base_position[rows] - postures.base_position, axis=1)
+    assert away.max() < ROUNDED
+    for mine, theirs in (
+        (table.masks, postures.mask),
+        (table.released, graph.all_released(every, postures)),
+    ):
+        np.testing.assert_array_equal(unpacked(mine[rows], limbs), turned(theirs, turns))
+    if same_after_turns(limbs):
+        assert len(set(rows.tolist())) * limbs == len(rows)
+
+
+def test_no_step_of_the_graph_is_ruled_out(graph, table):
+    """And what is ruled out is none, from all branches."""
+    limbs, steps, missing, ruled_in, far = graph.limbs, 0, 0, 0, 0
+    points = table.points.astype(np.int64)
+    postures = graph.nodes(points)
+    for s in np.random.default_rng(0).choice(len(points), 40).tolist():
+        state = State(tuple(points[s].tolist()), tuple(postures.mask[s].tolist()))
+        found = graph.successors(state)
+        after = np.array([found.after(state, k).stance for k in range(len(found.limb))])
+        rows, turns = table.find(after.reshape(-1, limbs))
+        joined = set()
+        for limb in range(limbs):
+            rest = table.rests[s, limb]
+            begin, end = table.start[rest], table.start[rest + 1]
+            mine = np.flatnonzero(table.members[begin:end] == s * limbs + limb)
+            row = called(row_of)(table, s, limb)
+            if not len(mine):
+                assert row == -1
+                assert int(table.released[s]) >> 16 * limb & 0xFFFF == 0
+                continue
+            assert row == table.offset[rest] + int(mine[0]) * (end - begin)
+            for k in range(end - begin):
+                if is_set(table.bits, row + k):
+                    other, moved = divmod(int(table.members[begin + k]), limbs)
+                    joined.add((limb, other, moved))
+        steps += len(found.limb)
+        for limb, row, turn in zip(found.limb.tolist(), rows.tolist(), turns.tolist(), strict=True):
+            missing += (limb, row, (limb - turn) % limbs) not in joined
+        ruled_in += len(joined)
+        assert same_after_turns(limbs) or all(limb == moved for limb, _, moved in joined)
+        # Where the base turns far the steps are checked: what is ruled in is one.
+        stepped = set(zip(found.limb.tolist(), rows.tolist(), strict=True))
+        for limb, other, moved in joined:
+            frame = turned_frames(postures.base_rotation[[other]], np.array([moved - limb]), limbs)[
+                0
+            ]
+            if np.trace(postures.base_rotation[s].T @ frame) < 0.9:
+                assert (limb, other) in stepped
+                far += 1
+    assert missing == 0
+    assert far > 0
+    assert 50 < steps > 0.6 * ruled_in
+
+
+def test_pairs_are_those_that_share_branches(graph, table):
+    limbs, rests = graph.limbs, len(table.offset) - 1
+    pairs = np.empty((count_pairs(table, 0, rests), 2), dtype=np.int64)
+    list_pairs(table, 0, rests, pairs)
+    masks, expected = unpacked(table.masks, limbs), []
+    for begin, end in itertools.pairwise(table.start.tolist()):
+        for k, m in itertools.combinations(range(begin, end), 2):
+            (a, i), (b, j) = (divmod(int(table.members[x]), limbs) for x in (k, m))
+            held = np.roll(masks[a], -i - 1)[:-1] & np.roll(masks[b], -j - 1)[:-1]
+            if held.all():
+                expected.append([k, m])
+    assert pairs.tolist() == expected
+
+
+def test_a_bit_tells_its_pair(table):
+    ends = {}
+    for rest, (begin, end) in enumerate(itertools.pairwise(table.start.tolist())):
+        for k, m in itertools.product(range(begin, end), repeat=2):
+            bit = int(table.offset[rest]) + (k - begin) * (end - begin) + m - begin
+            ends[bit] = tuple(divmod(int(table.members[x]), table.limbs) for x in (k, m))
+    bits = np.array(sorted(ends))
+    assert bits.tolist() == list(range(int(table.offset[-1])))
+    one, other, back = ends_of(table, bits)
+    found = zip(zip(*one, strict=True), zip(*other, strict=True), strict=True)
+    assert list(found) == [ends[bit] for bit in bits.tolist()]
+    assert [ends[bit] for bit in back.tolist()] == [ends[bit][::-1] for bit in bits.tolist()]
+
+
+def test_bits_are_spread_as_they_were_gathered(table):
+    blank = table._replace(bits=np.zeros_like(table.bits))
+    count = count_pairs(table, 0, len(table.offset) - 1)
+    spread(blank, np.unpackbits(gathered(table), count=count).astype(np.bool_))
+    np.testing.assert_array_equal(blank.bits, table.bits)
+    assert table.bits.any()
+
+
+def test_a_table_is_read_as_it_was_written(graph, table, tmp_path):
+    path = tmp_path / "nodes.xz"
+    write_table(table, graph, path)
+    again = read_table(path, graph, graph.sets())
+    for name in table._fields:
+        mine, other = getattr(table, name), getattr(again, name)
+        assert mine.dtype == other.dtype
+        np.testing.assert_allclose(mine, other, atol=ROUNDED, rtol=0)
+    other = stance_graph(graph.grasp_map, graph.robot, Settings(collisions=False))
+    assert read_table(path, other, graph.sets()) is None
+
+
+def test_what_was_unpacked_is_found_again(graph, table, tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(node_files, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(node_files, "_kept", type(node_files._kept)())
+    assert node_table(graph) is None
+    node_files._kept.clear()
+    path = unpacked_path(key_of(graph))
+    node_files.write_unpacked(table, path)
+    found = node_table(graph)
+    for one, other in zip(found, table, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert node_table(graph) is found
+    node_files._kept.clear()
+    path.write_bytes(path.read_bytes()[:200])
+    assert node_table(graph) is None
+    assert "holds no table of nodes" in caplog.text
+
+
+def test_a_small_file_is_unpacked_once(graph, table, tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(node_files, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(node_files, "_kept", type(node_files._kept)())
+    key = key_of(graph)
+    small = tmp_path / small_name(key)
+    write_table(table, graph, small)
+    np.testing.assert_array_equal(node_table(graph).bits, table.bits)
+    assert unpacked_path(key).is_file()
+    node_files._kept.clear()
+    unpacked_path(key).unlink()
+    small.write_bytes(b"")
+    assert node_table(graph) is None
+    assert "no table of nodes of format" in caplog.text
+
+
+@pytest.mark.parametrize("content", [b"", b"{}", b"\xfd7zXZ\x00"])
+def test_what_is_no_table_is_refused(graph, tmp_path, content):
+    path = tmp_path / "nodes.xz"
+    path.write_bytes(content)
+    with pytest.raises(NodeTableError, match="no table of nodes of format"):
+        read_table(path, graph, graph.sets())
+
+
+def test_what_has_no_table_is_refused(jem):
+    part = jem.subset(np.arange(len(jem)) < 8, "few")
+    with pytest.raises(NodeTableError, match="three or four"):
+        build(stance_graph(part, {**stance_graph(part, "mlivr3").robot.to_dict(), "limbs": 5}))
+    with pytest.raises(NodeTableError, match="where steps are checked"):
+        build(stance_graph(part, "mlivr3", Settings(transitions=False)))
+
+
+def test_codes_are_in_the_order_of_the_points():
+    points = np.array(sorted(itertools.permutations(range(0, 5 * 4000, 4000), 3)))
+    assert (np.diff(codes(points).astype(object)) > 0).all()

@@ -1,0 +1,23 @@
+"""Tables of all nodes of robots with three and four limbs on a few points."""
+
+from functools import cache
+
+import numpy as np
+
+from mlivr_gym import jem_map, stance_graph
+from mlivr_gym.stances.node_table_build import build
+
+
+def small_map():
+    """Some points of the JEM close to each other."""
+    jem = jem_map()
+    near = np.flatnonzero(np.abs(jem.positions[:, 0] - 2.3) < 0.45)
+    chosen = np.random.default_rng(3).choice(near, 13, replace=False)
+    return jem.subset(np.isin(np.arange(len(jem)), chosen), "part")
+
+
+@cache
+def small_table(limbs):
+    """A graph on these points, and the table of its nodes."""
+    graph = stance_graph(small_map(), f"mlivr{limbs}")
+    return graph, build(graph)
