@@ -219,7 +219,7 @@ class Joining:
         nodes = self.graph.is_node(after)
         found = after.mask
         if nodes.all():
-            found = self._masks_checked(stances, masks, join(first[1], after))
+            found = masks_along(self.graph, stances, masks, join(first[1], after))
         bad = np.flatnonzero(~found.all(axis=1))
         for k in bad.tolist():
             self._take_out(walk.steps[k], node=bool(nodes[k]))
@@ -229,36 +229,6 @@ class Joining:
             (State(tuple(s), tuple(m)), after.take(np.array([k])))
             for k, s, m in zip(range(count), stances[1:].tolist(), masks[1:].tolist(), strict=True)
         ]
-
-    def _masks_checked(self, stances: IntArray, masks: IntArray, postures: Postures) -> IntArray:
-        """Masks after the steps of a walk, 0 where there is no step, shape (k, N).
-
-        Where they are others than a roadmap tells, which may be one of the robot after a turn, the
-        steps from there on are checked anew.
-
-        Args:
-            stances: The k + 1 stances.
-            masks: The masks there that the roadmap tells; those found take their place.
-            postures: Their postures.
-        """
-        begin, count = 0, len(stances) - 1
-        found = np.zeros_like(masks[1:])
-        while begin < count:
-            rows = np.arange(begin, count)
-            states = [
-                State(tuple(s), tuple(m))
-                for s, m in zip(stances[rows].tolist(), masks[rows].tolist(), strict=True)
-            ]
-            found[begin:] = self.graph.masks_after(
-                states, postures.take(rows), np.arange(len(rows)), stances[rows + 1],
-                postures.take(rows + 1),
-            )  # fmt: skip
-            other = np.flatnonzero((found[begin:] != masks[begin + 1 :]).any(axis=1))
-            if not len(other) or not found[begin:].all():
-                break
-            begin += int(other[0]) + 1
-            masks[begin] = found[begin - 1]
-        return found
 
     def _take_out(self, step: int, *, node: bool) -> None:
         """Take a step out of the roadmap, or all steps to its stance if that is no node now."""
@@ -271,6 +241,40 @@ class Joining:
         while self.reached[chain[-1]].parent >= 0:
             chain.append(self.reached[chain[-1]].parent)
         return [(self.reached[k].state, self.reached[k].posture) for k in reversed(chain)]
+
+
+def masks_along(
+    graph: LazyGraph, stances: IntArray, masks: IntArray, postures: Postures
+) -> IntArray:
+    """Masks after the steps of a walk, 0 where there is no step, shape (k, N).
+
+    Where they are others than a roadmap tells, which may be one of the robot after a turn, the
+    steps from there on are checked anew.
+
+    Args:
+        graph: The stance graph.
+        stances: The k + 1 stances.
+        masks: The masks there that the roadmap tells; those found take their place.
+        postures: Their postures.
+    """
+    begin, count = 0, len(stances) - 1
+    found = np.zeros_like(masks[1:])
+    while begin < count:
+        rows = np.arange(begin, count)
+        states = [
+            State(tuple(s), tuple(m))
+            for s, m in zip(stances[rows].tolist(), masks[rows].tolist(), strict=True)
+        ]
+        found[begin:] = graph.masks_after(
+            states, postures.take(rows), np.arange(len(rows)), stances[rows + 1],
+            postures.take(rows + 1),
+        )  # fmt: skip
+        other = np.flatnonzero((found[begin:] != masks[begin + 1 :]).any(axis=1))
+        if not len(other) or not found[begin:].all():
+            break
+        begin += int(other[0]) + 1
+        masks[begin] = found[begin - 1]
+    return found
 
 
 def _covers(old: tuple[int, ...], new: tuple[int, ...]) -> bool:

@@ -12,20 +12,22 @@ cost of every plan, so a plan is told with the factor within which it is proved.
 least cost takes entries by their bound. Others take them by turns in an order of promise, which may
 lead into a pocket, and by their bound with what is left inflated, which leads out again; once there
 is a plan now and then also by bound alone, to prove it good. Where there is a roadmap the first
-plan comes from that, see `first_walk`.
+plan comes from that, see `first_walk`. Where there is a table of all nodes plans are improved over
+that and proved good before an entry is taken, see `node_search`.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.planners.first_walk import Joining
+from mlivr_gym.planners.first_walk import At, Joining
+from mlivr_gym.planners.found import Found, Improvement
 from mlivr_gym.planners.move_bounds import MoveBounds
-from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
+from mlivr_gym.planners.node_search import NodeSearch
+from mlivr_gym.planners.pair_search import FOUND, LIMIT
 from mlivr_gym.planners.query import Goal, Search
 from mlivr_gym.planners.queues import Block, Entry, Queue
 from mlivr_gym.planners.roadmap import Roadmap
@@ -33,6 +35,7 @@ from mlivr_gym.planners.set_bounds import SetBounds
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_files import node_table
 from mlivr_gym.transitions.state import State
 
 POSTURES, SHARE, STEPS = 128, 8, 32
@@ -52,42 +55,6 @@ ROUNDING = 1e-9
 """Costs that differ by this share are equal."""
 
 
-@dataclass(frozen=True)
-class Improvement:
-    """A plan that a search found before it ended.
-
-    Attributes:
-        time: When [s], from the start of the search.
-        cost: Cost of the plan.
-        bound: Factor of the least cost within which it was proved then; infinite if within none.
-    """
-
-    time: float
-    cost: float
-    bound: float
-
-
-@dataclass
-class Found:
-    """Outcome of a search: expanded states with their parents, costs and postures.
-
-    Attributes:
-        status: `FOUND`, `EXHAUSTED` or `LIMIT`.
-        goal: Index of the state that ends the best plan, or of the last expanded one.
-        bound: Factor of the least cost within which the plan is proved.
-    """
-
-    status: int = EXHAUSTED
-    states: list[State] = field(default_factory=list)
-    parents: list[int] = field(default_factory=list)
-    costs: list[float] = field(default_factory=list)
-    postures: list[Postures] = field(default_factory=list)
-    generated: int = 1
-    goal: int = -1
-    bound: float = np.inf
-    improvements: list[Improvement] = field(default_factory=list)
-
-
 def lazy_search(
     graph: LazyGraph, start: State, search: Search, roadmap: Roadmap | None = None
 ) -> Found:
@@ -102,6 +69,8 @@ def lazy_search(
     running = _LazySearch(graph, start, search)
     if roadmap is not None:
         running.join(roadmap, start)
+    if search.guided and not graph.obstacles:
+        running.improve(start)
     return running.run()
 
 
@@ -112,7 +81,7 @@ class _LazySearch:
         self.graph, self.search, self.began = graph, search, time.perf_counter()
         self.goal, self.cost = search.goal, search.goal.cost
         self.max_step, self.moves = graph.max_step, _bounds_of(graph, search.goal)
-        self.found, self.turn = Found(), 0
+        self.found, self.turn, self.least, self.over = Found(), 0, 0.0, False
         self.by_bound, self.by_promise, self.inflated = Queue(), Queue(), Queue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
         """Masks and costs with which each stance was expanded."""
@@ -129,20 +98,48 @@ class _LazySearch:
         """Begin with the walk that a roadmap leads to, if there is one."""
         until = self.began + JOINING * self.search.time_limit
         joining = Joining(self.graph, roadmap, self.goal, until)
-        walk, found, cost = joining.walk(start), self.found, 0.0
-        found.generated += len(joining.reached)
-        if walk is None:
+        walk = joining.walk(start)
+        self.found.generated += len(joining.reached)
+        if walk is not None:
+            self._take(walk)
+
+    def improve(self, start: State) -> None:
+        """Go on over the table of all nodes, if there is one."""
+        table = node_table(self.graph) if self._goes_on() else None
+        if table is None or self.goal.reached(
+            self.graph.posture_of(start).base_position[0], start.stance
+        ):
             return
+        nodes = NodeSearch(self.graph, table, self.goal, start)
+        self.least = nodes.bound()
+        for walk in nodes.walks(self.began + self.search.time_limit, self.best):
+            self.least = nodes.low
+            self._take(walk)
+            if not self._goes_on():
+                break
+        self.least = nodes.low
+        if nodes.exhausted and self.found.goal < 0:
+            self._note(start, self.graph.posture_of(start), -1, 0.0)
+            self.over = True
+
+    def _take(self, walk: list[At]) -> None:
+        """Note a walk to the goal."""
+        found, cost, before = self.found, 0.0, len(self.found.states)
         for k, (state, posture) in enumerate(walk):
             if k:
                 shift = posture.base_position[0] - found.postures[-1].base_position[0]
                 cost += self.cost.base_weight * float(np.linalg.norm(shift))
                 cost += self.cost.step_weight
-            found.states.append(state)
-            found.parents.append(k - 1)
-            found.costs.append(cost)
-            found.postures.append(posture)
+            self._note(state, posture, before + k - 1 if k else -1, cost)
         self._arrived()
+
+    def _note(self, state: State, posture: Postures, parent: int, cost: float) -> None:
+        """Note a state that was reached."""
+        found = self.found
+        found.states.append(state)
+        found.parents.append(parent)
+        found.costs.append(cost)
+        found.postures.append(posture)
 
     def _arrived(self) -> None:
         """Note that the last expanded state is at the goal."""
@@ -179,7 +176,7 @@ class _LazySearch:
     def _bound(self) -> float:
         """Factor of the least cost within which the best plan is proved."""
         top = self.by_bound.top()
-        low = min(self.best, top.low if top is not None else np.inf)
+        low = min(self.best, max(self.least, top.low if top is not None else np.inf))
         if self.best <= low * (1.0 + ROUNDING):
             return 1.0
         return self.best / low if low > 0.0 else np.inf
@@ -187,6 +184,8 @@ class _LazySearch:
     def _goes_on(self) -> bool:
         """Whether to search on."""
         search, found = self.search, self.found
+        if self.over:
+            return False
         if found.goal >= 0 and self._bound() <= search.inflation:
             return False
         late = time.perf_counter() - self.began > search.time_limit
@@ -330,10 +329,7 @@ class _LazySearch:
         if state is None or not hopeful or not self._close(state, entry):
             return
         here = len(found.states)
-        found.states.append(state)
-        found.parents.append(entry.parent)
-        found.costs.append(entry.cost)
-        found.postures.append(posture)
+        self._note(state, posture, entry.parent, entry.cost)
         if self.goal.reached(posture.base_position[0], state.stance):
             self._arrived()
             return

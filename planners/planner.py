@@ -18,7 +18,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.estimates import CACHED_TABLES, Estimates, unchecked
-from mlivr_gym.planners.lazy_search import Improvement
+from mlivr_gym.planners.found import Improvement
 from mlivr_gym.planners.pair_search import FOUND, LIMIT, NO_LIMIT
 from mlivr_gym.planners.query import GOAL_TOLERANCE, Goal, Search, SearchOptions
 from mlivr_gym.planners.refinement import refined

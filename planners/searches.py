@@ -12,7 +12,8 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.estimates import Estimates
-from mlivr_gym.planners.lazy_search import Improvement, lazy_search
+from mlivr_gym.planners.found import Improvement
+from mlivr_gym.planners.lazy_search import lazy_search
 from mlivr_gym.planners.pair_search import (
     EXHAUSTED,
     FOUND,
@@ -27,6 +28,7 @@ from mlivr_gym.planners.query import Search
 from mlivr_gym.planners.roadmap import Roadmap
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_files import node_table
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -210,6 +212,8 @@ class LazySearcher:
         """See `Searcher.find`."""
         roadmap = Roadmap.of(self.graph) if search.guided else None
         self.graph.sets(work_out=self.work_out)  # no part of the time that is given
+        if search.guided and search.time_limit < math.inf:
+            node_table(self.graph)
         found = lazy_search(self.graph, first, search, roadmap)
         if not found.states:  # no moves lead to the goal, whatever steps there are
             return None

@@ -35,6 +35,7 @@ EXAMPLES = {
     "dataset": ("mlivr-gym dataset --id mlivr/jem/astar-v0 --episodes 200",),
     "warmup": ("mlivr-gym warmup",),
     "roadmap": ("mlivr-gym roadmap --robot mlivr3 --no-collisions --expansions 200",),
+    "nodes": ("mlivr-gym nodes --robot mlivr4 --no-collisions --map few_points.json",),
     "doctor": ("mlivr-gym doctor", "mlivr-gym doctor --json"),
     "completion": (
         'eval "$(mlivr-gym completion bash)"     # in ~/.bashrc',

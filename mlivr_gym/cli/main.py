@@ -20,6 +20,7 @@ from mlivr_gym.cli import (
     doctor,
     evaluate,
     info,
+    nodes,
     plan,
     render,
     roadmap,
@@ -54,6 +55,7 @@ COMMANDS = (
     dataset,
     warmup,
     roadmap,
+    nodes,
     doctor,
     completion,
 )

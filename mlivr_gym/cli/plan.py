@@ -22,6 +22,7 @@ from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.pictures.plan_figure import plan_figure
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_files import node_table
 from mlivr_gym.stances.pair_graph import PairGraph
 
 
@@ -148,6 +149,9 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
     if isinstance(graph, LazyGraph):
         with Progress("sets of points within reach [%]", PER_CENT, quiet=args.quiet) as progress:
             graph.sets(progress.show_share)
+        if args.time_limit is not None:
+            with Progress("table of all nodes", quiet=args.quiet):
+                node_table(graph)
     planner, cost, price = Planner(graph), args.cost, args.regrasp_price
     if cost == "time":
         cost, price = fastest_cost(planner, start, goal, args)

@@ -1,0 +1,77 @@
+"""Steps between nodes that were checked, for searches that are asked again (compiled)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import BoolArray, IntArray
+from mlivr_gym.compiled.kernels import entry
+
+ROOM = 1 << 14
+"""Places of the table to begin with, a power of two."""
+
+PRIME, FACTOR = 2_147_483_647, 40_503
+"""What spreads bits over the places."""
+
+EMPTY = -1
+"""Key of a place that is free."""
+
+
+class KnownSteps(NamedTuple):
+    """What was found of steps, by the bit of their pair, see `node_pairs`."""
+
+    keys: IntArray
+    """Bits, `EMPTY` where a place is free, shape (room,)."""
+    kept: NDArray[np.uint64]
+    """Masks of `held_beside` that the limbs keep which hold, 0 for what is no step, (room,)."""
+    at: BoolArray
+    """Nodes of which a step is known, shape (n,)."""
+
+    @classmethod
+    def none(cls, nodes: int, room: int = ROOM) -> KnownSteps:
+        """Nothing known yet of some number of nodes."""
+        keys, kept = np.full(room, EMPTY, dtype=np.int64), np.zeros(room, dtype=np.uint64)
+        return cls(keys, kept, np.zeros(nodes, dtype=np.bool_))
+
+    def with_steps(self, nodes: IntArray, bits: IntArray, kept: NDArray[np.uint64]) -> KnownSteps:
+        """These and more: the nodes that they leave, their bits and what is kept, each (k,)."""
+        used = int((self.keys != EMPTY).sum())
+        wider = self
+        if 2 * (used + len(bits)) > len(self.keys):
+            room = len(self.keys)
+            while 2 * (used + len(bits)) > room:
+                room *= 2
+            wider = KnownSteps(
+                np.full(room, EMPTY, dtype=np.int64), np.zeros(room, dtype=np.uint64), self.at
+            )
+            old = self.keys != EMPTY
+            _put(wider, self.keys[old], self.kept[old])
+        _put(wider, bits, kept)
+        wider.at[nodes] = True
+        return wider
+
+    def has(self, bits: IntArray) -> BoolArray:
+        """Which steps are known, by their bits, shape (k,)."""
+        places = np.array([place_of(self, int(bit)) for bit in bits], dtype=np.int64)
+        return np.asarray(self.keys[places] == bits)
+
+
+@entry
+def place_of(known: KnownSteps, bit: int) -> int:
+    """Where a step is, or would be put."""
+    last = len(known.keys) - 1
+    place = (bit % PRIME * FACTOR) & last
+    while known.keys[place] != EMPTY and known.keys[place] != bit:
+        place = (place + 1) & last
+    return place
+
+
+@entry
+def _put(known: KnownSteps, bits: IntArray, kept: NDArray[np.uint64]) -> None:
+    """Note steps; there must be room."""
+    for k in range(len(bits)):
+        place = place_of(known, bits[k])
+        known.keys[place], known.kept[place] = bits[k], kept[k]

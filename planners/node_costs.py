@@ -1,0 +1,185 @@
+"""Costs to a goal over all nodes of many limbs when steps are not checked (compiled).
+
+Every step of the graph joins two nodes that `node_pairs` does not rule out. So the least cost over
+those, found by a search backward from the goal, never exceeds that of a plan. It goes on until the
+start is reached and a little farther; nodes it did not come to cost at least as much as it had
+reached then, less what leads to them from the start.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.limb_masks import has_bit
+from mlivr_gym.compiled.records import Record
+from mlivr_gym.planners.node_queue import NodeQueue, drop, put
+from mlivr_gym.planners.pair_search import Weights
+from mlivr_gym.stances.node_pairs import row_of
+from mlivr_gym.stances.node_table import ROUNDED, NodeTable
+
+ROOM = 1 << 20
+"""Entries of the queue to begin with, beside the goals."""
+
+LEAST = 1e-12
+"""Least cost to the goal from a node that is not there."""
+
+
+class Progress(Record):
+    """How far a search is."""
+
+    seeded: bool
+    """Whether the goals are in the queue."""
+    size: int
+    """Nodes that wait."""
+    wanted: int
+    """Starts that it has not reached."""
+    limit: float
+    """Estimate beyond which it ends, infinite until it has reached all."""
+    share: float
+    """How much farther it goes then, as a share of the cost."""
+    amount: float
+    """And how much in any case."""
+    reached: float
+    """Estimate at which it ended; infinite if nothing is left."""
+
+
+class NodeCosts(NamedTuple):
+    """Costs from n nodes."""
+
+    value: NDArray[np.float64]
+    """The least found, shape (n,)."""
+    closed: BoolArray
+    """Which nodes were expanded: for those it is exact, shape (n,)."""
+
+
+def costs_to_goal(
+    table: NodeTable,
+    goals: BoolArray,
+    weights: Weights,
+    starts: IntArray,
+    toward: Array,
+    farther_by: tuple[float, float],
+) -> Array:
+    """Lower bounds of the cost from every node to the goal, shape (n,).
+
+    They are 0 at goals alone, infinite where nothing leads there, and consistent.
+
+    Args:
+        table: The nodes.
+        goals: Which are at the goal, shape (n,).
+        weights: What is minimised.
+        starts: Nodes from which bounds are wanted.
+        toward: Lower bounds of the cost from the start to each node, consistent, infinite for what
+            need not be looked at; shape (n,).
+        farther_by: How much farther than to the starts it goes: share and amount of the cost.
+    """
+    count, wanted = len(goals), np.zeros(len(goals), dtype=np.bool_)
+    wanted[starts] = True
+    costs = NodeCosts(np.full(count, np.inf), np.zeros(count, dtype=np.bool_))
+    waiting, progress = NodeQueue.of(ROOM + int(goals.sum())), Progress.row()
+    progress["wanted"], progress["limit"] = int(wanted.sum()), np.inf
+    progress["share"], progress["amount"] = farther_by
+    nodes = table, goals, wanted, toward
+    while not _search(nodes, weights, costs, waiting, progress):
+        waiting = waiting.wider()
+    outside, some = np.full(count, np.inf), np.isfinite(toward)
+    outside[some] = np.maximum(progress["reached"] - toward[some], LEAST)
+    bounds: Array = np.where(costs.closed, costs.value, outside)
+    bounds[(bounds < LEAST) & ~goals] = LEAST
+    return bounds
+
+
+@entry
+def _search(
+    nodes: tuple[NodeTable, BoolArray, BoolArray, Array],
+    weights: Weights,
+    costs: NodeCosts,
+    waiting: NodeQueue,
+    progress: Progress,
+) -> bool:
+    """Go on with a search; False if its queue is full."""
+    table, goals, wanted, toward = nodes
+    if not progress.seeded:
+        progress.seeded = True
+        for s in range(len(goals)):
+            if goals[s] and toward[s] < np.inf:
+                costs.value[s] = 0.0
+                put(waiting, progress.size, toward[s], s)
+                progress.size += 1
+    while progress.size > 0:
+        s, f = waiting.node[0], waiting.f[0]
+        if f > progress.limit:
+            progress.reached = f
+            return True
+        if progress.size + degree(table, s) > len(waiting.f):
+            return False
+        progress.size -= 1
+        drop(waiting, progress.size)
+        if costs.closed[s]:
+            continue
+        costs.closed[s] = True
+        if wanted[s]:
+            progress.wanted -= 1
+            if progress.wanted == 0:
+                progress.limit = f * (1.0 + progress.share) + progress.amount
+        _open(nodes, s, weights, costs, waiting, progress)
+    progress.reached = np.inf
+    return True
+
+
+@kernel
+def degree(table: NodeTable, s: int) -> int:
+    """How many nodes are a move away from one, at most."""
+    count = 0
+    for limb in range(table.points.shape[1]):
+        rest = table.rests[s, limb]
+        count += int(table.start[rest + 1]) - int(table.start[rest])
+    return count
+
+
+@kernel
+def _open(
+    nodes: tuple[NodeTable, BoolArray, BoolArray, Array],
+    s: int,
+    weights: Weights,
+    costs: NodeCosts,
+    waiting: NodeQueue,
+    progress: Progress,
+) -> None:
+    """Note what leads to a node."""
+    table, _, _, toward = nodes
+    limbs, g = table.points.shape[1], costs.value[s]
+    for limb in range(limbs):
+        row = row_of(table, s, limb)
+        if row < 0:
+            continue
+        rest = table.rests[s, limb]
+        begin, end = int(table.start[rest]), int(table.start[rest + 1])
+        for k in range(end - begin):
+            if not has_bit(table.bits, row + k):
+                continue
+            other = int(table.members[begin + k]) // limbs
+            if costs.closed[other]:
+                continue
+            cost = g + least_cost(table, s, other, weights)
+            if cost < costs.value[other] and toward[other] < np.inf:
+                costs.value[other] = cost
+                put(waiting, progress.size, cost + toward[other], other)
+                progress.size += 1
+
+
+@kernel
+def least_cost(table: NodeTable, a: int, b: int, weights: Weights) -> float:
+    """What a step between two nodes costs at least."""
+    if weights.base == 0.0:
+        return float(weights.step)
+    shift = 0.0
+    for axis in range(3):
+        away = np.float64(table.base_position[a, axis]) - table.base_position[b, axis]
+        shift += away * away
+    return float(weights.base * max(np.sqrt(shift) - 2.0 * ROUNDED, 0.0) + weights.step)

@@ -1,0 +1,231 @@
+"""Walks of many limbs over the table of all nodes: better and better ones, and what none can beat.
+
+Where steps are not checked a walk is found in no time, and most of its steps turn out to be some.
+So the cheapest such walk is looked for, its steps are checked, and then the next, until one has no
+step that is not known. Until the last round what is left weighs more, as walks are found sooner
+then. The cheapest walk with unknown steps bounds the cost of all plans.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.compiled.limb_masks import packed, unpacked
+from mlivr_gym.planners.first_walk import masks_along
+from mlivr_gym.planners.known_steps import KnownSteps
+from mlivr_gym.planners.node_costs import LEAST, costs_to_goal
+from mlivr_gym.planners.node_labels import Labels, NodeOrigins, NodeWalk, cheapest_walk
+from mlivr_gym.planners.pair_search import weights_of
+from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.set_bounds import fewest_moves
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.turns import turned
+from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_pairs import ends_of
+from mlivr_gym.stances.node_table import ROUNDED, NodeTable
+from mlivr_gym.transitions.state import State
+
+MANNERS = ((2.0, 1.0, 4), (1.5, 1.0, 4), (1.2, 0.5, 8), (1.0, 0.0, 1 << 30))
+"""Weight of what is left, share of the charge for an unknown step, and most labels of a node: of
+one round after the other."""
+
+CHARGE = (0.1, 0.15)
+"""Charge for an unknown step: a share of what one costs, and a base displacement [m]."""
+
+FARTHER_BY = (0.03, 2.0)
+"""How much farther than to the start costs are worked out: a share, and a number of steps."""
+
+At = tuple[State, Postures]
+
+
+class NodeSearch:
+    """Walks from a start to a goal over the table of all nodes.
+
+    Attributes:
+        low: No plan costs less.
+        exhausted: Whether there is none.
+    """
+
+    def __init__(self, graph: LazyGraph, table: NodeTable, goal: Goal, start: State) -> None:
+        """Work out what is left at least from each node.
+
+        Args:
+            graph: The stance graph, without obstacles.
+            table: All its nodes.
+            goal: Where to go.
+            start: Where to start, no goal.
+        """
+        self.graph, self.table, self.goal = graph, table, goal
+        self.low, self.exhausted = 0.0, False
+        self._weights = weights_of(goal.cost)
+        self._known, self._labels = KnownSteps.none(len(table.points)), Labels.of(len(table.points))
+        self._begun, self._origins, self._turns = self._begin(start)
+        if not len(self._origins.nodes):
+            self.low, self.exhausted = np.inf, True
+            return
+        shift, step = goal.cost.base_weight, goal.cost.step_weight
+        self._charge = CHARGE[0] * step + CHARGE[1] * shift
+        self._h = costs_to_goal(
+            table, self._goals(), self._weights, self._origins.nodes, self._toward(),
+            (FARTHER_BY[0] * (shift > 0.0), FARTHER_BY[1] * step),
+        )  # fmt: skip
+
+    def _begin(self, start: State) -> tuple[list[list[At]], NodeOrigins, IntArray]:
+        """Ways to the nodes at which walks may begin, these, and the turns that lead to them."""
+        graph, posture = self.graph, self.graph.posture_of(start)
+        begun, costs = [[(start, posture)]], [0.0]
+        if start.pose is not None:
+            begun, costs = [], []
+            for state, after in _steps_from(graph, start, posture):
+                shift = float(np.linalg.norm(after.base_position[0] - posture.base_position[0]))
+                begun.append([(start, posture), (state, after)])
+                costs.append(self.goal.cost.base_weight * shift + self.goal.cost.step_weight)
+        states = [one[-1][0] for one in begun]
+        stances = np.array([s.stance for s in states], dtype=np.int64).reshape(-1, graph.limbs)
+        masks = np.array([s.masks for s in states], dtype=np.int64).reshape(-1, graph.limbs)
+        rows, turns = self.table.find(stances)
+        origins = NodeOrigins(rows, packed(turned(masks, turns)), np.array(costs))
+        return begun, origins, turns
+
+    def _goals(self) -> BoolArray:
+        """Nodes that may be at the goal, shape (n,)."""
+        table, goal = self.table, self.goal
+        away = table.base_position - goal.target.astype(np.float32)
+        close = np.einsum("ij,ij->i", away, away) <= (goal.tolerance + 2.0 * ROUNDED) ** 2
+        close[close] = goal.held(table.points[close])
+        return np.asarray(close)
+
+    def _toward(self) -> Array:
+        """Lower bounds of the cost from where walks begin, infinite for what is occupied.
+
+        Of steps alone: distances are not consistent with what a step costs at least, since that
+        allows for the rounding of positions.
+        """
+        graph, table, cost = self.graph, self.table, self.goal.cost
+        toward: Array = np.zeros(len(table.points))
+        sets = graph.sets(work_out=False)
+        if cost.step_weight and sets is not None:
+            moves, rows = np.full(len(sets), -1, dtype=np.int16), table.sets
+            moves[rows[self._origins.nodes]] = 0
+            fewest_moves(sets.rests, moves, np.zeros(sets.rest_count, dtype=np.bool_))
+            least = moves[rows].astype(np.float64)
+            toward += cost.step_weight * np.where(least < 0, np.inf, least)
+        if graph.occupied:
+            toward[np.isin(table.points, list(graph.occupied)).any(axis=1)] = np.inf
+        return toward
+
+    def bound(self) -> float:
+        """The least cost of walks with unknown steps, which is that of no plan exceeded."""
+        _, least = self._cheapest((1.0, 0.0, MANNERS[-1][2]))
+        self._note(least)
+        return self.low
+
+    def _note(self, least: float) -> None:
+        """Note a lower bound of the cost of all plans."""
+        self.low, self.exhausted = max(self.low, least), self.exhausted or least == np.inf
+
+    def _cheapest(self, manner: tuple[float, float, int]) -> tuple[NodeWalk | None, float]:
+        """See `cheapest_walk`; the charge for unknown steps is a share of the usual cost."""
+        factor, unknown, most = manner
+        steps = self.table, self._known, self._weights
+        charged = factor, unknown * self._charge, most
+        return cheapest_walk(steps, self._h, self._origins, self._labels, charged)
+
+    def walks(self, until: float, below: float = np.inf) -> Iterator[list[At]]:
+        """Walks to the goal, each cheaper than the last, until one is the cheapest of all.
+
+        Args:
+            until: When to give up, on the clock of `time.perf_counter`.
+            below: Cost that the first must not reach.
+        """
+        for manner in MANNERS:
+            exact = manner is MANNERS[-1]
+            while time.perf_counter() < until and not self.exhausted and self.low < below:
+                walk, least = self._cheapest(manner)
+                if exact:
+                    self._note(least)
+                if walk is None:
+                    break
+                if self._check(walk):
+                    states = self._states(walk)
+                    if states is None:
+                        continue
+                    last, posture = states[-1]
+                    if not self.goal.reached(posture.base_position[0], last.stance):
+                        # It lies beside the goal by less than positions are kept.
+                        self._h[walk.nodes[-1]] = LEAST
+                        continue
+                    cost = self._cost(states)
+                    if cost < below:
+                        below = cost
+                        yield states
+                    break
+
+    def _cost(self, states: list[At]) -> float:
+        """What a walk costs."""
+        places = np.concatenate([posture.base_position for _, posture in states])
+        shift = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+        return self.goal.cost.base_weight * shift + self.goal.cost.step_weight * (len(states) - 1)
+
+    def _check(self, walk: NodeWalk) -> bool:
+        """Check the steps of a walk that are not known; whether all were."""
+        new = np.flatnonzero(~self._known.has(walk.bits))
+        if not len(new):
+            return True
+        graph, limbs = self.graph, self.graph.limbs
+        (before, i), (after, j), back = ends_of(self.table, walk.bits[new])
+        here = self.table.points[before].astype(np.int64)
+        there = turned(self.table.points[after].astype(np.int64), j - i)
+        postures, followed = graph.nodes(here), graph.nodes(there)
+        states = [
+            State(tuple(stance), tuple(masks))
+            for stance, masks in zip(here.tolist(), postures.mask.tolist(), strict=True)
+        ]
+        found = graph.masks_after(states, postures, np.arange(len(new)), there, followed)
+        found[~found.all(axis=1)] = 0
+        kept = packed(turned(found, i + 1)[:, : limbs - 1])
+        self._known = self._known.with_steps(before, walk.bits[new], kept)
+        self._known = self._known.with_steps(after, back, kept)
+        return False
+
+    def _states(self, walk: NodeWalk) -> list[At] | None:
+        """The states of a walk; None if a step is none as the robot stands, which is noted."""
+        begun = self._begun[walk.origin]
+        (before, i), (after, j), backward = ends_of(self.table, walk.bits)
+        turns = -np.cumsum([self._turns[walk.origin], *(i - j).tolist()])
+        stances = turned(self.table.points[walk.nodes].astype(np.int64), turns)
+        masks = turned(unpacked(walk.masks, self.graph.limbs), turns)
+        followed = self.graph.nodes(stances[1:])
+        found = masks_along(self.graph, stances, masks, join(begun[-1][1], followed))
+        bad = np.flatnonzero(~found.all(axis=1))
+        if len(bad):
+            none = np.zeros(len(bad), dtype=np.uint64)
+            self._known = self._known.with_steps(before[bad], walk.bits[bad], none)
+            self._known = self._known.with_steps(after[bad], backward[bad], none)
+            return None
+        rest = [
+            (State(tuple(stance), tuple(mask)), followed.take(np.array([k])))
+            for k, (stance, mask) in enumerate(
+                zip(stances[1:].tolist(), masks[1:].tolist(), strict=True)
+            )
+        ]
+        return [*begun, *rest]
+
+
+def _steps_from(graph: LazyGraph, start: State, posture: Postures) -> list[At]:
+    """What steps from a state lead to."""
+    stances = graph.neighbours(start, posture)
+    postures = graph.nodes(stances)
+    nodes = np.flatnonzero(graph.is_node(postures))
+    stances, postures = stances[nodes], postures.take(nodes)
+    before = np.zeros(len(nodes), dtype=np.int64)
+    masks = graph.masks_after([start], posture, before, stances, postures)
+    return [
+        (State(tuple(stances[k].tolist()), tuple(masks[k].tolist())), postures.take(np.array([k])))
+        for k in np.flatnonzero(masks.all(axis=1)).tolist()
+    ]

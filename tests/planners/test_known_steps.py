@@ -1,0 +1,33 @@
+"""The table of known steps against a dictionary."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlivr_gym.planners import known_steps
+from mlivr_gym.planners.known_steps import KnownSteps, place_of
+
+BIT = st.integers(0, 40) | st.integers(0, 1 << 40)
+
+
+@given(st.lists(st.lists(st.tuples(BIT, st.integers(0, 1 << 48)), max_size=20), max_size=6))
+def test_it_holds_what_was_put_in_last(groups):
+    known, plain = KnownSteps.none(50, room=4), {}
+    for group in groups:
+        nodes = np.array([bit % 50 for bit, _ in group], dtype=np.int64)
+        bits = np.array([bit for bit, _ in group], dtype=np.int64)
+        kept = np.array([masks for _, masks in group], dtype=np.uint64)
+        known = known.with_steps(nodes, bits, kept)
+        plain.update(group)
+        assert len(known.keys) >= 2 * len(plain)
+    assert np.flatnonzero(known.at).tolist() == sorted({bit % 50 for bit in plain})
+    asked = np.array([*plain, 7, 1 << 41], dtype=np.int64)
+    assert known.has(asked).tolist() == [True] * len(plain) + [7 in plain, False]
+    for bit, masks in plain.items():
+        assert int(known.kept[place_of(known, bit)]) == masks
+
+
+def test_there_is_room_to_begin_with():
+    known = KnownSteps.none(3)
+    assert len(known.keys) == known_steps.ROOM
+    assert not known.has(np.array([0, 5])).any()

@@ -1,0 +1,246 @@
+"""Searches over the table of all nodes against other libraries and the stance graph."""
+
+import itertools
+import time
+
+import networkx as nx
+import numpy as np
+import pytest
+from compiled import called
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from small_tables import small_table
+
+from mlivr_gym import stance_graph
+from mlivr_gym.compiled.limb_masks import packed, unpacked
+from mlivr_gym.planners import node_costs, node_labels
+from mlivr_gym.planners.known_steps import KnownSteps
+from mlivr_gym.planners.label_search import NO_LABEL
+from mlivr_gym.planners.lazy_search import lazy_search
+from mlivr_gym.planners.node_costs import LEAST, costs_to_goal
+from mlivr_gym.planners.node_labels import Labels, NodeOrigins, _covered, _note, cheapest_walk
+from mlivr_gym.planners.node_search import NodeSearch
+from mlivr_gym.planners.pair_search import weights_of
+from mlivr_gym.planners.query import Goal, Search, SearchOptions
+from mlivr_gym.planners.queue import push
+from mlivr_gym.stances.node_table import ROUNDED
+from mlivr_gym.stances.random_states import random_state
+
+COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
+EXACT = 1.0, 0.0, 1 << 30
+
+
+@pytest.fixture(scope="module", params=[3, 4])
+def known(request):
+    return small_table(request.param)
+
+
+def every_pair(table):
+    """Nodes that a step may join, and the limb of each that moves, by bits."""
+    rows = []
+    for rest in range(len(table.offset) - 1):
+        begin, end = int(table.start[rest]), int(table.start[rest + 1])
+        for k in range(end - begin):
+            for m in range(end - begin):
+                bit = int(table.offset[rest]) + k * (end - begin) + m
+                if int(table.bits[bit // 64]) >> bit % 64 & 1:
+                    a, b = (divmod(int(table.members[begin + x]), table.limbs) for x in (k, m))
+                    rows.append((*a, *b, bit))
+    return np.array(rows)
+
+
+def price(table, rows, cost):
+    """Least costs of steps."""
+    away = np.linalg.norm(
+        table.base_position[rows[:, 0]].astype(float) - table.base_position[rows[:, 2]], axis=1
+    )
+    return cost.base_weight * np.maximum(away - 2 * ROUNDED, 0.0) + cost.step_weight
+
+
+def goal_at(graph, table, row, cost, tolerance=0.05):
+    return Goal.checked(graph, table.base_position[row].astype(float), *cost, tolerance)
+
+
+@pytest.mark.parametrize("cost", COSTS)
+def test_costs_to_a_goal_are_those_of_another_library(known, cost, monkeypatch):
+    monkeypatch.setattr(node_costs, "ROOM", 4)
+    graph, table = known
+    goal, pairs, count = goal_at(graph, table, 7, cost), every_pair(table), len(table.points)
+    goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
+    weights, charged = weights_of(goal.cost), price(table, pairs, goal.cost)
+    matrix = csr_array((charged + 1e-15, (pairs[:, 2], pairs[:, 0])), shape=(count, count))
+    expected = dijkstra(matrix, indices=np.flatnonzero(goals), min_only=True)
+    start = int(np.flatnonzero(np.isfinite(expected))[expected[np.isfinite(expected)].argmax()])
+    toward = np.zeros(count)
+    h = costs_to_goal(table, goals, weights, np.array([start]), toward, (0.0, np.inf))
+    np.testing.assert_allclose(h, np.where(goals, 0.0, np.maximum(expected, LEAST)), atol=1e-9)
+    # Two starts are both reached, with no potential that leads to either.
+    others = np.flatnonzero(np.isfinite(expected))[[0, -1]]
+    h = costs_to_goal(table, goals, weights, others, toward, (0.0, 0.0))
+    np.testing.assert_allclose(h[others], np.maximum(expected[others], h[others].min()), atol=1e-9)
+    # On the way to a start alone all are lower bounds, its own is exact, and they are consistent.
+    part = dijkstra(matrix.T, indices=[start], min_only=True)
+    part[~np.isfinite(part)] = np.inf
+    h = costs_to_goal(table, goals, weights, np.array([start]), part, (0.0, 0.0))
+    assert h[start] == pytest.approx(expected[start])
+    finite = np.isfinite(part)
+    assert (h[finite] <= expected[finite] + 1e-9).all()
+    a, b = pairs[finite[pairs[:, 0]]][:, [0, 2]].T
+    assert (h[a] <= price(table, pairs[finite[pairs[:, 0]]], goal.cost) + h[b] + 1e-9).all()
+
+
+@pytest.mark.parametrize("cost", COSTS)
+@pytest.mark.parametrize("seed", range(6))
+def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, seed):
+    """With some steps known to keep less than their nodes share, or nothing.
+
+    With odd seeds masks are random, so that nodes are come to on many.
+    """
+    graph, table = known
+    rng, limbs, count = np.random.default_rng(seed), table.limbs, len(table.points)
+    if seed % 2:
+        drawn = rng.integers(1, 8, (count, limbs))
+        some = drawn & rng.integers(1, 8, (count, limbs))
+        table = table._replace(
+            masks=packed(drawn), released=packed(np.where(some > 0, some, drawn))
+        )
+    pairs, masks = every_pair(table), unpacked(table.masks, limbs)
+    released, kept = unpacked(table.released, limbs), {}
+    for a, i, b, j, bit in pairs.tolist():
+        kept[bit] = np.roll(masks[a], -i - 1)[:-1] & np.roll(masks[b], -j - 1)[:-1]
+    steps = KnownSteps.none(count)
+    for row in pairs[rng.random(len(pairs)) < 0.5].tolist():
+        kept[row[4]] = kept[row[4]] & rng.integers(0, 1 << 16, limbs - 1) * (rng.random() < 0.8)
+        number = sum(int(mask) << 16 * k for k, mask in enumerate(kept[row[4]]))
+        steps = steps.with_steps(
+            np.array(row[:1]), np.array(row[4:]), np.array([number], dtype=np.uint64)
+        )
+    start = int(rng.integers(count))
+    goal = goal_at(graph, table, int(rng.integers(count)), cost)
+    goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
+    weights, charged = weights_of(goal.cost), price(table, pairs, goal.cost)
+    states, waiting = nx.DiGraph(), [(start, tuple(masks[start].tolist()))]
+    states.add_nodes_from(waiting)
+    leaving = {s: np.flatnonzero(pairs[:, 0] == s) for s in range(count)}
+    while waiting:
+        here = waiting.pop()
+        for e in leaving[here[0]].tolist():
+            _, i, b, j, bit = pairs[e].tolist()
+            held = np.roll(here[1], -i - 1)[:-1] & kept[bit]
+            if here[1][i] & released[here[0], i] and held.all():
+                after = np.roll(np.append(held, released[b, j]), j + 1)
+                there = b, tuple(after.tolist())
+                if there not in states:
+                    waiting.append(there)
+                states.add_edge(here, there, cost=charged[e])
+    costs = nx.single_source_dijkstra_path_length(
+        states, (start, tuple(masks[start].tolist())), weight="cost"
+    )
+    least = min((c for (s, _), c in costs.items() if goals[s]), default=np.inf)
+    h = costs_to_goal(table, goals, weights, np.array([start]), np.zeros(count), (0.0, np.inf))
+    origins = NodeOrigins(np.array([start]), table.masks[[start]], np.zeros(1))
+    world = table, steps, weights
+    walk, low = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
+    assert low == pytest.approx(least, abs=1e-9)
+    if walk is not None:
+        assert walk.cost == pytest.approx(least, abs=1e-9)
+        assert goals[walk.nodes[-1]]
+        for label in zip(walk.nodes.tolist(), unpacked(walk.masks, limbs).tolist(), strict=True):
+            assert (label[0], tuple(label[1])) in states
+
+
+def test_too_many_labels_leave_a_bound(known, monkeypatch):
+    graph, table = known
+    count, goal = len(table.points), goal_at(graph, table, 0, COSTS[0])
+    goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
+    h = costs_to_goal(
+        table, goals, weights_of(goal.cost), np.array([9]), np.zeros(count), (0.0, np.inf)
+    )
+    far = int(np.where(np.isfinite(h), h, -1.0).argmax())
+    origins = NodeOrigins(np.array([far]), table.masks[[far]], np.zeros(1))
+    world = table, KnownSteps.none(count), weights_of(goal.cost)
+    _, least = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
+    monkeypatch.setattr(node_labels, "ROOM", 64)
+    walk, low = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
+    assert walk is None
+    assert h[far] - 1e-9 <= low <= least
+
+
+def optimum(graph, goal, start):
+    """The exact search, every step checked."""
+    options = SearchOptions(inflation=1.0, heuristic="zero")
+    found = lazy_search(graph, start, Search.checked(graph, goal, options))
+    return found.costs[found.goal] if found.status == 0 else np.inf
+
+
+@pytest.mark.parametrize("cost", COSTS)
+def test_the_last_walk_is_the_cheapest_of_all(known, cost):
+    """From nodes and from given poses, all points free or not."""
+    first, table = known
+    rng, compared = np.random.default_rng(5), 0
+    for trial in range(12):
+        graph = stance_graph(first.grasp_map, first.robot)
+        start = random_state(graph, rng)
+        if trial % 4 == 3:
+            base = graph.posture_of(start)
+            pose = (*base.base_position[0], *quaternion(base.base_rotation[0]))
+            start = graph.state(start.stance, pose)
+        if trial % 2:
+            free = np.setdiff1d(np.arange(len(graph.grasp_map)), start.stance)
+            graph.occupy(rng.choice(free, 2, replace=False).tolist())
+        goal = goal_at(graph, table, int(rng.integers(len(table.points))), cost, 0.08)
+        here = graph.posture_of(start)
+        if goal.reached(here.base_position[0], start.stance):
+            continue
+        search = NodeSearch(graph, table, goal, start)
+        held = np.isin(table.points, list(graph.occupied)).any(axis=1)
+        assert search.exhausted or np.isinf(search._h[held]).all()
+        low, found = search.bound(), []
+        for walk in search.walks(time.perf_counter() + 60.0):
+            assert goal.reached(walk[-1][1].base_position[0], walk[-1][0].stance)
+            places = np.concatenate([posture.base_position for _, posture in walk])
+            shift = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
+            found.append(goal.cost.base_weight * shift + goal.cost.step_weight * (len(walk) - 1))
+            for (before, _), (after, _) in itertools.pairwise(walk):
+                assert graph.step_to(before, after.stance) == after
+        least = optimum(graph, goal, start)
+        assert low <= least + 1e-9
+        assert search.exhausted == (not np.isfinite(least))
+        if found:
+            assert found == sorted(found, reverse=True)
+            assert found[-1] == pytest.approx(least, abs=2e-4)
+            assert search.low <= least + 1e-9
+            compared += 1
+        else:
+            assert not np.isfinite(least)
+    assert compared
+
+
+def quaternion(rotation):
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]]
+
+
+@pytest.mark.parametrize("most", [2, 9])
+def test_a_label_is_covered_by_one_that_costs_no_more_and_has_all_its_branches(most):
+    rng, labels = np.random.default_rng(0), Labels.of(1)
+    for _ in range(60):
+        labels.last[0], plain = NO_LABEL, []
+        labels.entries.filled["used"] = labels.entries.filled["size"] = 0
+        for item in range(4):
+            masks, cost = np.uint64(rng.integers(1, 8)), float(rng.integers(3))
+            covered = any(c <= cost and masks & ~m == 0 for m, c in plain)
+            expected = covered or len(plain) >= most
+            assert called(_covered)(labels, 0, masks, cost, -1, most) == expected
+            called(_note)(labels, 0, masks)
+            called(push)(labels.entries, cost, cost, cost, 0, -1, -1)
+            plain.append((masks, cost))
+            for k, (m, c) in enumerate(plain):
+                beaten = any(
+                    other <= c and m & ~b == 0 and (other < c or b != m or j < k)
+                    for j, (b, other) in enumerate(plain)
+                    if j != k
+                )
+                assert called(_covered)(labels, 0, m, c, k, most) == beaten
+            assert item == len(plain) - 1
