@@ -118,6 +118,7 @@ class _LazySearch:
             if not self._goes_on():
                 break
         self.least = nodes.low
+        self.found.generated += nodes.generated
         if nodes.exhausted and self.found.goal < 0:
             self._note(start, self.graph.posture_of(start), -1, 0.0)
             self.over = True

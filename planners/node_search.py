@@ -49,6 +49,7 @@ class NodeSearch:
     Attributes:
         low: No plan costs less.
         exhausted: Whether there is none.
+        generated: Nodes reached on some branches, of all searches.
     """
 
     def __init__(self, graph: LazyGraph, table: NodeTable, goal: Goal, start: State) -> None:
@@ -61,7 +62,7 @@ class NodeSearch:
             start: Where to start, no goal.
         """
         self.graph, self.table, self.goal = graph, table, goal
-        self.low, self.exhausted = 0.0, False
+        self.low, self.exhausted, self.generated = 0.0, False, 0
         self._weights = weights_of(goal.cost)
         self._known, self._labels = KnownSteps.none(len(table.points)), Labels.of(len(table.points))
         self._begun, self._origins, self._turns = self._begin(start)
@@ -134,7 +135,9 @@ class NodeSearch:
         factor, unknown, most = manner
         steps = self.table, self._known, self._weights
         charged = factor, unknown * self._charge, most
-        return cheapest_walk(steps, self._h, self._origins, self._labels, charged)
+        found = cheapest_walk(steps, self._h, self._origins, self._labels, charged)
+        self.generated += int(self._labels.entries.filled["used"])
+        return found
 
     def walks(self, until: float, below: float = np.inf) -> Iterator[list[At]]:
         """Walks to the goal, each cheaper than the last, until one is the cheapest of all.

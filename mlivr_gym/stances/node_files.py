@@ -34,7 +34,7 @@ FORMAT = 1
 KEPT = 2
 """Tables that are kept in memory."""
 
-_kept: OrderedDict[str, NodeTable | None] = OrderedDict()
+_kept: OrderedDict[str, NodeTable] = OrderedDict()
 """The tables of the graphs used last."""
 
 
@@ -45,7 +45,10 @@ def node_table(graph: LazyGraph) -> NodeTable | None:
     """
     key = key_of(graph)
     if key not in _kept:
-        _kept[key] = _found(graph, key)
+        found = _found(graph, key)
+        if found is None:
+            return None
+        _kept[key] = found
         if len(_kept) > KEPT:
             _kept.popitem(last=False)
     return _kept[key]

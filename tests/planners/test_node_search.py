@@ -13,7 +13,7 @@ from small_tables import small_table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.limb_masks import packed, unpacked
-from mlivr_gym.planners import node_costs, node_labels
+from mlivr_gym.planners import Planner, node_costs, node_labels
 from mlivr_gym.planners.known_steps import KnownSteps
 from mlivr_gym.planners.label_search import NO_LABEL
 from mlivr_gym.planners.lazy_search import lazy_search
@@ -23,8 +23,11 @@ from mlivr_gym.planners.node_search import NodeSearch
 from mlivr_gym.planners.pair_search import weights_of
 from mlivr_gym.planners.query import Goal, Search, SearchOptions
 from mlivr_gym.planners.queue import push
+from mlivr_gym.stances import node_files
+from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_table import ROUNDED
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.stance_sets import key_of
 
 COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
 EXACT = 1.0, 0.0, 1 << 30
@@ -220,6 +223,27 @@ def quaternion(rotation):
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]]
+
+
+def test_planners_improve_plans_over_the_table_and_know_where_there_is_none(known, monkeypatch):
+    first, table = known
+    monkeypatch.setattr(node_files, "_kept", {key_of(first): table})
+    monkeypatch.setattr(LazyGraph, "successors", None)  # no search from state to state is needed
+    rng, ends = np.random.default_rng(2), set()
+    for _ in range(12):
+        graph = stance_graph(first.grasp_map, first.robot)
+        row, start = rng.integers(len(table.points)), rng.integers(len(table.points))
+        stance = tuple(table.points[start].tolist())
+        found = Planner(graph).plan(
+            graph.state(stance), np.clip(table.base_position[row], *graph.grasp_map.cabin),
+            "steps", goal_tolerance=0.08, time_limit=60.0,
+        )  # fmt: skip
+        ends.add(found.reason)
+        if found.plan is not None:
+            assert found.plan.statistics.bound == 1.0
+        elif found.reason == "search exhausted" and found.generated > 1:
+            assert "no path from" in found.message
+    assert ends == {"", "search exhausted"}
 
 
 @pytest.mark.parametrize("most", [2, 9])
