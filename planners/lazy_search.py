@@ -13,7 +13,7 @@ least cost takes entries by their bound. Others take them by turns in an order o
 lead into a pocket, and by their bound with what is left inflated, which leads out again; once there
 is a plan now and then also by bound alone, to prove it good. Where there is a roadmap the first
 plan comes from that, see `first_walk`. Where there is a table of all nodes plans are improved over
-that and proved good before an entry is taken, see `node_search`.
+that and bounded by it before an entry is taken, see `node_search`.
 """
 
 from __future__ import annotations
@@ -111,15 +111,13 @@ class _LazySearch:
         ):
             return
         nodes = NodeSearch(self.graph, table, self.goal, start)
-        self.least = nodes.bound()
+        self.least = nodes.low
         for walk in nodes.walks(self.began + self.search.time_limit, self.best):
-            self.least = nodes.low
             self._take(walk)
             if not self._goes_on():
                 break
-        self.least = nodes.low
         self.found.generated += nodes.generated
-        if nodes.exhausted and self.found.goal < 0:
+        if nodes.low == np.inf and self.found.goal < 0:
             self._note(start, self.graph.posture_of(start), -1, 0.0)
             self.over = True
 

@@ -3,7 +3,8 @@
 Where steps are not checked a walk is found in no time, and most of its steps turn out to be some.
 So the cheapest such walk is looked for, its steps are checked, and then the next, until one has no
 step that is not known. Until the last round what is left weighs more, as walks are found sooner
-then. The cheapest walk with unknown steps bounds the cost of all plans.
+then. Before any step is checked the cheapest walk bounds the cost of all plans; afterwards it does
+not, since what a step keeps may depend on the branches that the limbs are on.
 """
 
 from __future__ import annotations
@@ -47,8 +48,7 @@ class NodeSearch:
     """Walks from a start to a goal over the table of all nodes.
 
     Attributes:
-        low: No plan costs less.
-        exhausted: Whether there is none.
+        low: No plan costs less; infinite if there is none.
         generated: Nodes reached on some branches, of all searches.
     """
 
@@ -62,12 +62,12 @@ class NodeSearch:
             start: Where to start, no goal.
         """
         self.graph, self.table, self.goal = graph, table, goal
-        self.low, self.exhausted, self.generated = 0.0, False, 0
+        self.low, self.generated = 0.0, 0
         self._weights = weights_of(goal.cost)
         self._known, self._labels = KnownSteps.none(len(table.points)), Labels.of(len(table.points))
         self._begun, self._origins, self._turns = self._begin(start)
         if not len(self._origins.nodes):
-            self.low, self.exhausted = np.inf, True
+            self.low = np.inf
             return
         shift, step = goal.cost.base_weight, goal.cost.step_weight
         self._charge = CHARGE[0] * step + CHARGE[1] * shift
@@ -75,6 +75,7 @@ class NodeSearch:
             table, self._goals(), self._weights, self._origins.nodes, self._toward(),
             (FARTHER_BY[0] * (shift > 0.0), FARTHER_BY[1] * step),
         )  # fmt: skip
+        _, self.low = self._cheapest(MANNERS[-1])
 
     def _begin(self, start: State) -> tuple[list[list[At]], NodeOrigins, IntArray]:
         """Ways to the nodes at which walks may begin, these, and the turns that lead to them."""
@@ -120,16 +121,6 @@ class NodeSearch:
             toward[np.isin(table.points, list(graph.occupied)).any(axis=1)] = np.inf
         return toward
 
-    def bound(self) -> float:
-        """The least cost of walks with unknown steps, which is that of no plan exceeded."""
-        _, least = self._cheapest((1.0, 0.0, MANNERS[-1][2]))
-        self._note(least)
-        return self.low
-
-    def _note(self, least: float) -> None:
-        """Note a lower bound of the cost of all plans."""
-        self.low, self.exhausted = max(self.low, least), self.exhausted or least == np.inf
-
     def _cheapest(self, manner: tuple[float, float, int]) -> tuple[NodeWalk | None, float]:
         """See `cheapest_walk`; the charge for unknown steps is a share of the usual cost."""
         factor, unknown, most = manner
@@ -140,18 +131,15 @@ class NodeSearch:
         return found
 
     def walks(self, until: float, below: float = np.inf) -> Iterator[list[At]]:
-        """Walks to the goal, each cheaper than the last, until one is the cheapest of all.
+        """Walks to the goal, each cheaper than the last, as long as more are found.
 
         Args:
             until: When to give up, on the clock of `time.perf_counter`.
             below: Cost that the first must not reach.
         """
         for manner in MANNERS:
-            exact = manner is MANNERS[-1]
-            while time.perf_counter() < until and not self.exhausted and self.low < below:
-                walk, least = self._cheapest(manner)
-                if exact:
-                    self._note(least)
+            while time.perf_counter() < until and self.low < below:
+                walk, _ = self._cheapest(manner)
                 if walk is None:
                     break
                 if self._check(walk):

@@ -31,9 +31,6 @@ AT_ONCE = 4000
 PAIRS = 1_000_000
 """Bits of rests whose pairs are checked at once, unless one rest has more."""
 
-FAR = np.pi / 2.0
-"""Turn of the base from which on steps are checked [rad]."""
-
 STAGES = 2
 """The nodes, and what joins them."""
 
@@ -161,8 +158,8 @@ def _joined(
 ) -> BoolArray:
     """Whether a step may join each pair of `list_pairs` of rests from the first to the last.
 
-    The limbs that hold must be able to follow the base. Where it turns far, as few steps do, all
-    else is checked too.
+    The limbs that hold must be able to follow the base there or back, on any branch. All else that a step needs
+    depends on the branches that they may be on, so it rules no pair out.
     """
     first, last = rests
     found, at, start = [np.zeros(0, dtype=np.bool_)], first, table.start
@@ -196,14 +193,10 @@ def _may_step(
     )  # fmt: skip
     stances, world = graph.checks.stances(points, postures), graph.checks.world(graph.obstacle_grid)
     before, after = pairs.T
-    steps = graph.step_rows(stances, before, after, masks[before])
-    may: BoolArray = np.asarray(graph.checks.hold(steps, stances, world)).astype(np.bool_)
-    cosine = (np.einsum("kij,kij->k", frames[before], frames[after]) - 1.0) / 2.0
-    far = np.flatnonzero(may & (cosine < np.cos(FAR)))
-    for at in range(0, len(far), AT_ONCE):
-        some = far[at : at + AT_ONCE]
-        steps = graph.step_rows(stances, before[some], after[some], masks[before[some]])
-        may[some] = graph.masks_of_steps(steps, stances).all(axis=1)
+    may: BoolArray = np.zeros(len(pairs), dtype=np.bool_)
+    for one, other in ((before, after), (after, before)):
+        steps = graph.step_rows(stances, one, other, masks[one])
+        may |= np.asarray(graph.checks.hold(steps, stances, world), dtype=np.bool_)
     return may
 
 
