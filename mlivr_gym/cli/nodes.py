@@ -22,11 +22,11 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     parser = commands.add_parser(
         "nodes",
         parents=[world_arguments(), output_arguments()],
-        help="work out for a robot of three or four limbs what proves its plans good",
+        help="work out for a robot of three or four limbs what improves and bounds its plans",
         description="Work out every node of the stance graph of a robot with three or four limbs, "
-        "and which of them a step may join: its plans are then improved and proved close to the "
-        "best in seconds. On the JEM that takes two processes about an hour for four limbs, and "
-        "less for three.",
+        "and which of them a step may join: with a time limit its plans are then improved more, "
+        "and bounded closer. On the JEM that takes two processes about an hour for four limbs, "
+        "and less for three.",
     )
     parser.add_argument(
         "--out",

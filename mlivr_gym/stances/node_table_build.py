@@ -158,8 +158,8 @@ def _joined(
 ) -> BoolArray:
     """Whether a step may join each pair of `list_pairs` of rests from the first to the last.
 
-    The limbs that hold must be able to follow the base there or back, on any branch. All else that a step needs
-    depends on the branches that they may be on, so it rules no pair out.
+    The limbs that hold must be able to follow the base there or back, on any branch. All else that
+    a step needs depends on the branches that they may be on, so it rules no pair out.
     """
     first, last = rests
     found, at, start = [np.zeros(0, dtype=np.bool_)], first, table.start
