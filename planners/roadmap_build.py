@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, wait
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +21,7 @@ from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.workers import Progress, Workers, tell
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -62,9 +61,6 @@ STAGES = 5
 World = tuple[GraspMap, RobotSpec, Settings]
 """What a graph is made of."""
 
-Progress = Callable[[float], None]
-"""Called with the share of the work that is done."""
-
 
 def build(
     graph: LazyGraph, expansions: int, most: int = MOST, progress: Progress | None = None
@@ -92,7 +88,7 @@ def build(
         raise RoadmapError("a roadmap is built without obstacles and occupied points")
     world = graph.grasp_map, graph.robot, graph.settings
     graph.sets()  # once for all processes
-    with _Workers(progress) as workers:
+    with Workers(EXPLORATIONS, STAGES, progress) as workers:
         each = max(expansions // EXPLORATIONS, 1)
         found = workers.run(_explored, [(world, each)] * EXPLORATIONS)
         points, base = _distinct([one[:2] for one in found])
@@ -111,7 +107,7 @@ class _Found(NamedTuple):
     """Weights of `step_odds.features`."""
 
 
-def _joined(graph: LazyGraph, found: _Found, most: int, workers: _Workers) -> Roadmap:
+def _joined(graph: LazyGraph, found: _Found, most: int, workers: Workers) -> Roadmap:
     """A roadmap of the stances that serve most of those that were found.
 
     Most pairs of them are steps, so that what serves least is found without a check of each.
@@ -135,7 +131,7 @@ def _joined(graph: LazyGraph, found: _Found, most: int, workers: _Workers) -> Ro
     return Roadmap(key_of(graph), points, position, released, pairs, kept, odds)
 
 
-def _serving(pairs: Pairs, base: Array, most: int, workers: _Workers) -> BoolArray:
+def _serving(pairs: Pairs, base: Array, most: int, workers: Workers) -> BoolArray:
     """The stances that serve most, by either cost; all if there are no more than that."""
     if len(base) <= most:
         workers.skip()
@@ -152,53 +148,6 @@ def _distinct(found: Sequence[tuple[Any, ...]]) -> tuple[IntArray, Array]:
     return points[index], base[index]
 
 
-class _Workers:
-    """Processes that tell how far they are."""
-
-    def __init__(self, progress: Progress | None) -> None:
-        """Start them; `progress` is called with the share of the work that is done."""
-        context = get_context("spawn")
-        self.progress, self.stage = progress, 0
-        self.shares: Any = context.Array("d", EXPLORATIONS)
-        self.pool = ProcessPoolExecutor(
-            EXPLORATIONS, mp_context=context, initializer=_start_worker, initargs=(self.shares,)
-        )
-
-    def __enter__(self) -> _Workers:
-        """Themselves."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End them."""
-        self.pool.shutdown(cancel_futures=True)
-
-    def run(self, work: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """What `work` returns for each of some arguments: one of `STAGES`."""
-        for k in range(EXPLORATIONS):
-            self.shares[k] = 0.0
-        jobs = [self.pool.submit(work, k, *given) for k, given in enumerate(arguments)]
-        waiting: Any = jobs
-        while waiting:
-            _, waiting = wait(waiting, timeout=0.5)
-            if self.progress is not None:
-                self.progress((self.stage + sum(self.shares) / EXPLORATIONS) / STAGES)
-        self.skip()
-        return [job.result() for job in jobs]
-
-    def skip(self) -> None:
-        """Pass over a stage."""
-        self.stage += 1
-
-
-_shares: Any = None
-"""In a worker, how far each of them is."""
-
-
-def _start_worker(shares: Any) -> None:
-    global _shares
-    _shares = shares
-
-
 def _explored(worker: int, world: World, expansions: int) -> tuple[Any, ...]:
     """Stances of an exploration, base positions, candidates of first steps and what these were."""
     found = _Exploration(_graph(world), np.random.default_rng(worker))
@@ -206,7 +155,7 @@ def _explored(worker: int, world: World, expansions: int) -> tuple[Any, ...]:
         found.expand(count)
         if count % FORGET == FORGET - 1:
             found.graph = _graph(world)  # what it remembers takes memory
-        _shares[worker] = (count + 1) / expansions
+        tell(worker, (count + 1) / expansions)
     rows, steps = np.concatenate(found.candidates), np.concatenate(found.outcomes)
     base = np.concatenate([posture.base_position for _, posture in found.states])
     return np.array(found.stances, dtype=np.int64), base, rows, steps
@@ -216,7 +165,7 @@ def _used(worker: int, pairs: IntArray, base: Array, cost: str) -> Array:
     """How much each stance serves by a cost, shape (n,)."""
 
     def progress(share: float) -> None:
-        _shares[worker] = share
+        tell(worker, share)
 
     return use_of(pairs, base, cost, progress)
 
@@ -241,7 +190,7 @@ def _steps(worker: int, world: World, points: IntArray, pairs: Pairs) -> IntArra
         ]
         stances = some.stances_after(points)
         kept[at : at + AT_ONCE] = graph.masks_after(states, here, before, stances, after)
-        _shares[worker] = (at + len(stances)) / count
+        tell(worker, (at + len(stances)) / count)
     return kept
 
 
@@ -253,7 +202,7 @@ def _known(worker: int, world: World, points: IntArray) -> tuple[Array, IntArray
     for at in range(0, len(points), AT_ONCE):
         rows = np.arange(at, min(at + AT_ONCE, len(points)))
         released[rows] = graph.all_released(points[rows], postures.take(rows))
-        _shares[worker] = (at + len(rows)) / len(points)
+        tell(worker, (at + len(rows)) / len(points))
     return postures.base_position, released
 
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, wait
 from itertools import permutations
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -20,6 +17,7 @@ from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import count_pairs, list_pairs, spread
 from mlivr_gym.stances.node_table import Nodes, NodeTable, NodeTableError, codes, table_of
+from mlivr_gym.stances.workers import Progress, Workers, tell
 from mlivr_gym.world.grasp_map import GraspMap
 
 WORKERS = 2
@@ -36,9 +34,6 @@ STAGES = 2
 
 World = tuple[GraspMap, RobotSpec, Settings]
 """What a graph is made of."""
-
-Progress = Callable[[float], None]
-"""Called with the share of the work that is done."""
 
 
 def build(graph: LazyGraph, progress: Progress | None = None) -> NodeTable:
@@ -63,7 +58,7 @@ def build(graph: LazyGraph, progress: Progress | None = None) -> NodeTable:
             f"nodes are worked out for three or four limbs and at most 40 million sets of points"
         )
     world = graph.grasp_map, graph.robot, graph.settings
-    with _Workers(progress) as workers:
+    with Workers(WORKERS, STAGES, progress) as workers:
         found = workers.run(_nodes, [(world, sets.points[k::WORKERS]) for k in range(WORKERS)])
         points, base, rotation, masks, released = map(np.concatenate, zip(*found, strict=True))
         order = np.argsort(codes(points))
@@ -78,49 +73,6 @@ def _shared(world: World, nodes: Nodes, rotation: Array, table: NodeTable) -> li
     """What each worker checks: rests with about as many pairs."""
     cuts = np.searchsorted(table.offset, table.offset[-1] * np.arange(WORKERS + 1) // WORKERS)
     return [(world, nodes, rotation, table, cuts[k], cuts[k + 1]) for k in range(WORKERS)]
-
-
-class _Workers:
-    """Processes that tell how far they are."""
-
-    def __init__(self, progress: Progress | None) -> None:
-        """Start them; `progress` is called with the share of the work that is done."""
-        context = get_context("spawn")
-        self.progress, self.stage = progress, 0
-        self.shares: Any = context.Array("d", WORKERS)
-        self.pool = ProcessPoolExecutor(
-            WORKERS, mp_context=context, initializer=_start_worker, initargs=(self.shares,)
-        )
-
-    def __enter__(self) -> _Workers:
-        """Themselves."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End them."""
-        self.pool.shutdown(cancel_futures=True)
-
-    def run(self, work: Callable[..., Any], arguments: list[tuple[Any, ...]]) -> list[Any]:
-        """What `work` returns for each of some arguments: one of `STAGES`."""
-        for k in range(WORKERS):
-            self.shares[k] = 0.0
-        jobs = [self.pool.submit(work, k, *given) for k, given in enumerate(arguments)]
-        waiting: Any = jobs
-        while waiting:
-            _, waiting = wait(waiting, timeout=0.5)
-            if self.progress is not None:
-                self.progress((self.stage + sum(self.shares) / WORKERS) / STAGES)
-        self.stage += 1
-        return [job.result() for job in jobs]
-
-
-_shares: Any = None
-"""In a worker, how far each of them is."""
-
-
-def _start_worker(shares: Any) -> None:
-    global _shares
-    _shares = shares
 
 
 def _nodes(
@@ -148,7 +100,7 @@ def _nodes(
         released = graph.all_released(stances, postures)
         base, rotation = postures.base_position, postures.base_rotation
         found.append((stances, base, rotation, postures.mask, released))
-        _shares[worker] = min((at + each) / len(sets), 1.0)
+        tell(worker, min((at + each) / len(sets), 1.0))
     points, base, rotation, masks, released = map(np.concatenate, zip(*found, strict=True))
     return points, base, rotation, masks, released
 
@@ -171,9 +123,8 @@ def _joined(
         members = table.members[start[at] : start[end]].astype(np.int64)
         found.append(_may_step(_graph(world), nodes, rotation, members, pairs - start[at]))
         at = end
-        _shares[worker] = (table.offset[at] - table.offset[first]) / max(
-            int(table.offset[last] - table.offset[first]), 1
-        )
+        done, every = (int(table.offset[k] - table.offset[first]) for k in (at, last))
+        tell(worker, done / max(every, 1))
     return np.concatenate(found)
 
 
