@@ -2,15 +2,18 @@
 
 Where steps are not checked a walk is found in no time, and most of its steps turn out to be some.
 So the cheapest such walk is looked for, its steps are checked, and then the next, until one has no
-step that is not known. Until the last round what is left weighs more, as walks are found sooner
-then. Before any step is checked the cheapest walk bounds the cost of all plans; afterwards it does
-not, since what a step keeps may depend on the branches that the limbs are on.
+step that is not known. In the first rounds what is left weighs more, as walks are found sooner so.
+
+What a step keeps depends on the branches that the limbs are on, so that walks over what is known to
+be kept bound nothing. Those over what steps may keep at most do, see `relaxed_steps`: the cheapest
+of them bounds the cost of all plans, before any step is checked and ever better afterwards.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,9 +34,31 @@ from mlivr_gym.stances.node_pairs import ends_of
 from mlivr_gym.stances.node_table import ROUNDED, NodeTable
 from mlivr_gym.transitions.state import State
 
-MANNERS = ((2.0, 1.0, 4), (1.5, 1.0, 4), (1.2, 0.5, 8), (1.0, 0.0, 1 << 30))
-"""Weight of what is left, share of the charge for an unknown step, and most labels of a node: of
-one round after the other."""
+
+class Manner(NamedTuple):
+    """How the walks of one round are looked for."""
+
+    factor: float
+    """Weight of what is left."""
+    unknown: float
+    """Share of the charge for an unknown step."""
+    most: int
+    """Most labels of a node."""
+    bounds: bool
+    """Whether steps keep what they may at most, so that no plan costs less than the walk."""
+
+
+EVERY_LABEL = 1 << 30
+"""More labels than a node has."""
+
+ROUNDS = (
+    Manner(2.0, 1.0, 4, bounds=False),
+    Manner(1.5, 1.0, 4, bounds=False),
+    Manner(1.2, 0.5, 8, bounds=False),
+    Manner(1.0, 0.0, EVERY_LABEL, bounds=True),
+    Manner(1.0, 0.0, EVERY_LABEL, bounds=False),
+)
+"""One round after the other."""
 
 CHARGE = (0.1, 0.15)
 """Charge for an unknown step: a share of what one costs, and a base displacement [m]."""
@@ -64,7 +89,8 @@ class NodeSearch:
         self.graph, self.table, self.goal = graph, table, goal
         self.low, self.generated = 0.0, 0
         self._weights = weights_of(goal.cost)
-        self._known, self._labels = KnownSteps.none(len(table.points)), Labels.of(len(table.points))
+        self._known, self._most = (KnownSteps.none(len(table.points)) for _ in range(2))
+        self._labels = Labels.of(len(table.points))
         self._begun, self._origins, self._turns = self._begin(start)
         if not len(self._origins.nodes):
             self.low = np.inf
@@ -75,7 +101,7 @@ class NodeSearch:
             table, self._goals(), self._weights, self._origins.nodes, self._toward(),
             (FARTHER_BY[0] * (shift > 0.0), FARTHER_BY[1] * step),
         )  # fmt: skip
-        _, self.low = self._cheapest(MANNERS[-1])
+        self._cheapest(ROUNDS[-2])
 
     def _begin(self, start: State) -> tuple[list[list[At]], NodeOrigins, IntArray]:
         """Ways to the nodes at which walks may begin, these, and the turns that lead to them."""
@@ -121,12 +147,15 @@ class NodeSearch:
             toward[np.isin(table.points, list(graph.occupied)).any(axis=1)] = np.inf
         return toward
 
-    def _cheapest(self, manner: tuple[float, float, int]) -> tuple[NodeWalk | None, float]:
-        """See `cheapest_walk`; the charge for unknown steps is a share of the usual cost."""
-        factor, unknown, most = manner
-        steps = self.table, self._known, self._weights
-        charged = factor, unknown * self._charge, most
-        found = cheapest_walk(steps, self._h, self._origins, self._labels, charged)
+    def _cheapest(self, manner: Manner) -> NodeWalk | None:
+        """The cheapest walk, see `cheapest_walk`."""
+        known = self._most if manner.bounds else self._known
+        charged = manner.factor, manner.unknown * self._charge, manner.most
+        found, low = cheapest_walk(
+            (self.table, known, self._weights), self._h, self._origins, self._labels, charged
+        )
+        if manner.bounds:
+            self.low = max(self.low, low)
         self.generated += int(self._labels.entries.filled["used"])
         return found
 
@@ -137,25 +166,28 @@ class NodeSearch:
             until: When to give up, on the clock of `time.perf_counter`.
             below: Cost that the first must not reach.
         """
-        for manner in MANNERS:
+        for manner in ROUNDS:
             while time.perf_counter() < until and self.low < below:
-                walk, _ = self._cheapest(manner)
+                walk = self._cheapest(manner)
                 if walk is None:
                     break
-                if self._check(walk):
-                    states = self._states(walk)
-                    if states is None:
-                        continue
-                    last, posture = states[-1]
-                    if not self.goal.reached(posture.base_position[0], last.stance):
-                        # It lies beside the goal by less than positions are kept.
-                        self._h[walk.nodes[-1]] = LEAST
-                        continue
-                    cost = self._cost(states)
-                    if cost < below:
-                        below = cost
-                        yield states
-                    break
+                if not self._check(walk, manner):
+                    continue
+                states = self._states(walk)
+                if states is None:
+                    if manner.bounds:
+                        break
+                    continue
+                last, posture = states[-1]
+                if not self.goal.reached(posture.base_position[0], last.stance):
+                    # It lies beside the goal by less than positions are kept.
+                    self._h[walk.nodes[-1]] = LEAST
+                    continue
+                cost = self._cost(states)
+                if cost < below:
+                    below = cost
+                    yield states
+                break
 
     def _cost(self, states: list[At]) -> float:
         """What a walk costs."""
@@ -163,9 +195,10 @@ class NodeSearch:
         shift = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
         return self.goal.cost.base_weight * shift + self.goal.cost.step_weight * (len(states) - 1)
 
-    def _check(self, walk: NodeWalk) -> bool:
+    def _check(self, walk: NodeWalk, manner: Manner) -> bool:
         """Check the steps of a walk that are not known; whether all were."""
-        new = np.flatnonzero(~self._known.has(walk.bits))
+        known = self._most if manner.bounds else self._known
+        new = np.flatnonzero(~known.has(walk.bits))
         if not len(new):
             return True
         graph, limbs = self.graph, self.graph.limbs
@@ -177,11 +210,15 @@ class NodeSearch:
             State(tuple(stance), tuple(masks))
             for stance, masks in zip(here.tolist(), postures.mask.tolist(), strict=True)
         ]
-        found = graph.masks_after(states, postures, np.arange(len(new)), there, followed)
-        found[~found.all(axis=1)] = 0
+        asked = states, postures, np.arange(len(new)), there, followed
+        found = graph.most_kept(*asked) if manner.bounds else graph.masks_after(*asked)
         kept = packed(turned(found, i + 1)[:, : limbs - 1])
-        self._known = self._known.with_steps(before, walk.bits[new], kept)
-        self._known = self._known.with_steps(after, back, kept)
+        if manner.bounds:
+            self._most = self._most.with_steps(before, walk.bits[new], kept)
+        else:
+            kept[~found.all(axis=1)] = 0
+            self._known = self._known.with_steps(before, walk.bits[new], kept)
+            self._known = self._known.with_steps(after, back, kept)
         return False
 
     def _states(self, walk: NodeWalk) -> list[At] | None:

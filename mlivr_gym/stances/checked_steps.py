@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import StanceError
 from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.schema import Place, Whole
@@ -103,11 +103,49 @@ class CheckedSteps(ChangingWorld):
         """
         if not self.settings.transitions or not len(stances):
             return after.mask.copy()
+        steps, found = self._steps_between(states, here, before, stances, after)
+        return self.masks_of_steps(steps, found)
+
+    def most_kept(
+        self,
+        states: Sequence[State],
+        here: Postures,
+        before: IntArray,
+        stances: IntArray,
+        after: Postures,
+    ) -> IntArray:
+        """What limbs that hold may keep at most on steps, shape (k, N), 0 of the one that moves.
+
+        From states with fewer branches no step keeps more; where a limb may keep nothing none is a
+        step. For the arguments see `masks_after`.
+        """
+        steps, found = self._steps_between(states, here, before, stances, after)
+        world = self.checks.world(self.obstacle_grid)
+        self._know_ends(found, steps)
+        self.checks.may_keep(steps, found, world)
+        kept: IntArray = steps["kept"][:, : self.limbs].copy()
+        return kept
+
+    def _steps_between(
+        self,
+        states: Sequence[State],
+        here: Postures,
+        before: IntArray,
+        stances: IntArray,
+        after: Postures,
+    ) -> tuple[Any, StanceSet]:
+        """Rows of `Step` and the stances that they join; for the arguments see `masks_after`."""
         points = np.concatenate([np.array([s.stance for s in states], dtype=np.int64), stances])
         found = self.checks.stances(points, join(here, after))
         masks = np.array([s.masks for s in states], dtype=np.int64)[before]
-        steps = self.step_rows(found, before, np.arange(len(states), len(points)), masks)
-        return self.masks_of_steps(steps, found)
+        rows = np.arange(len(states), len(points))
+        return self.step_rows(found, before, rows, masks), found
+
+    def _know_ends(self, stances: StanceSet, steps: Any) -> None:
+        """Work out whether the limbs that move can be released before steps and after."""
+        for end in ("before", "after"):
+            ends = np.unique(np.stack([steps[end], steps["limb"]], axis=1), axis=0)
+            self._know_released(stances, ends)
 
     def masks_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
         """Masks of all limbs after steps, shape (k, N); 0 where there is none.
@@ -129,10 +167,24 @@ class CheckedSteps(ChangingWorld):
         masks[able[rows], limb] = grasped[chosen["after"], limb] * kept.any(axis=1)
         return masks
 
+    def may_step(self, stances: StanceSet, pairs: IntArray, masks: IntArray) -> BoolArray:
+        """Which of some pairs of stances a step may join, whatever branches the limbs are on.
+
+        Args:
+            stances: The stances; what can be released at them is remembered there.
+            pairs: Rows of the stances before and after, shape (k, 2).
+            masks: Branches and flips on which the limbs may hold at each stance, shape (s, N).
+        """
+        steps = self.step_rows(stances, *pairs.T, masks[pairs[:, 0]])
+        self._know_ends(stances, steps)
+        may = self.checks.may_step(steps, stances, self.checks.world(self.obstacle_grid))
+        return np.asarray(may, dtype=np.bool_)
+
     def _releasable_steps(self, stances: StanceSet, steps: Any, able: IntArray) -> IntArray:
         """Which of some steps move a limb that can be released before and after, by index.
 
-        What can be released at their stances is then known, for the limbs that hold too.
+        What can be released at their stances is then known of these limbs, and of the one that
+        holds if there is one alone: the check of a step begins with what it can be released on.
         """
         for end in ("before", "after"):
             row, limb = steps[end][able], steps["limb"][able]
@@ -143,6 +195,8 @@ class CheckedSteps(ChangingWorld):
                 able = able[np.array([can_release(*pair) for pair in both], dtype=np.bool_)]
             else:
                 able = able[released != 0]
+        if self.limbs > 2:
+            return able
         rows = np.unique(np.concatenate([steps["before"][able], steps["after"][able]]))
         every = np.stack(np.meshgrid(rows, np.arange(self.limbs), indexing="ij"), axis=-1)
         self._know_released(stances, every.reshape(-1, 2))

@@ -29,6 +29,9 @@ AT_ONCE = 4000
 PAIRS = 1_000_000
 """Bits of rests whose pairs are checked at once, unless one rest has more."""
 
+FAR = 0.5 * np.pi
+"""Turn of the base from which on a step is checked for all else [rad]: few so far pass."""
+
 STAGES = 2
 """The nodes, and what joins them."""
 
@@ -110,8 +113,8 @@ def _joined(
 ) -> BoolArray:
     """Whether a step may join each pair of `list_pairs` of rests from the first to the last.
 
-    The limbs that hold must be able to follow the base there or back, on any branch. All else that
-    a step needs depends on the branches that they may be on, so it rules no pair out.
+    The limbs that hold must be able to follow the base there or back, on any branch. Where the base
+    turns far more is asked, see `relaxed_steps`: it takes longer.
     """
     first, last = rests
     found, at, start = [np.zeros(0, dtype=np.bool_)], first, table.start
@@ -143,11 +146,16 @@ def _may_step(
         masks, none[:, 0],
     )  # fmt: skip
     stances, world = graph.checks.stances(points, postures), graph.checks.world(graph.obstacle_grid)
-    before, after = pairs.T
     may: BoolArray = np.zeros(len(pairs), dtype=np.bool_)
-    for one, other in ((before, after), (after, before)):
+    for one, other in (pairs.T, pairs.T[::-1]):
         steps = graph.step_rows(stances, one, other, masks[one])
         may |= np.asarray(graph.checks.hold(steps, stances, world), dtype=np.bool_)
+    # The trace of a rotation is 1 + 2 cos of its angle.
+    before, after = (frames[one].reshape(-1, 9) for one in pairs.T)
+    far = np.flatnonzero(may & (np.einsum("ij,ij->i", before, after) < 1.0 + 2.0 * np.cos(FAR)))
+    may[far] = graph.may_step(stances, pairs[far], masks)
+    back = far[~may[far]]
+    may[back] = graph.may_step(stances, pairs[back][:, ::-1], masks)
     return may
 
 

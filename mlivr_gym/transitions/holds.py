@@ -48,16 +48,8 @@ def hold_apart(
     """
     robot, world = scene.robots[0], scene.world
     for layer in range(world.first, world.stop):
-        for i in range(robot.limb_count):
-            if i == step.limb:
-                continue
-            for b in range(BRANCHES):
-                if has_branch(masks[i], b) and not _hold_clear(
-                    parts, i, b, layer, step, scene, room
-                ):
-                    masks[i] = without_branch(masks[i], b)
-            if masks[i] == 0:
-                return False
+        if not each_clear(parts, layer, step, scene, masks, room):
+            return False
         if layer > 0 or parts == MOVER:
             continue
         for i in range(robot.limb_count):
@@ -66,6 +58,23 @@ def hold_apart(
                     _both_apart(i, j, step, scene, masks, room)
                     if masks[i] == 0 or masks[j] == 0:
                         return False
+    return True
+
+
+@kernel
+def each_clear(
+    parts: int, layer: int, step: Step, scene: Scene, masks: Limbs, room: StepRoom
+) -> bool:
+    """As `hold_apart`, in one layer, whatever the other limbs that hold do."""
+    robot = scene.robots[0]
+    for i in range(robot.limb_count):
+        if i == step.limb:
+            continue
+        for b in range(BRANCHES):
+            if has_branch(masks[i], b) and not _hold_clear(parts, i, b, layer, step, scene, room):
+                masks[i] = without_branch(masks[i], b)
+        if masks[i] == 0:
+            return False
     return True
 
 
@@ -83,8 +92,8 @@ def _hold_clear(
     return is_clear(robot, world, layer, sweep)
 
 
-@part
-def _holds_apart(i: int, b: int, j: int, c: int, step: Step, scene: Scene, room: StepRoom) -> bool:
+@kernel
+def holds_apart(i: int, b: int, j: int, c: int, step: Step, scene: Scene, room: StepRoom) -> bool:
     """Whether limb `i` on branch `b` keeps clear of `j` on `c` while both hold along the path."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     sweep, points = room.sweep, stances.points
@@ -112,7 +121,7 @@ def _both_apart(
     for c in range(BRANCHES):
         for b in range(BRANCHES):
             wanted = has_branch(kept, c) and has_branch(masks[i], b)
-            if wanted and not _holds_apart(i, b, j, c, step, scene, room):
+            if wanted and not holds_apart(i, b, j, c, step, scene, room):
                 kept = without_branch(kept, c)
     if kept:
         masks[j] = kept
@@ -120,5 +129,5 @@ def _both_apart(
     chosen = first_branch(masks[j])
     masks[j] &= both_flips(chosen)
     for b in range(BRANCHES):
-        if has_branch(masks[i], b) and not _holds_apart(i, b, j, chosen, step, scene, room):
+        if has_branch(masks[i], b) and not holds_apart(i, b, j, chosen, step, scene, room):
             masks[i] = without_branch(masks[i], b)

@@ -50,10 +50,10 @@ def hold_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> Non
     robot = scene.robots[0]
     for k in range(start, stop):
         step, room = steps[k], rooms[0]
-        _forget(step, robot, room)
+        forget(step, robot, room)
         held = (step.limb + 1) % robot.limb_count
         for kind in range(2):
-            if _holds(kind, step, scene, room):
+            if all_hold(kind, step, scene, room):
                 step.kept[held] = ALL
 
 
@@ -74,7 +74,7 @@ def check_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> No
 
 
 @kernel
-def _forget(step: Step, robot: Robot, room: StepRoom) -> None:
+def forget(step: Step, robot: Robot, room: StepRoom) -> None:
     """Start with no answer, and with no limb at rest."""
     room.sweep.resting.count = 0
     for kind in range(2):
@@ -92,12 +92,12 @@ def _forget(step: Step, robot: Robot, room: StepRoom) -> None:
 
 
 @kernel
-def _holds(kind: int, step: Step, scene: Scene, room: StepRoom) -> bool:
+def all_hold(kind: int, step: Step, scene: Scene, room: StepRoom) -> bool:
     """Work out `room.holds` for a kind of path, once; whether all limbs that hold can follow it."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     if not room.holds_known[kind]:
         room.holds_known[kind] = True
-        _set_path(kind, step, scene, room)
+        set_step_path(kind, step, scene, room)
         floor = world.thresholds[0].floor * robot.characteristic_length**3
         able = True
         for i in range(robot.limb_count):
@@ -110,11 +110,11 @@ def _holds(kind: int, step: Step, scene: Scene, room: StepRoom) -> bool:
                 limb, holding = robot.limbs[i], room.holding
                 room.holds[kind, i] = hold_mask(limb, flange, room.path, floor, mask, holding)
                 able = room.holds[kind, i] != 0
-    return _all_hold(kind, step, robot, room)
+    return _each_holds(kind, step, robot, room)
 
 
 @kernel
-def _all_hold(kind: int, step: Step, robot: Robot, room: StepRoom) -> bool:
+def _each_holds(kind: int, step: Step, robot: Robot, room: StepRoom) -> bool:
     """Whether every limb that holds has one of the branches `now` on which it can follow a path."""
     for i in range(robot.limb_count):
         if i != step.limb and room.holds[kind, i] & room.now[i] == 0:
@@ -123,7 +123,7 @@ def _all_hold(kind: int, step: Step, robot: Robot, room: StepRoom) -> bool:
 
 
 @kernel
-def _set_path(kind: int, step: Step, scene: Scene, room: StepRoom) -> None:
+def set_step_path(kind: int, step: Step, scene: Scene, room: StepRoom) -> None:
     """Set up the base path of a step, for the sweeps too."""
     stances = scene.stances
     before, after = stances.base[step.before], stances.base[step.after]
@@ -138,10 +138,10 @@ def check(step: Step, scene: Scene, room: StepRoom) -> None:
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     on_line = step.again and step.pair >= 0
-    _forget(step, robot, room)
+    forget(step, robot, room)
     able = False
     for kind in range(2):
-        able = able or _holds(kind, step, scene, room)
+        able = able or all_hold(kind, step, scene, room)
     if not able:
         return
     if world.stop == 0:
@@ -209,13 +209,13 @@ def _folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> None:
         for i in range(robot.limb_count):
             if alone:
                 room.now[i] &= ~step.kept[i]
-        if not _holds(kind, step, scene, room):
+        if not all_hold(kind, step, scene, room):
             continue
         for i in range(robot.limb_count):
             room.standing[i] = room.holds[kind, i] & room.now[i]
         fold = NONE
         if world.stop > 0:
-            _set_path(kind, step, scene, room)
+            set_step_path(kind, step, scene, room)
             follow_path(room.sweep, room.path, 0.0, 1.0)
             some = folds & only(step.folds[kind]) if step.again else folds
             fold = _stays_folded(step, scene, some, room)
@@ -264,26 +264,19 @@ def _stays_folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> int:
 @kernel
 def _on_lines(step: Step, scene: Scene, room: StepRoom) -> None:
     """Branches that limbs that hold keep while the other swings along a line in joint space."""
-    stances, robot, world = scene.stances, scene.robots[0], scene.world
-    limb = robot.limbs[step.limb]
-    for side in range(2):
-        s = step.after if side else step.before
-        grasp = world.grasps[stances.points[s, step.limb]]
-        mask = stances.released[s, step.limb].branches
-        base = stances.base[s]
-        room.lifted[side] = lifted_branches(robot, limb, base, grasp, mask, side, room)
-    count = pairs_by_travel(room)
+    robot = scene.robots[0]
+    count = lines_by_travel(step, scene, room)
     for kind in range(2):
-        if not _holds(kind, step, scene, room):
+        if not all_hold(kind, step, scene, room):
             continue
         for i in range(robot.limb_count):
             room.standing[i] = room.holds[kind, i] & room.now[i]
-        _set_path(kind, step, scene, room)
+        set_step_path(kind, step, scene, room)
         follow_path(room.sweep, room.path, 0.0, 1.0)
         stood = False
         for k in range(count if step.again else min(count, TRIES)):
             pair = room.order[k]
-            if (step.again and pair != step.pair) or not _line_clear(pair, step, scene, room):
+            if (step.again and pair != step.pair) or not line_clear(pair, step, scene, room):
                 continue
             if not stood:
                 # Whether the limbs that hold can stay does not depend on the swing, but for the
@@ -299,6 +292,20 @@ def _on_lines(step: Step, scene: Scene, room: StepRoom) -> None:
                 step.pair = pair
                 _keep(kind, step, robot, room)
                 return
+
+
+@kernel
+def lines_by_travel(step: Step, scene: Scene, room: StepRoom) -> int:
+    """The lines along which a limb may swing, see `pairs_by_travel`, and their number."""
+    stances, robot, world = scene.stances, scene.robots[0], scene.world
+    limb = robot.limbs[step.limb]
+    for side in range(2):
+        s = step.after if side else step.before
+        grasp = world.grasps[stances.points[s, step.limb]]
+        mask = stances.released[s, step.limb].branches
+        base = stances.base[s]
+        room.lifted[side] = lifted_branches(robot, limb, base, grasp, mask, side, room)
+    return pairs_by_travel(room)
 
 
 @kernel
@@ -322,7 +329,7 @@ def pairs_by_travel(room: StepRoom) -> int:
 
 
 @part
-def _line_clear(pair: int, step: Step, scene: Scene, room: StepRoom) -> bool:
+def line_clear(pair: int, step: Step, scene: Scene, room: StepRoom) -> bool:
     """Whether the limb can swing along the line between a pair of branches, along the base path."""
     robot, world = scene.robots[0], scene.world
     first, last = room.q[0, pair // BRANCHES], room.q[1, pair % BRANCHES]

@@ -180,7 +180,7 @@ def optimum(graph, goal, start):
 def test_the_last_walk_is_the_cheapest_of_all(known, cost):
     """From nodes and from given poses, all points free or not."""
     first, table = known
-    rng, compared = np.random.default_rng(5), 0
+    rng, compared, proved = np.random.default_rng(5), 0, 0
     for trial in range(12):
         graph = stance_graph(first.grasp_map, first.robot)
         start = random_state(graph, rng)
@@ -207,7 +207,8 @@ def test_the_last_walk_is_the_cheapest_of_all(known, cost):
             for (before, _), (after, _) in itertools.pairwise(walk):
                 assert graph.step_to(before, after.stance) == after
         least = optimum(graph, goal, start)
-        assert low <= least + 1e-9
+        assert low <= search.low <= least + 1e-9
+        proved += search.low >= min(least - 2e-4, 1e9)
         if found:
             assert found == sorted(found, reverse=True)
             assert found[-1] == pytest.approx(least, abs=2e-4)
@@ -215,6 +216,7 @@ def test_the_last_walk_is_the_cheapest_of_all(known, cost):
         else:
             assert not np.isfinite(least)
     assert compared
+    assert proved >= 9
 
 
 def quaternion(rotation):

@@ -117,6 +117,35 @@ def test_pairs_are_those_that_share_branches(graph, table):
     assert pairs.tolist() == expected
 
 
+def test_where_the_base_turns_far_pairs_are_those_that_may_keep_branches(graph, table):
+    """On the step there or that back; elsewhere these are among them."""
+    points, masks = table.points.astype(np.int64), unpacked(table.masks, table.limbs)
+    bits = np.random.default_rng(1).permutation(int(table.offset[-1]))[:4000]
+    (a, i), (b, j), _ = ends_of(table, bits)
+    stances = points[a], turned(points[b], j - i)
+    postures = tuple(map(graph.nodes, stances))
+    shared = turned(masks[a], i + 1)[:, :-1] & turned(masks[b], j + 1)[:, :-1]
+    some = (a != b) & shared.all(axis=1)
+    may = np.zeros(len(bits), dtype=np.bool_)
+    for one, other in ((0, 1), (1, 0)):
+        states = [
+            State(tuple(stance), tuple(mask))
+            for stance, mask in zip(stances[one].tolist(), postures[one].mask.tolist(), strict=True)
+        ]
+        rows = np.flatnonzero(some & ~may)
+        kept = graph.most_kept(
+            states, postures[one], rows, stances[other][rows], postures[other].take(rows)
+        )
+        may[rows] = kept.any(axis=1)
+    both = np.einsum("nij,nij->n", *(posture.base_rotation for posture in postures))
+    far = some & (np.degrees(np.arccos(np.clip((both - 1.0) / 2.0, -1.0, 1.0))) > 90.0)
+    joined = np.array([is_set(table.bits, bit) for bit in bits.tolist()])
+    np.testing.assert_array_equal(joined[far], may[far])
+    assert joined[may].all()
+    assert not joined[~some].any()
+    assert min((joined & far).sum(), (~joined & far).sum()) > 5
+
+
 def test_a_bit_tells_its_pair(table):
     ends = {}
     for rest, (begin, end) in enumerate(itertools.pairwise(table.start.tolist())):

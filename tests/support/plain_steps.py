@@ -313,19 +313,23 @@ class PlainStep:
             pair,
         )
 
-    def on_lines(self, first, last):
-        """Keep what can hold while the other limb swings along the shortest line that is free."""
+    def lines(self, first, last):
+        """The lines that are tried, the shortest first: branches before and after, and ends."""
         plain, limb = self.plain, self.limb
         starts = plain.above(self.before, limb, first.pairs)
         ends = plain.above(self.after, limb, last.pairs)
         lines = [(b0, b1, *line_end(starts[b0], ends[b1])) for b0 in starts for b1 in ends]
         lines.sort(key=cmp_to_key(lambda a, b: (a[3] > b[3] + TIE) - (b[3] > a[3] + TIE)))
+        return [(b0, b1, starts[b0], end) for b0, b1, end, _ in lines[:TRIES]]
+
+    def on_lines(self, first, last):
+        """Keep what can hold while the other limb swings along the shortest line that is free."""
+        plain, limb = self.plain, self.limb
         for kind, path in enumerate(self.paths):
             standing = dict(self.on_path[kind])
             if not all(standing.values()):
                 continue
-            for b0, b1, end, _ in lines[:TRIES]:
-                line = starts[b0], end
+            for b0, b1, *line in self.lines(first, last):
                 if not plain.swing_clear(path, limb, *line):
                     continue
                 still = self.apart(path, standing, line, still=True, swing=False)
@@ -335,6 +339,48 @@ class PlainStep:
                 if apart:
                     self.keep(kind, apart, -1, 8 * b0 + b1)
                     return
+
+    def most(self, released=None):
+        """Pairs on which limbs may hold on some path, beside some swing; see `check`.
+
+        Of two limbs that hold each needs a pair that is clear of some of the other's.
+        """
+        found = {i: set() for i in self.held}
+        for path, standing in zip(self.paths, self.on_path, strict=True):
+            if not all(standing.values()):
+                continue
+            for line in [None] if released is None else self.swings(path, released):
+                out = dict(standing)
+                if line is not None:
+                    out = self.each_clear(path, standing, line, ("boxes", "body", "meeting"))
+                    out = all(out.values()) and self.some_apart(path, out)
+                if out and all(out.values()):
+                    found = {i: found[i] | out[i] for i in self.held}
+        return found
+
+    def swings(self, path, released):
+        """Folds in which the limb that moves can stay, and lines that are tried and clear."""
+        first, last = (released[s][self.limb] for s in (self.before, self.after))
+        if not first.pairs or not last.pairs:
+            return []
+        lines = [(self.plain.folds[fold],) * 2 for fold in sorted(first.folds & last.folds)]
+        lines += [(start, end) for _, _, start, end in self.lines(first, last)]
+        return [line for line in lines if self.plain.swing_clear(path, self.limb, *line)]
+
+    def some_apart(self, path, out):
+        """One pair of limbs after the other."""
+        for i in self.held:
+            for j in (j for j in self.held if j > i):
+                clear = [
+                    (b, c)
+                    for b in branches(out[i])
+                    for c in branches(out[j])
+                    if self.plain.clear(path, self.holds(i, b), self.holds(j, c), ("meeting",))
+                ]
+                out = out | {
+                    i: on(out[i], {b for b, _ in clear}), j: on(out[j], {c for _, c in clear})
+                }  # fmt: skip
+        return out
 
     def holds(self, i, branch):
         """A limb that holds."""
@@ -351,7 +397,16 @@ class PlainStep:
             still: Whether they are clear of what does not move, and of each other.
             swing: Whether of the limb that moves.
         """
-        compared = ("boxes", "body") * still + ("meeting",) * swing
+        out = self.each_clear(
+            path, standing, line, ("boxes", "body") * still + ("meeting",) * swing
+        )
+        for i in self.held if still else ():
+            for j in (j for j in self.held if j > i and out[i] and out[j]):
+                self.both_apart(path, out, i, j)
+        return out if all(out.values()) else None
+
+    def each_clear(self, path, standing, line, compared):
+        """Those of some pairs on which limbs hold clear of some parts."""
         mover, out = swinging(self.limb, *line), {}
         for i in self.held:
             free = {
@@ -360,10 +415,7 @@ class PlainStep:
                 if self.plain.clear(path, self.holds(i, b), mover, compared)
             }
             out[i] = on(standing[i], free)
-        for i in self.held if still else ():
-            for j in (j for j in self.held if j > i and out[i] and out[j]):
-                self.both_apart(path, out, i, j)
-        return out if all(out.values()) else None
+        return out
 
     def both_apart(self, path, out, i, j):
         """Leave two limbs pairs all of which are clear of each other.

@@ -4,16 +4,12 @@ import numpy as np
 import pytest
 from limb_motions import swinging
 from plain_steps import NO_EDGE, PlainChecks, PlainStep, mask_of, members
+from random_steps import NO_COLLISIONS, asked, two_stances
 
-from mlivr_gym import Settings, stance_graph
+from mlivr_gym import stance_graph
 from mlivr_gym.collisions.motion import Sweep
 from mlivr_gym.compiled.bit_sets import ALL
-from mlivr_gym.errors import StanceError
-from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.motions import Hold, Piece, piece_clear
-
-NO_COLLISIONS = Settings(collisions=False)
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -21,45 +17,6 @@ def small(request, small_map):
     """Graphs of robots of two and of three limbs."""
     robot = f"mlivr{request.param}"
     return stance_graph(small_map, robot), stance_graph(small_map, robot, NO_COLLISIONS)
-
-
-def two_stances(graph, rng):
-    """A limb, and the points of a random stance and of one that this limb alone changes."""
-    while True:
-        before, limb = random_state(graph, rng).stance, int(rng.integers(graph.limbs))
-        others = [p for i, p in enumerate(before) if i != limb]
-        places = graph.grasp_map.positions
-        away = np.linalg.norm(places - places[others].mean(axis=0), axis=1)
-        point = int(rng.choice(np.flatnonzero(away < 1.5)))
-        after = (*before[:limb], point, *before[limb + 1 :])
-        if point != before[limb] and can_be_held(graph, after):
-            return limb, before, after
-
-
-def can_be_held(graph, stance):
-    try:
-        graph.state(stance)
-    except StanceError:
-        return False
-    return True
-
-
-def asked(graph, limb, before, after, wanted, given):
-    """The stances, what compiled code says of limbs at both, and of the step between them."""
-    points = np.array([before, after])
-    checks, postures = graph.checks, join(graph.posture(before), graph.posture(after))
-    stances, world = checks.stances(points, postures), checks.world(None)
-    todo = np.array([(s, i) for s in (0, 1) for i in range(graph.limbs)])
-    checks.release(stances, todo, world)
-    steps = checks.steps(1)
-    steps["limb"], steps["before"], steps["after"], steps["given"] = limb, 0, 1, given
-    steps["pivot"] = graph.grasp_map.positions[[p for i, p in enumerate(after) if i != limb]].mean(
-        axis=0
-    )
-    steps["wanted"][0, : graph.limbs] = wanted
-    able = checks.hold(steps.copy(), stances, world)
-    checks.check(steps, stances, world)
-    return stances, steps[0], bool(able[0])
 
 
 def same_release(ours, truth):

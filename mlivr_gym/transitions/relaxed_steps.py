@@ -1,0 +1,161 @@
+"""What a step may keep at most: a check that more branches only make milder (compiled).
+
+What `steps` finds of a step depends on the branches that the limbs that hold may be on: of two that
+come too close to each other one is dropped, and the other base path is looked at only where the
+first serves none. So a step that fails with all branches may pass with some of them. Here a branch
+is dropped only if it serves on no base path, in no fold and on no line, whatever branches the other
+limbs are on. All that `steps` keeps is among what is left, whichever branches are wanted; where
+nothing is left there is no step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, has, has_branch, without_branch
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.postures.records import Limbs
+from mlivr_gym.transitions.grasp_poses import folded
+from mlivr_gym.transitions.holds import MOVER, STANDING, each_clear, holds_apart
+from mlivr_gym.transitions.motions import follow_path, swing_clear
+from mlivr_gym.transitions.records import Scene, Step, StepRoom
+from mlivr_gym.transitions.steps import (
+    TRIES,
+    all_hold,
+    forget,
+    line_clear,
+    lines_by_travel,
+    set_step_path,
+)
+
+
+@entry
+def may_keep_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> None:
+    """What limbs that hold may keep on steps from `start` to `stop`, see `steps.check_all`."""
+    for k in range(start, stop):
+        _may_keep(False, steps[k], scene, rooms[0])
+
+
+@entry
+def may_step_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> None:
+    """Some of what `may_keep_all` finds, if that is anything."""
+    for k in range(start, stop):
+        _may_keep(True, steps[k], scene, rooms[0])
+
+
+@kernel
+def _may_keep(some: bool, step: Step, scene: Scene, room: StepRoom) -> None:
+    """Write what limbs that hold may keep into `step.kept`; if `some` is enough no more than that.
+
+    What is kept already is no more looked for.
+    """
+    stances, robot, world = scene.stances, scene.robots[0], scene.world
+    forget(step, robot, room)
+    before = stances.released[step.before, step.limb]
+    after = stances.released[step.after, step.limb]
+    if world.stop > 0 and (before.branches == 0 or after.branches == 0):
+        return
+    for kind in range(2):
+        if not all_hold(kind, step, scene, room):
+            continue
+        for i in range(robot.limb_count):
+            room.standing[i] = room.holds[kind, i]
+        if world.stop == 0:
+            _add(step, room.standing, robot.limb_count)
+        elif not _enough(some, step, room.standing, robot.limb_count):
+            set_step_path(kind, step, scene, room)
+            follow_path(room.sweep, room.path, 0.0, 1.0)
+            if _each_stands(STANDING, room.standing, step, scene, room):
+                _in_folds(some, before.folds & after.folds, step, scene, room)
+                _on_lines(some, step, scene, room)
+
+
+@kernel
+def _enough(some: bool, step: Step, wanted: Limbs, limbs: int) -> bool:
+    """Whether all that is wanted is kept, or anything if `some` is enough."""
+    kept, missing = EMPTY, EMPTY
+    for i in range(limbs):
+        if i != step.limb:
+            kept |= step.kept[i]
+            missing |= wanted[i] & ~step.kept[i]
+    return bool(kept != 0 and (some or missing == 0))
+
+
+@kernel
+def _add(step: Step, masks: Limbs, limbs: int) -> None:
+    """Add what serves to what may be kept."""
+    for i in range(limbs):
+        if i != step.limb:
+            step.kept[i] |= masks[i]
+
+
+@kernel
+def _each_stands(parts: int, masks: Limbs, step: Step, scene: Scene, room: StepRoom) -> bool:
+    """Take out branches that touch something, whatever the others; whether each limb has some."""
+    world = scene.world
+    for layer in range(world.first, world.stop):
+        if not each_clear(parts, layer, step, scene, masks, room):
+            return False
+    return True
+
+
+@kernel
+def _in_folds(some: bool, folds: int, step: Step, scene: Scene, room: StepRoom) -> None:
+    """Add what serves while the limb that moves stays in one of some folds."""
+    robot, world = scene.robots[0], scene.world
+    for k in range(robot.fold_count):
+        if not has(folds, k) or _enough(some, step, room.standing, robot.limb_count):
+            continue
+        folded(robot, k, 0.0, room.start)
+        folded(robot, k, 0.0, room.end)
+        clear = True
+        for layer in range(world.first, world.stop):
+            clear = clear and swing_clear(
+                robot, world, layer, step.limb, room.start, room.end, room.sweep
+            )
+        if clear:
+            _beside_swing(step, scene, room)
+
+
+@kernel
+def _on_lines(some: bool, step: Step, scene: Scene, room: StepRoom) -> None:
+    """Add what serves while the limb that moves swings along one of the lines that are tried."""
+    limbs = scene.robots[0].limb_count
+    if _enough(some, step, room.standing, limbs):
+        return
+    count = lines_by_travel(step, scene, room)
+    for k in range(min(count, TRIES)):
+        done = _enough(some, step, room.standing, limbs)
+        if not done and line_clear(room.order[k], step, scene, room):
+            _beside_swing(step, scene, room)
+
+
+@kernel
+def _beside_swing(step: Step, scene: Scene, room: StepRoom) -> None:
+    """Add what serves beside the swing in `room`."""
+    limbs, masks = scene.robots[0].limb_count, room.now_on_line
+    for i in range(limbs):
+        masks[i] = room.standing[i]
+    if not _each_stands(MOVER, masks, step, scene, room):
+        return
+    if scene.world.first == 0:
+        for i in range(limbs):
+            for j in range(i + 1, limbs):
+                if i != step.limb and j != step.limb:
+                    _some_apart(i, j, masks, step, scene, room)
+                    if masks[i] == 0:
+                        return
+    _add(step, masks, limbs)
+
+
+@kernel
+def _some_apart(i: int, j: int, masks: Limbs, step: Step, scene: Scene, room: StepRoom) -> None:
+    """Take out branches of two limbs that hold which come too close to all of the other limb."""
+    alone_i, alone_j = masks[i], masks[j]
+    for b in range(BRANCHES):
+        for c in range(BRANCHES):
+            both = has_branch(masks[i], b) and has_branch(masks[j], c)
+            new = has_branch(alone_i, b) or has_branch(alone_j, c)
+            if both and new and holds_apart(i, b, j, c, step, scene, room):
+                alone_i, alone_j = without_branch(alone_i, b), without_branch(alone_j, c)
+    masks[i], masks[j] = masks[i] & ~alone_i, masks[j] & ~alone_j

@@ -1,0 +1,49 @@
+"""Random steps, and what compiled code says of them."""
+
+import numpy as np
+
+from mlivr_gym import Settings
+from mlivr_gym.errors import StanceError
+from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.random_states import random_state
+
+NO_COLLISIONS = Settings(collisions=False)
+
+
+def two_stances(graph, rng):
+    """A limb, and the points of a random stance and of one that this limb alone changes."""
+    while True:
+        before, limb = random_state(graph, rng).stance, int(rng.integers(graph.limbs))
+        others = [p for i, p in enumerate(before) if i != limb]
+        places = graph.grasp_map.positions
+        away = np.linalg.norm(places - places[others].mean(axis=0), axis=1)
+        point = int(rng.choice(np.flatnonzero(away < 1.5)))
+        after = (*before[:limb], point, *before[limb + 1 :])
+        if point != before[limb] and can_be_held(graph, after):
+            return limb, before, after
+
+
+def can_be_held(graph, stance):
+    try:
+        graph.state(stance)
+    except StanceError:
+        return False
+    return True
+
+
+def asked(graph, limb, before, after, wanted, given):
+    """The stances, what compiled code says of limbs at both, and of the step between them."""
+    points = np.array([before, after])
+    checks, postures = graph.checks, join(graph.posture(before), graph.posture(after))
+    stances, world = checks.stances(points, postures), checks.world(None)
+    todo = np.array([(s, i) for s in (0, 1) for i in range(graph.limbs)])
+    checks.release(stances, todo, world)
+    steps = checks.steps(1)
+    steps["limb"], steps["before"], steps["after"], steps["given"] = limb, 0, 1, given
+    steps["pivot"] = graph.grasp_map.positions[[p for i, p in enumerate(after) if i != limb]].mean(
+        axis=0
+    )
+    steps["wanted"][0, : graph.limbs] = wanted
+    able = checks.hold(steps.copy(), stances, world)
+    checks.check(steps, stances, world)
+    return stances, steps[0], bool(able[0])

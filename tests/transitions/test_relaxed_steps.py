@@ -1,0 +1,46 @@
+"""What steps may keep at most: their plain definition, and whatever steps are found to keep."""
+
+import numpy as np
+import pytest
+from plain_steps import PlainChecks, PlainStep, members
+from random_steps import NO_COLLISIONS, asked, two_stances
+
+from mlivr_gym import stance_graph
+from mlivr_gym.compiled.bit_sets import ALL
+
+
+def some_masks(graph, rng):
+    return [int(rng.integers(1, ALL + 1)) for _ in range(graph.limbs)]
+
+
+@pytest.mark.parametrize("settings", [None, NO_COLLISIONS], ids=["", "no collisions"])
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
+def test_steps_keep_at_most_what_the_plain_definition_says(small_map, robot, settings):
+    graph, rng = stance_graph(small_map, robot, settings), np.random.default_rng(3)
+    checks, kinds = graph.checks, dict.fromkeys(("none", "less", "all"), 0)
+    for _ in range({2: 60, 3: 40, 4: 24}[graph.limbs]):
+        limb, before, after = two_stances(graph, rng)
+        every = [ALL] * graph.limbs
+        stances, step, _ = asked(graph, limb, before, after, every, False)
+        world, most, some = checks.world(None), *(checks.steps(1) for _ in range(2))
+        for row in (most, some):
+            for name in ("limb", "before", "after", "pivot", "wanted"):
+                row[name][0] = step[name]
+        checks.may_keep(most, stances, world)
+        plain = PlainChecks(graph, stances)
+        released = None
+        if settings is None:
+            released = [[plain.release(s, i) for i in range(graph.limbs)] for s in (0, 1)]
+        of_step = PlainStep(plain, limb, 0, 1, step["pivot"], [*map(members, every)], False)
+        found = {i: members(most["kept"][0, i]) for i in of_step.held}
+        assert found == of_step.most(released)
+        assert bool(checks.may_step(some, stances, world)[0]) == any(found.values())
+        assert (some["kept"] & ~most["kept"] == 0).all()
+        for wanted in (every, *(some_masks(graph, rng) for _ in range(8))):
+            _, kept, _ = asked(graph, limb, before, after, wanted, False)
+            assert (kept["kept"] & ~most["kept"][0] == 0).all()
+        standing = {i: of_step.on_path[0][i] | of_step.on_path[1][i] for i in of_step.held}
+        kind = "all" if found == standing else "less" if any(found.values()) else "none"
+        kinds[kind] += 1
+    assert kinds["all"] > 0
+    assert settings is not None or kinds["none"] > 0
