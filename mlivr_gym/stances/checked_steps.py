@@ -175,7 +175,8 @@ class CheckedSteps(ChangingWorld):
             pairs: Rows of the stances before and after, shape (k, 2).
             masks: Branches and flips on which the limbs may hold at each stance, shape (s, N).
         """
-        steps = self.step_rows(stances, *pairs.T, masks[pairs[:, 0]])
+        before, after = pairs.T
+        steps = self.step_rows(stances, before, after, masks[before])
         self._know_ends(stances, steps)
         may = self.checks.may_step(steps, stances, self.checks.world(self.obstacle_grid))
         return np.asarray(may, dtype=np.bool_)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.cache import cache_folder
 from mlivr_gym.compiled.limb_masks import unpacked
+from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import count_pairs, gathered, spread
@@ -31,6 +32,9 @@ from mlivr_gym.world.grasp_map import GraspMap
 FORMAT = 1
 """Format of the files."""
 
+SHIPPED = ("mlivr3", "mlivr4")
+"""Robots whose tables on the JEM ship with the package."""
+
 KEPT = 2
 """Tables that are kept in memory."""
 
@@ -39,7 +43,7 @@ _kept: OrderedDict[str, NodeTable] = OrderedDict()
 
 
 def node_table(graph: LazyGraph) -> NodeTable | None:
-    """The table that was built for a graph, or given as a small file; None without one.
+    """The table that was built for a graph, given as a small file or shipped; None without one.
 
     One that cannot be read is passed over with a warning.
     """
@@ -120,17 +124,24 @@ def _found(graph: LazyGraph, key: str) -> NodeTable | None:
                 return NodeTable(*_arrays(stream, len(NodeTable._fields)))
         except (OSError, ValueError, EOFError):
             log.warning("%r holds no table of nodes: it is passed over", str(path))
-    small, sets = path.parent / small_name(key), graph.sets(work_out=False)
-    if not small.is_file() or sets is None:
+    sets = graph.sets(work_out=False)
+    if sets is None:
         return None
-    try:
-        table = read_table(small, graph, sets)
-        if table is not None:
-            write_unpacked(table, path)
-    except (NodeTableError, FileError) as error:
-        log.warning("%s", error)
-        return None
-    return table
+    for small in _small_files(graph, path.parent / small_name(key)):
+        try:
+            table = read_table(small, graph, sets)
+            if table is not None:
+                write_unpacked(table, path)
+                return table
+        except (NodeTableError, FileError) as error:
+            log.warning("%s", error)
+    return None
+
+
+def _small_files(graph: LazyGraph, given: Path) -> list[Path]:
+    """Small files in which the table of a graph may be: one that was given, and what ships."""
+    name = graph.robot.name
+    return [given] * given.is_file() + [asset_path(f"nodes-{name}.xz")] * (name in SHIPPED)
 
 
 def small_name(key: str) -> str:
