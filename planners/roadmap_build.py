@@ -201,7 +201,7 @@ def _known(worker: int, world: World, points: IntArray) -> tuple[Array, IntArray
     released: IntArray = np.zeros(points.shape, dtype=np.int64)
     for at in range(0, len(points), AT_ONCE):
         rows = np.arange(at, min(at + AT_ONCE, len(points)))
-        released[rows] = graph.all_released(points[rows], postures.take(rows))
+        released[rows] = graph.all_released(points[rows], postures.take(rows))["branches"]
         tell(worker, (at + len(rows)) / len(points))
     return postures.base_position, released
 

@@ -16,7 +16,7 @@ from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.families import SINGULAR, branch_terms
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.manipulability import limb_information
-from mlivr_gym.kinematics.poses import columns, turn, vector
+from mlivr_gym.kinematics.poses import Pose, columns, turn, vector
 from mlivr_gym.postures.branches import combined, hold_masks
 from mlivr_gym.postures.records import (
     HeldStance,
@@ -167,25 +167,51 @@ def _solve(
 def _try_poses(held: HeldStance, robot: Robot, rule: PostureRule, room: PostureRoom) -> int:
     """Set up the base poses of a stance; returns their number."""
     floor = rule.nodes_margin * rule.scale_m if rule.nodes_only else 0.0
-    rolls, heights = rule.rolls, rule.heights
-    roll_count, height_count = rule.roll_count, rule.height_count
+    count = rule.roll_count * rule.height_count
     if held.opposed:
-        rolls, heights = rule.wide_rolls, rule.wide_heights
-        roll_count, height_count = rule.wide_roll_count, rule.wide_height_count
-    line, out = vector(held.line), vector(held.out)
-    x, y, z = columns(held.frame)
-    for c in range(roll_count * height_count):
-        roll, height = rolls[c // height_count], heights[c % height_count]
-        cosine, sine = np.cos(roll), np.sin(roll)
+        count = rule.wide_roll_count * rule.wide_height_count
+    for c in range(count):
         tried = room.tried[c]
-        axes = turn(line, cosine, sine, x), turn(line, cosine, sine, y), turn(line, cosine, sine, z)
-        up = turn(line, cosine, sine, out)
-        for k in range(3):
-            tried.base.position[k] = height * up[k]
-            for col in range(3):
-                tried.base.rotation[k, col] = axes[col][k]
+        _set_pose(held, rule, c, tried.base)
         tried.bound = reach(robot, held, floor, tried, room) / rule.scale_m
-    return roll_count * height_count
+    return count
+
+
+@kernel
+def _set_pose(held: HeldStance, rule: PostureRule, c: int, base: Pose) -> None:
+    """Base pose `c` of a stance, from the centroid of its grasps, into `base`."""
+    rolls, heights, height_count = rule.rolls, rule.heights, rule.height_count
+    if held.opposed:
+        rolls, heights, height_count = rule.wide_rolls, rule.wide_heights, rule.wide_height_count
+    line = vector(held.line)
+    x, y, z = columns(held.frame)
+    roll, height = rolls[c // height_count], heights[c % height_count]
+    cosine, sine = np.cos(roll), np.sin(roll)
+    axes = turn(line, cosine, sine, x), turn(line, cosine, sine, y), turn(line, cosine, sine, z)
+    up = turn(line, cosine, sine, vector(held.out))
+    for k in range(3):
+        base.position[k] = height * up[k]
+        for col in range(3):
+            base.rotation[k, col] = axes[col][k]
+
+
+@entry
+def set_poses(stances: Any, rules: Any, numbers: IntArray, out: Any) -> None:
+    """A base pose of each of k stances, from the centroid of its grasps.
+
+    Args:
+        stances: Rows of `HeldStance`, shape (k,).
+        rules: Rows of `PostureRule`, the first of which tells what is tried.
+        numbers: Which of those of the stance, shape (k,); what is none is passed over.
+        out: Rows of `Pose`, shape (k,), filled.
+    """
+    rule = rules[0]
+    for k in range(len(numbers)):
+        count = rule.roll_count * rule.height_count
+        if stances[k].opposed:
+            count = rule.wide_roll_count * rule.wide_height_count
+        if numbers[k] < count:
+            _set_pose(stances[k], rule, numbers[k], out[k])
 
 
 @kernel

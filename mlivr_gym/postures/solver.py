@@ -28,7 +28,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -45,7 +45,6 @@ from mlivr_gym.collisions.queries import (
 )
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.grasps import grasp_rows
-from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.postures.geometries import Grasps, grasps_of_geometries, relative_geometries
 from mlivr_gym.postures.in_reach import ReachRoom, orders_of, reach_queries, sets_in_reach
 from mlivr_gym.postures.postures import FIELDS, Postures, PostureTable
@@ -55,38 +54,17 @@ from mlivr_gym.postures.records import (
     PostureRoom,
     PostureRule,
     Thresholds,
-    list_tries,
 )
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_postures
+from mlivr_gym.postures.tried_poses import Candidates, held_in_world
 from mlivr_gym.postures.turns import first_limbs, turned, turned_frames
-from mlivr_gym.robot.specification import RobotSpec, geometric_order
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
 
-OPPOSED_HEIGHTS = (0.15, 0.25, 0.35, 0.45)
-"""Distances of the base from the line through the grasps tried there [m]."""
-
-OPPOSED_ROLLS = 12
-"""Rolls over the full circle tried there."""
-
 LEAST_IN_THREADS, MANY_LIMBS_IN_THREADS = 2000, 32
 """Stances of two, and of more limbs from which on postures are worked out in threads."""
-
-
-class _Candidates(NamedTuple):
-    """Base poses that are tried."""
-
-    frames: tuple[Array, Array, Array, BoolArray]
-    """What `base_frames` returns."""
-    heights: Array
-    """Heights over the centroid [m]."""
-    rolls: Array
-    """Rolls [rad]."""
-    opposed_heights: Array
-    """Heights between opposite walls [m]."""
-    opposed_rolls: Array
-    """Rolls between opposite walls [rad]."""
 
 
 class PostureSolver:
@@ -216,7 +194,7 @@ class PostureSolver:
         again = nodes[postures.cause[nodes] > 0]
         if not len(again):
             return
-        held = self._held_in_world(stances[again])
+        held = held_in_world(self.grasp_map, stances[again])
         centres = held.centres
         new = self._solve_in_place(held, self.boxes, avoid=True)
         better = np.all(new.mask > 0, axis=1)
@@ -224,12 +202,6 @@ class PostureSolver:
         for name in FIELDS:
             getattr(postures, name)[again[better]] = getattr(new, name)[better]
         postures.base_position[again[better]] += centres[better]
-
-    def _held_in_world(self, stances: IntArray) -> Grasps:
-        """Grasps of stances about their centroids, in the axes of the world."""
-        points, rotations = self.grasp_map.positions[stances], self.grasp_map.rotations[stances]
-        centres = points.mean(axis=1)
-        return Grasps(points - centres[:, None], rotations[..., 2], rotations[..., 0], centres)
 
     def _solve_new(self, rows: IntArray, nodes_only: bool) -> None:
         grasps, centroid = grasps_of_geometries(rows, self.robot.limbs)
@@ -270,13 +242,13 @@ class PostureSolver:
         """
         collisions = self.settings.collisions if collisions is None else collisions
         count = len(stances)
-        held = self._held_in_world(stances)
+        held = held_in_world(self.grasp_map, stances)
         away = positions - held.centres
         frames = (rotations.copy(), away, away, np.zeros(count, dtype=np.bool_))
         once, none = np.ones(1), np.zeros(1)
         out = self._run(
             held,
-            _Candidates(frames, once, none, once, none),
+            Candidates(frames, once, none, once, none),
             self.boxes if collisions else self._no_boxes,
             thresholds=thresholds,
             avoid=collisions,
@@ -295,8 +267,8 @@ class PostureSolver:
         """
         points = np.array([stance], dtype=np.int64)
         turns = first_limbs(self.grasp_map, points)
-        held = self._held_in_world(turned(points, turns))
-        frames, heights, rolls, *wide = self._candidates(held)
+        held = held_in_world(self.grasp_map, turned(points, turns))
+        frames, heights, rolls, *wide = Candidates.of(self.robot, held)
         frame, out, line, opposed = (part[0] for part in frames)
         if opposed:
             heights, rolls = wide
@@ -305,17 +277,6 @@ class PostureSolver:
         rotations = np.broadcast_to(rolled @ frame, (len(heights), *rolled.shape))
         frames_of = turned_frames(rotations.reshape(-1, 3, 3), -turns, len(stance))
         return positions.reshape(-1, 3), frames_of
-
-    def _candidates(self, held: Grasps) -> _Candidates:
-        """The robot's candidates for some grasps."""
-        wide_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
-        return _Candidates(
-            base_frames(held.grasps, held.normals, np.ascontiguousarray(held.rails[:, 0])),
-            np.array(self.robot.heights),
-            np.array(self.robot.rolls),
-            np.array(OPPOSED_HEIGHTS),
-            np.array(geometric_order(wide_rolls)),
-        )
 
     def in_reach(
         self, sets: IntArray, target: Array | None = None, tolerance: float = np.inf
@@ -329,7 +290,10 @@ class PostureSolver:
             target: Where the base is to be [m], shape (3,); by default anywhere.
             tolerance: How near to it [m].
         """
-        robot, tries = self.robot, self._candidates(self._held_in_world(sets[:1]))[1:]
+        robot, tries = (
+            self.robot,
+            Candidates.of(self.robot, held_in_world(self.grasp_map, sets[:1]))[1:],
+        )
         w_m = self.settings.thresholds(robot.limbs)[0]
         queries = reach_queries(robot, w_m, tries, target, tolerance)
         out = np.zeros(len(sets), dtype=np.bool_)
@@ -346,7 +310,7 @@ class PostureSolver:
         """
         return self._run(
             held,
-            self._candidates(held),
+            Candidates.of(self.robot, held),
             grid,
             thresholds=self.settings.thresholds(self.robot.limbs),
             avoid=avoid,
@@ -357,7 +321,7 @@ class PostureSolver:
     def _run(
         self,
         held: Grasps,
-        candidates: _Candidates,
+        candidates: Candidates,
         grid: BoxGrid,
         *,
         thresholds: tuple[float, float],
@@ -373,9 +337,7 @@ class PostureSolver:
         stances["centre"] = held.centres
         grasps = grasp_rows(held.grasps, held.normals, held.rails, self.robot.tool_length)
         stances["grasps"][:, :count] = grasps
-        for name, array in zip(("frame", "out", "line", "opposed"), candidates.frames, strict=True):
-            stances[name] = array
-        list_tries(rule, candidates[1:])
+        candidates.write(stances, rules)
         rule["thresholds"] = self._thresholds(thresholds)[0]
         rule["scale_m"], rule["scale_b"] = self._scales
         margin = min(a / b for a, b in zip(thresholds, self._scales, strict=True))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import StanceError
 from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.schema import Place, Whole
@@ -37,13 +37,11 @@ class CheckedSteps(ChangingWorld):
         self._know_released(stances, np.array([[0, limb]]))
         return int(stances.released["branches"][0, limb])
 
-    def all_released(self, points: IntArray, postures: Postures) -> IntArray:
-        """On which branches each limb can be released at some stances, shape (k, N)."""
+    def all_released(self, points: IntArray, postures: Postures) -> Any:
+        """Rows of `Release`: how each limb can be released at some stances, shape (k, N)."""
         stances = self.checks.stances(points, postures)
-        every = np.indices(points.shape).reshape(2, -1).T
-        self._know_released(stances, every)
-        released: IntArray = stances.released["branches"][:, : self.limbs].astype(np.int64)
-        return released
+        self._know_released(stances, np.indices(points.shape).reshape(2, -1).T)
+        return stances.released
 
     def _know_released(self, stances: StanceSet, todo: IntArray) -> None:
         """Work out on which branches limbs can be released: rows and limbs, shape (k, 2)."""
@@ -166,20 +164,6 @@ class CheckedSteps(ChangingWorld):
         grasped = stances.released["branches"] if self.settings.collisions else stances.mask
         masks[able[rows], limb] = grasped[chosen["after"], limb] * kept.any(axis=1)
         return masks
-
-    def may_step(self, stances: StanceSet, pairs: IntArray, masks: IntArray) -> BoolArray:
-        """Which of some pairs of stances a step may join, whatever branches the limbs are on.
-
-        Args:
-            stances: The stances; what can be released at them is remembered there.
-            pairs: Rows of the stances before and after, shape (k, 2).
-            masks: Branches and flips on which the limbs may hold at each stance, shape (s, N).
-        """
-        before, after = pairs.T
-        steps = self.step_rows(stances, before, after, masks[before])
-        self._know_ends(stances, steps)
-        may = self.checks.may_step(steps, stances, self.checks.world(self.obstacle_grid))
-        return np.asarray(may, dtype=np.bool_)
 
     def _releasable_steps(self, stances: StanceSet, steps: Any, able: IntArray) -> IntArray:
         """Which of some steps move a limb that can be released before and after, by index.

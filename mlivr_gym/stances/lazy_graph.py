@@ -9,7 +9,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.solver import OPPOSED_HEIGHTS
+from mlivr_gym.postures.tried_poses import OPPOSED_HEIGHTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.stance_graph import StanceGraph

@@ -29,7 +29,7 @@ from mlivr_gym.stances.node_table import (
 from mlivr_gym.stances.stance_sets import StanceSets, key_of
 from mlivr_gym.world.grasp_map import GraspMap
 
-FORMAT = 1
+FORMAT = 2
 """Format of the files."""
 
 SHIPPED = ("mlivr3", "mlivr4")
@@ -65,12 +65,15 @@ def write_table(table: NodeTable, graph: LazyGraph, path: str | Path) -> None:
         FileError: If the file cannot be written.
     """
     limbs, away = table.limbs, table.base_position - _centroids(graph.grasp_map, table.points)
-    masks = [unpacked(one, limbs).astype(np.uint16) for one in (table.masks, table.released)]
+    masks = [
+        unpacked(one, limbs).astype(np.uint16) for one in (table.masks, table.released, table.folds)
+    ]
     arrays = [
         np.array([str(FORMAT), key_of(graph)]),
         np.diff(table.points.astype(np.int32), axis=0, prepend=0).astype(np.int16).T.copy(),
         *_coded(np.rint(away / RESOLUTION).astype(np.int32)),
-        *_coded(np.stack(masks, axis=2).reshape(-1, 2)),
+        *_coded(np.stack(masks, axis=2).reshape(-1, 3)),
+        table.tried,
         gathered(table),
     ]
     stream = io.BytesIO()
@@ -98,11 +101,11 @@ def read_table(path: str | Path, graph: LazyGraph, sets: StanceSets) -> NodeTabl
                 raise ValueError
             if head[1] != key_of(graph):
                 return None
-            apart, places, place, pairs, pair, joined = _arrays(stream, 6)
+            apart, places, place, threes, three, tried, joined = _arrays(stream, 7)
         points = np.cumsum(apart.T, axis=0, dtype=np.int64)
         base = _centroids(graph.grasp_map, points) + places[place] * RESOLUTION
-        masks, released = pairs[pair].reshape(*points.shape, 2).transpose(2, 0, 1)
-        table = table_of(Nodes(points, base, masks, released), sets)
+        masks, released, folds = threes[three].reshape(*points.shape, 3).transpose(2, 0, 1)
+        table = table_of(Nodes(points, base, masks, released, folds, tried), sets)
         count = count_pairs(table, 0, len(table.offset) - 1)
         spread(table, np.unpackbits(joined, count=count).view(np.bool_))
         return table

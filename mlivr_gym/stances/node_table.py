@@ -42,6 +42,10 @@ class Nodes(NamedTuple):
     """On which branches the limbs may hold, shape (n, N)."""
     released: IntArray
     """On which of them they can be released, shape (n, N)."""
+    folds: IntArray
+    """Folds among which they can change, see `Release`, shape (n, N)."""
+    tried: IntArray
+    """Which of the base poses tried it is, see `tried_poses`, shape (n,)."""
 
 
 class NodeTable(NamedTuple):
@@ -55,6 +59,10 @@ class NodeTable(NamedTuple):
     """On which branches the limbs may hold, see `limb_masks`, shape (n,)."""
     released: NDArray[np.uint64]
     """On which of them they can be released, shape (n,)."""
+    folds: NDArray[np.uint64]
+    """Folds among which they can change, shape (n,)."""
+    tried: NDArray[np.uint16]
+    """Which of the base poses tried it is, shape (n,)."""
     sets: NDArray[np.int32]
     """Row of the set of points of each, see `StanceSets`, shape (n,)."""
     rests: NDArray[np.int32]
@@ -120,6 +128,7 @@ def table_of(nodes: Nodes, sets: StanceSets) -> NodeTable:
     offset = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(sizes * sizes)])
     return NodeTable(
         points.astype(np.uint16), nodes.base_position.astype(np.float32), packed(nodes.masks),
-        packed(released), sets.find(points).astype(np.int32), numbers.reshape(points.shape), start,
-        members, offset, np.zeros(int(offset[-1]) // 64 + 1, dtype=np.uint64),
+        packed(released), packed(nodes.folds), nodes.tried.astype(np.uint16),
+        sets.find(points).astype(np.int32), numbers.reshape(points.shape), start, members, offset,
+        np.zeros(int(offset[-1]) // 64 + 1, dtype=np.uint64),
     )  # fmt: skip

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.tried_poses import numbers_of
 from mlivr_gym.postures.turns import same_after_turns, turned, turned_frames
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
@@ -63,9 +64,9 @@ def build(graph: LazyGraph, progress: Progress | None = None) -> NodeTable:
     world = graph.grasp_map, graph.robot, graph.settings
     with Workers(WORKERS, STAGES, progress) as workers:
         found = workers.run(_nodes, [(world, sets.points[k::WORKERS]) for k in range(WORKERS)])
-        points, base, rotation, masks, released = map(np.concatenate, zip(*found, strict=True))
-        order = np.argsort(codes(points))
-        nodes = Nodes(*(one[order] for one in (points, base, masks, released)))
+        *found, rotation = map(np.concatenate, zip(*found, strict=True))
+        order = np.argsort(codes(found[0]))
+        nodes = Nodes(*(one[order] for one in found))
         table = table_of(nodes, sets)
         joined = workers.run(_joined, _shared(world, nodes, rotation[order], table))
         spread(table, np.concatenate(joined))
@@ -78,21 +79,14 @@ def _shared(world: World, nodes: Nodes, rotation: Array, table: NodeTable) -> li
     return [(world, nodes, rotation, table, cuts[k], cuts[k + 1]) for k in range(WORKERS)]
 
 
-def _nodes(
-    worker: int, world: World, sets: NDArray[np.uint16]
-) -> tuple[IntArray, Array, Array, IntArray, IntArray]:
-    """The nodes that hold some sets of points.
-
-    Returns:
-        Points, shape (n, N), base positions and rotations, masks, and those on which the limbs can
-        be released.
-    """
+def _nodes(worker: int, world: World, sets: NDArray[np.uint16]) -> tuple[Any, ...]:
+    """What `Nodes` lists of those that hold some sets of points, and base rotations."""
     limbs = sets.shape[1]
     # Sets are ascending: of what turns make alike the lowest point comes first.
     alike = same_after_turns(limbs)
     orders = np.array([one for one in permutations(range(limbs)) if not (alike and one[0])])
     none = np.zeros((0, limbs), dtype=np.int64)
-    found = [(none, np.zeros((0, 3)), np.zeros((0, 3, 3)), none, none)]
+    found = [(none, np.zeros((0, 3)), none, none, none, none[:, 0], np.zeros((0, 3, 3)))]
     each = AT_ONCE // len(orders)
     for at in range(0, len(sets), each):
         stances = sets[at : at + each].astype(np.int64)[:, orders].reshape(-1, limbs)
@@ -102,10 +96,12 @@ def _nodes(
         stances, postures = stances[nodes], postures.take(nodes)
         released = graph.all_released(stances, postures)
         base, rotation = postures.base_position, postures.base_rotation
-        found.append((stances, base, rotation, postures.mask, released))
+        tried = numbers_of(graph.grasp_map, graph.robot, stances, base, rotation)
+        folds = released["folds"].astype(np.int64)
+        branches = released["branches"].astype(np.int64)
+        found.append((stances, base, postures.mask, branches, folds, tried, rotation))
         tell(worker, min((at + each) / len(sets), 1.0))
-    points, base, rotation, masks, released = map(np.concatenate, zip(*found, strict=True))
-    return points, base, rotation, masks, released
+    return tuple(map(np.concatenate, zip(*found, strict=True)))
 
 
 def _joined(
@@ -145,7 +141,10 @@ def _may_step(
         nodes.base_position[rows], frames, none.astype(float), none[:, 0].astype(float), none,
         masks, none[:, 0],
     )  # fmt: skip
-    stances, world = graph.checks.stances(points, postures), graph.checks.world(graph.obstacle_grid)
+    stances, world = graph.checks.stances(points, postures), graph.checks.world(None)
+    for name, values in (("branches", nodes.released), ("folds", nodes.folds)):
+        stances.released[name] = turned(values[rows], turns)
+    stances.released["known"] = True
     may: BoolArray = np.zeros(len(pairs), dtype=np.bool_)
     for one, other in (pairs.T, pairs.T[::-1]):
         steps = graph.step_rows(stances, one, other, masks[one])
@@ -153,9 +152,12 @@ def _may_step(
     # The trace of a rotation is 1 + 2 cos of its angle.
     before, after = (frames[one].reshape(-1, 9) for one in pairs.T)
     far = np.flatnonzero(may & (np.einsum("ij,ij->i", before, after) < 1.0 + 2.0 * np.cos(FAR)))
-    may[far] = graph.may_step(stances, pairs[far], masks)
-    back = far[~may[far]]
-    may[back] = graph.may_step(stances, pairs[back][:, ::-1], masks)
+    may[far] = False
+    for k in range(2):
+        rest = far[~may[far]]
+        one, other = pairs[rest, k], pairs[rest, 1 - k]
+        steps = graph.step_rows(stances, one, other, masks[one])
+        may[rest] = np.asarray(graph.checks.may_step(steps, stances, world), dtype=np.bool_)
     return may
 
 

@@ -62,7 +62,8 @@ def test_it_has_every_node_and_what_the_graph_says_of_it(graph, table):
     assert away.max() < ROUNDED
     for mine, theirs in (
         (table.masks, postures.mask),
-        (table.released, graph.all_released(every, postures)),
+        (table.released, graph.all_released(every, postures)["branches"]),
+        (table.folds, graph.all_released(every, postures)["folds"]),
     ):
         np.testing.assert_array_equal(unpacked(mine[rows], limbs), turned(theirs, turns))
     if same_after_turns(limbs):
