@@ -31,6 +31,7 @@ from mlivr_gym.postures.turns import turned
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import ends_of
+from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.stances.node_table import ROUNDED, NodeTable
 from mlivr_gym.transitions.state import State
 
@@ -203,15 +204,12 @@ class NodeSearch:
             return True
         graph, limbs = self.graph, self.graph.limbs
         (before, i), (after, j), back = ends_of(self.table, walk.bits[new])
-        here = self.table.points[before].astype(np.int64)
-        there = turned(self.table.points[after].astype(np.int64), j - i)
-        postures, followed = graph.nodes(here), graph.nodes(there)
-        states = [
-            State(tuple(stance), tuple(masks))
-            for stance, masks in zip(here.tolist(), postures.mask.tolist(), strict=True)
-        ]
-        asked = states, postures, np.arange(len(new)), there, followed
-        found = graph.most_kept(*asked) if manner.bounds else graph.masks_after(*asked)
+        rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
+        stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
+        here = np.arange(len(new))
+        steps = graph.step_rows(stances, here, here + len(new), stances.mask[here])
+        ask = graph.most_of_steps if manner.bounds else graph.masks_of_steps
+        found = ask(steps, stances)
         kept = packed(turned(found, i + 1)[:, : limbs - 1])
         if manner.bounds:
             self._most = self._most.with_steps(before, walk.bits[new], kept)

@@ -101,49 +101,24 @@ class CheckedSteps(ChangingWorld):
         """
         if not self.settings.transitions or not len(stances):
             return after.mask.copy()
-        steps, found = self._steps_between(states, here, before, stances, after)
-        return self.masks_of_steps(steps, found)
-
-    def most_kept(
-        self,
-        states: Sequence[State],
-        here: Postures,
-        before: IntArray,
-        stances: IntArray,
-        after: Postures,
-    ) -> IntArray:
-        """What limbs that hold may keep at most on steps, shape (k, N), 0 of the one that moves.
-
-        From states with fewer branches no step keeps more; where a limb may keep nothing none is a
-        step. For the arguments see `masks_after`.
-        """
-        steps, found = self._steps_between(states, here, before, stances, after)
-        world = self.checks.world(self.obstacle_grid)
-        self._know_ends(found, steps)
-        self.checks.may_keep(steps, found, world)
-        kept: IntArray = steps["kept"][:, : self.limbs].copy()
-        return kept
-
-    def _steps_between(
-        self,
-        states: Sequence[State],
-        here: Postures,
-        before: IntArray,
-        stances: IntArray,
-        after: Postures,
-    ) -> tuple[Any, StanceSet]:
-        """Rows of `Step` and the stances that they join; for the arguments see `masks_after`."""
         points = np.concatenate([np.array([s.stance for s in states], dtype=np.int64), stances])
         found = self.checks.stances(points, join(here, after))
         masks = np.array([s.masks for s in states], dtype=np.int64)[before]
-        rows = np.arange(len(states), len(points))
-        return self.step_rows(found, before, rows, masks), found
+        steps = self.step_rows(found, before, np.arange(len(states), len(points)), masks)
+        return self.masks_of_steps(steps, found)
 
-    def _know_ends(self, stances: StanceSet, steps: Any) -> None:
-        """Work out whether the limbs that move can be released before steps and after."""
+    def most_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
+        """What limbs that hold may keep at most on steps, shape (k, N), 0 of the one that moves.
+
+        Wanting fewer branches no step keeps more; where a limb may keep nothing none is a step. For
+        the arguments see `masks_of_steps`.
+        """
         for end in ("before", "after"):
             ends = np.unique(np.stack([steps[end], steps["limb"]], axis=1), axis=0)
             self._know_released(stances, ends)
+        self.checks.may_keep(steps, stances, self.checks.world(self.obstacle_grid))
+        kept: IntArray = steps["kept"][:, : self.limbs].copy()
+        return kept
 
     def masks_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
         """Masks of all limbs after steps, shape (k, N); 0 where there is none.

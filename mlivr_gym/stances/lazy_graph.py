@@ -12,11 +12,13 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.tried_poses import OPPOSED_HEIGHTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
+from mlivr_gym.stances.node_steps import moves_of, node_stances
+from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import Progress, StanceSets
 from mlivr_gym.transitions.records import StanceSet
 from mlivr_gym.transitions.rule import can_release
-from mlivr_gym.transitions.state import State
+from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.grasp_map import GraspMap
 
 
@@ -28,6 +30,8 @@ class LazyGraph(StanceGraph):
         super().__init__(grasp_map, robot, settings)
         self._released: dict[tuple[bytes, int], Any] = {}
         self._sets: StanceSets | None = None
+        self.table: NodeTable | None = None
+        """All nodes, where they are known: see `node_files.node_table`."""
 
     def sets(self, progress: Progress | None = None, *, work_out: bool = True) -> StanceSets | None:
         """The sets of points that limbs may hold at once; see `StanceSets.of`.
@@ -68,6 +72,7 @@ class LazyGraph(StanceGraph):
     def _know_released(self, stances: StanceSet, todo: IntArray) -> None:
         """See `StanceGraph`; answers are remembered."""
         new = []
+        todo = todo[~stances.released["known"][todo[:, 0], todo[:, 1]]]
         for row, limb in todo.tolist():
             key = (stances.points[row].tobytes() + stances.base[row].tobytes(), limb)
             found = self._released.get(key)
@@ -90,6 +95,32 @@ class LazyGraph(StanceGraph):
         postures = self.nodes(stances)
         node = self.is_node(postures)
         return limb[node], point[node], postures.take(node)
+
+    def successors(self, state: State) -> Successors:
+        """All steps that leave a state; see `StanceGraph.successors`.
+
+        From a node of the table only those are checked that it does not rule out.
+        """
+        self.check(state)
+        held = not self.occupied.isdisjoint(state.stance)
+        if self.table is None or state.pose is not None or self.obstacles or held:
+            return super().successors(state)
+        row, turn = (int(one[0]) for one in self.table.find(np.array([state.stance])))
+        if row < 0:
+            return super().successors(state)
+        moves = moves_of(self.table, row, -turn)
+        rows, turns = np.append(row, moves.rows), np.append(-turn, moves.turns)
+        stances = node_stances(self.grasp_map, self.robot, self.table, rows, turns)
+        after = np.arange(1, len(rows))
+        vacant = ~np.isin(stances.points[after], list(self.occupied)).any(axis=1)
+        limb, after = moves.limb[vacant], after[vacant]
+        before, masks = np.zeros_like(after), np.tile(np.array(state.masks), (len(after), 1))
+        found = self.masks_of_steps(self.step_rows(stances, before, after, masks), stances)
+        kept = found.all(axis=1)
+        limb, after = limb[kept], after[kept]
+        return Successors(
+            limb, stances.points[after, limb], stances.base["position"][after], found[kept]
+        )
 
     def neighbours(self, state: State, posture: Postures) -> IntArray:
         """Stances one move from a state by limbs that can be released there, shape (k, N).

@@ -45,7 +45,7 @@ _kept: OrderedDict[str, NodeTable] = OrderedDict()
 def node_table(graph: LazyGraph) -> NodeTable | None:
     """The table that was built for a graph, given as a small file or shipped; None without one.
 
-    One that cannot be read is passed over with a warning.
+    The graph has it from then on. One that cannot be read is passed over with a warning.
     """
     key = key_of(graph)
     if key not in _kept:
@@ -55,6 +55,7 @@ def node_table(graph: LazyGraph) -> NodeTable | None:
         _kept[key] = found
         if len(_kept) > KEPT:
             _kept.popitem(last=False)
+    graph.table = _kept[key]
     return _kept[key]
 
 

@@ -11,6 +11,7 @@ from mlivr_gym import Settings, stance_graph
 from mlivr_gym.compiled.limb_masks import unpacked
 from mlivr_gym.postures.turns import same_after_turns, turned
 from mlivr_gym.stances import node_files
+from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.node_files import (
     node_table,
     read_table,
@@ -21,6 +22,7 @@ from mlivr_gym.stances.node_files import (
 from mlivr_gym.stances.node_pairs import count_pairs, ends_of, gathered, list_pairs, row_of, spread
 from mlivr_gym.stances.node_table import ROUNDED, NodeTableError, codes
 from mlivr_gym.stances.node_table_build import build
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_sets import key_of
 from mlivr_gym.transitions.state import State
 
@@ -128,23 +130,45 @@ def test_where_the_base_turns_far_pairs_are_those_that_may_keep_branches(graph, 
     shared = turned(masks[a], i + 1)[:, :-1] & turned(masks[b], j + 1)[:, :-1]
     some = (a != b) & shared.all(axis=1)
     may = np.zeros(len(bits), dtype=np.bool_)
-    for one, other in ((0, 1), (1, 0)):
-        states = [
-            State(tuple(stance), tuple(mask))
-            for stance, mask in zip(stances[one].tolist(), postures[one].mask.tolist(), strict=True)
-        ]
+    points, count = np.concatenate(stances), len(bits)
+    both = graph.checks.stances(points, join(*postures))
+    for one, other in ((0, count), (count, 0)):
         rows = np.flatnonzero(some & ~may)
-        kept = graph.most_kept(
-            states, postures[one], rows, stances[other][rows], postures[other].take(rows)
-        )
+        steps = graph.step_rows(both, rows + one, rows + other, both.mask[rows + one])
+        kept = graph.most_of_steps(steps, both)
         may[rows] = kept.any(axis=1)
-    both = np.einsum("nij,nij->n", *(posture.base_rotation for posture in postures))
-    far = some & (np.degrees(np.arccos(np.clip((both - 1.0) / 2.0, -1.0, 1.0))) > 90.0)
+    trace = np.einsum("nij,nij->n", *(posture.base_rotation for posture in postures))
+    far = some & (np.degrees(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0))) > 90.0)
     joined = np.array([is_set(table.bits, bit) for bit in bits.tolist()])
     np.testing.assert_array_equal(joined[far], may[far])
     assert joined[may].all()
     assert not joined[~some].any()
     assert min((joined & far).sum(), (~joined & far).sum()) > 5
+
+
+def test_steps_are_the_same_with_the_table(graph, table):
+    """From states on all branches and on few, with all points free or not."""
+    known, rng, found = stance_graph(graph.grasp_map, graph.robot), np.random.default_rng(6), 0
+    known.table = table
+    for trial in range(60):
+        state = random_state(graph, rng)
+        if trial % 3 == 1:
+            masks = tuple(mask & int(rng.integers(1, 1 << 16)) or mask for mask in state.masks)
+            state = state._replace(masks=masks)
+        occupied = rng.choice(len(graph.grasp_map), 2, replace=False) if trial % 3 == 2 else []
+        for one in (graph, known):
+            one.occupy(np.array(occupied, dtype=np.int64).tolist())
+        for mine, theirs in zip(known.successors(state), graph.successors(state), strict=True):
+            np.testing.assert_allclose(mine, theirs, atol=1e-12, rtol=0)
+            assert mine.dtype == theirs.dtype
+        found += len(theirs)
+        for one in (graph, known):
+            one.vacate(np.array(occupied, dtype=np.int64).tolist())
+    assert found > 60
+    pose = (*graph.posture_of(state).base_position[0] + 0.01, 1.0, 0.0, 0.0, 0.0)
+    given = state._replace(pose=pose)
+    for mine, theirs in zip(known.successors(given), graph.successors(given), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
 
 
 def test_a_bit_tells_its_pair(table):

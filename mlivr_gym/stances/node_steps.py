@@ -1,0 +1,85 @@
+"""Steps between nodes of a table: their stances as checks read them, and which may be joined."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mlivr_gym.arrays import IntArray
+from mlivr_gym.compiled.kernels import entry
+from mlivr_gym.compiled.limb_masks import has_bit, unpacked
+from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.postures.tried_poses import bases_at
+from mlivr_gym.postures.turns import turned
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.stances.node_pairs import row_of
+from mlivr_gym.stances.node_table import NodeTable
+from mlivr_gym.transitions.records import Release, StanceSet
+from mlivr_gym.world.grasp_map import GraspMap
+
+
+class Moves(NamedTuple):
+    """What a step may lead to from a node."""
+
+    limb: IntArray
+    """Limb that moves, shape (k,)."""
+    rows: IntArray
+    """Rows of the nodes after it, shape (k,)."""
+    turns: IntArray
+    """Turns of these after which their limbs are those of the robot, shape (k,)."""
+
+
+def node_stances(
+    grasp_map: GraspMap, robot: RobotSpec, table: NodeTable, rows: IntArray, turns: IntArray
+) -> StanceSet:
+    """Nodes of a table, the robot turned, as the checks of steps read them.
+
+    Args:
+        grasp_map: The map.
+        robot: The robot.
+        table: The nodes.
+        rows: Which of them, shape (k,).
+        turns: Turns of the robot, shape (k,).
+    """
+    points = turned(table.points[rows].astype(np.int64), turns)
+    base = Pose.rows(len(rows))
+    base["position"], base["rotation"] = bases_at(
+        grasp_map, robot, points, table.tried[rows].astype(np.int64)
+    )
+    masks, branches, folds = (
+        turned(unpacked(one[rows], table.limbs), turns)
+        for one in (table.masks, table.released, table.folds)
+    )
+    released = Release.rows(*points.shape)
+    released["branches"], released["folds"], released["known"] = branches, folds, True
+    return StanceSet(np.ascontiguousarray(points), base, masks, released)
+
+
+def moves_of(table: NodeTable, row: int, turn: int) -> Moves:
+    """What a step may lead to from a node of a table, the robot turned; limbs in order."""
+    limbs, rests = table.limbs, table.rests[row]
+    most = int((table.start[rests + 1] - table.start[rests]).sum())
+    found = np.empty((most, 2), dtype=np.int64)
+    limb, member = found[: list_moves(table, row, found)].T
+    rows, moved = np.divmod(member, limbs)
+    limb_now = (limb - turn) % limbs
+    order = np.lexsort((table.points[rows, moved], limb_now))
+    return Moves(limb_now[order], rows[order], (moved - limb + turn)[order])
+
+
+@entry
+def list_moves(table: NodeTable, node: int, found: IntArray) -> int:
+    """Limbs that a step may move from a node, and members it leads to, into `found`; how many."""
+    count, limbs = 0, table.points.shape[1]
+    for limb in range(limbs):
+        row = row_of(table, node, limb)
+        if row < 0:
+            continue
+        rest = table.rests[node, limb]
+        begin, end = int(table.start[rest]), int(table.start[rest + 1])
+        for k in range(end - begin):
+            if has_bit(table.bits, row + k):
+                found[count, 0], found[count, 1] = limb, table.members[begin + k]
+                count += 1
+    return count
