@@ -36,6 +36,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_files import node_table
 from mlivr_gym.stances.random_states import random_stance, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -58,12 +59,18 @@ WELL_PROVED = 1.5
 
 
 def fan(robot: str) -> dict[str, Any]:
-    """How many nodes and steps are next to random stances, and how long it takes to know."""
+    """How many nodes and steps are next to random stances, and how long it takes to know.
+
+    The steps twice: where postures are known alone, and from the table of all nodes.
+    """
     graph, rng = stance_graph(robot=robot), np.random.default_rng(0)
     states: list[State] = []
     while len(states) < STANCES:
         states += filter(None, [random_stance(graph, rng)])
-    graph = stance_graph(robot=robot)  # knows nothing
+    graph, tabled = (stance_graph(robot=robot) for _ in range(2))  # know nothing
+    assert isinstance(tabled, LazyGraph)
+    node_table(tabled)
+    tabled.successors(states[0])
     rows = []
     for state in states:
         began = time.perf_counter()
@@ -73,8 +80,11 @@ def fan(robot: str) -> dict[str, Any]:
         checked = time.perf_counter()
         graph.candidates(state.stance)
         again = time.perf_counter()
-        rows.append((nodes, steps, known - began, checked - known, again - checked))
-    names = ("nodes", "steps", "nodes_s", "steps_s", "again_s")
+        assert len(tabled.successors(state).limb) == steps
+        told = time.perf_counter()
+        times = known - began, checked - known, again - checked, told - again
+        rows.append((nodes, steps, *times))
+    names = ("nodes", "steps", "nodes_s", "steps_s", "again_s", "tabled_s")
     return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
 
@@ -127,16 +137,22 @@ def first_build(robot: str) -> dict[str, float]:
     """How many sets of points there are, and how long they take with nothing kept on disk [s]."""
     code = (
         "import time; from mlivr_gym import stance_graph; "
+        "from mlivr_gym.stances.node_files import node_table; "
         f"graph = stance_graph(robot={robot!r}); began = time.perf_counter(); "
-        "print(len(graph.sets()), time.perf_counter() - began)"
+        "print(len(graph.sets()), time.perf_counter() - began); began = time.perf_counter(); "
+        "table = node_table(graph); "
+        "print(len(table.points) if table else 0, time.perf_counter() - began)"
     )
     with tempfile.TemporaryDirectory() as folder:
         world = {**os.environ, CACHE_VARIABLE: folder}
         told = subprocess.run(
             [sys.executable, "-c", code], env=world, check=True, capture_output=True, text=True
         ).stdout
-    count, seconds = told.split()
-    return {"sets": int(count), "seconds": float(seconds)}
+    count, seconds, nodes, unpacked = told.split()
+    return {
+        "sets": int(count), "seconds": float(seconds), "nodes": int(nodes),
+        "unpacked_s": float(unpacked),
+    }  # fmt: skip
 
 
 def executed(graph: LazyGraph, plan: Plan) -> bool:
@@ -152,29 +168,31 @@ def markdown(data: dict[str, Any]) -> str:
         "# Three and four limbs",
         "",
         f"Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data['seconds']:g} s "
-        "a task and cost on a graph that knows nothing but the roadmap that ships and the sets of "
-        "points within reach, which are worked out once for a map and robot; times are those "
+        "a task and cost on a graph that knows nothing but the roadmap and the table of all nodes, "
+        "where one ships, and the sets of points within reach, which are worked out once for a map "
+        "and robot; times are those "
         f"of a machine with two cores, tasks at once: {data.get('workers', 1)}.",
         "",
         "![Share of tasks with a plan over time](many_limbs.png)",
         "",
         "## Steps next to a random stance",
         "",
-        "*Without steps*: share of the stances that no step leaves.",
+        "*Without steps*: share of the stances that no step leaves. *Tabled*: the steps of a new "
+        "stance where all nodes are in a table.",
         "",
         "| robot | neighbours that are nodes, median | steps, mean | without steps "
-        "| nodes, new [ms] | steps, new [ms] | nodes, known [ms] |",
-        "|---|---|---|---|---|---|---|",
+        "| nodes, new [ms] | steps, new [ms] | nodes, known [ms] "
+        "| steps, tabled [ms] |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for robot in ROBOTS:
         found = data["fan"][robot]
         steps = np.array(found["steps"])
-        new, checked, again = (
-            1e3 * np.median(found[name]) for name in ("nodes_s", "steps_s", "again_s")
-        )
+        names = ("nodes_s", "steps_s", "again_s", "tabled_s")
+        new, checked, again, tabled = (1e3 * np.median(found[name]) for name in names)
         lines.append(
             f"| `{robot}` | {np.median(found['nodes']):.0f} | {steps.mean():.1f} | "
-            f"{(steps == 0).mean():.0%} | {new:.1f} | {checked:.1f} | {again:.1f} |"
+            f"{(steps == 0).mean():.0%} | {new:.1f} | {checked:.1f} | {again:.1f} | {tabled:.1f} |"
         )
     lines += _built(data["built"])
     lines += [
@@ -206,12 +224,16 @@ def markdown(data: dict[str, Any]) -> str:
 
 
 def _built(built: dict[str, dict[str, float]]) -> list[str]:
-    """The section on sets of points."""
-    lines = ["", "## Sets of points within reach", ""]
+    """The section on what is worked out and unpacked once."""
+    lines = ["", "## Once for a map and robot", ""]
     lines += ["With an empty cache, compiling included.", ""]
-    lines += ["| robot | sets | worked out in [s] |", "|---|---|---|"]
+    lines += [
+        "| robot | sets of points within reach | worked out in [s] | nodes | unpacked in [s] |"
+    ]
+    lines += ["|---|---|---|---|---|"]
     for robot, found in built.items():
-        lines.append(f"| `{robot}` | {found['sets']} | {found['seconds']:.1f} |")
+        table = f"{found['nodes']} | {found['unpacked_s']:.1f}" if found["nodes"] else "- | -"
+        lines.append(f"| `{robot}` | {found['sets']} | {found['seconds']:.1f} | {table} |")
     return lines
 
 

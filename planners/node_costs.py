@@ -20,7 +20,7 @@ from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners.node_queue import NodeQueue, drop, put
 from mlivr_gym.planners.pair_search import Weights
 from mlivr_gym.stances.node_pairs import row_of
-from mlivr_gym.stances.node_table import ROUNDED, NodeTable
+from mlivr_gym.stances.node_table import NodeTable
 
 ROOM = 1 << 20
 """Entries of the queue to begin with, beside the goals."""
@@ -180,6 +180,6 @@ def least_cost(table: NodeTable, a: int, b: int, weights: Weights) -> float:
         return float(weights.step)
     shift = 0.0
     for axis in range(3):
-        away = np.float64(table.base_position[a, axis]) - table.base_position[b, axis]
+        away = table.base_position[a, axis] - table.base_position[b, axis]
         shift += away * away
-    return float(weights.base * max(np.sqrt(shift) - 2.0 * ROUNDED, 0.0) + weights.step)
+    return float(weights.base * np.sqrt(shift) + weights.step)

@@ -124,19 +124,19 @@ class NodeSearch:
     def _goals(self) -> BoolArray:
         """Nodes that may be at the goal, shape (n,)."""
         table, goal = self.table, self.goal
-        away = table.base_position - goal.target.astype(np.float32)
+        away = table.base_position - goal.target
         close = np.einsum("ij,ij->i", away, away) <= (goal.tolerance + 2.0 * ROUNDED) ** 2
         close[close] = goal.held(table.points[close])
         return np.asarray(close)
 
     def _toward(self) -> Array:
-        """Lower bounds of the cost from where walks begin, infinite for what is occupied.
-
-        Of steps alone: distances are not consistent with what a step costs at least, since that
-        allows for the rounding of positions.
-        """
+        """Lower bounds of the cost from where walks begin, infinite for what is occupied."""
         graph, table, cost = self.graph, self.table, self.goal.cost
-        toward: Array = np.zeros(len(table.points))
+        toward: Array = np.full(len(table.points), np.inf)
+        for place in table.base_position[self._origins.nodes]:
+            away = table.base_position - place
+            np.minimum(toward, np.einsum("ij,ij->i", away, away), out=toward)
+        toward = cost.base_weight * np.sqrt(toward)
         sets = graph.sets(work_out=False)
         if cost.step_weight and sets is not None:
             moves, rows = np.full(len(sets), -1, dtype=np.int16), table.sets

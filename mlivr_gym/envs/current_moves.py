@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.moves import GraphMoves, Moves, TableMoves
+from mlivr_gym.stances.node_files import node_table
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
@@ -19,6 +21,8 @@ class CurrentMoves:
     def __init__(self, graph: StanceGraph, tabled: bool) -> None:
         """Check every step beforehand if `tabled`.
 
+        Of more than two limbs the table of all nodes is read, where it is known.
+
         Raises:
             SettingError: If that is wanted and the robot has more than two limbs.
         """
@@ -27,6 +31,8 @@ class CurrentMoves:
         self._version = graph.version
         if tabled:
             self.from_tables()
+        elif isinstance(graph, LazyGraph):
+            node_table(graph)
 
     def now(self) -> Moves:
         """What answers for the world as it is now."""

@@ -72,7 +72,7 @@ def write_table(table: NodeTable, graph: LazyGraph, path: str | Path) -> None:
     arrays = [
         np.array([str(FORMAT), key_of(graph)]),
         np.diff(table.points.astype(np.int32), axis=0, prepend=0).astype(np.int16).T.copy(),
-        *_coded(np.rint(away / RESOLUTION).astype(np.int32)),
+        *_coded(np.rint(away / RESOLUTION).astype(np.int64)),
         *_coded(np.stack(masks, axis=2).reshape(-1, 3)),
         table.tried,
         gathered(table),

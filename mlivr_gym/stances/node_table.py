@@ -19,7 +19,7 @@ from mlivr_gym.errors import MlivrError
 from mlivr_gym.postures.turns import lowest_first, same_after_turns, turned
 from mlivr_gym.stances.stance_sets import StanceSets
 
-RESOLUTION = 1e-5
+RESOLUTION = 1e-12
 """Base positions are kept from the grasps' centroid as whole multiples of it [m]."""
 
 ROUNDED = RESOLUTION
@@ -53,7 +53,7 @@ class NodeTable(NamedTuple):
 
     points: NDArray[np.uint16]
     """Point index of each limb, of four the lowest first, shape (n, N)."""
-    base_position: NDArray[np.float32]
+    base_position: NDArray[np.float64]
     """Base positions in the world [m], within `ROUNDED`, shape (n, 3)."""
     masks: NDArray[np.uint64]
     """On which branches the limbs may hold, see `limb_masks`, shape (n,)."""
@@ -127,7 +127,7 @@ def table_of(nodes: Nodes, sets: StanceSets) -> NodeTable:
     sizes = np.diff(start).astype(np.int64)
     offset = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(sizes * sizes)])
     return NodeTable(
-        points.astype(np.uint16), nodes.base_position.astype(np.float32), packed(nodes.masks),
+        points.astype(np.uint16), nodes.base_position, packed(nodes.masks),
         packed(released), packed(nodes.folds), nodes.tried.astype(np.uint16),
         sets.find(points).astype(np.int32), numbers.reshape(points.shape), start, members, offset,
         np.zeros(int(offset[-1]) // 64 + 1, dtype=np.uint64),

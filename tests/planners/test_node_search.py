@@ -25,7 +25,6 @@ from mlivr_gym.planners.query import Goal, Search, SearchOptions
 from mlivr_gym.planners.queue import push
 from mlivr_gym.stances import node_files
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_table import ROUNDED
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_sets import key_of
 
@@ -54,10 +53,8 @@ def every_pair(table):
 
 def price(table, rows, cost):
     """Least costs of steps."""
-    away = np.linalg.norm(
-        table.base_position[rows[:, 0]].astype(float) - table.base_position[rows[:, 2]], axis=1
-    )
-    return cost.base_weight * np.maximum(away - 2 * ROUNDED, 0.0) + cost.step_weight
+    away = np.linalg.norm(table.base_position[rows[:, 0]] - table.base_position[rows[:, 2]], axis=1)
+    return cost.base_weight * away + cost.step_weight
 
 
 def goal_at(graph, table, row, cost, tolerance=0.05):
@@ -208,10 +205,10 @@ def test_the_last_walk_is_the_cheapest_of_all(known, cost):
                 assert graph.step_to(before, after.stance) == after
         least = optimum(graph, goal, start)
         assert low <= search.low <= least + 1e-9
-        proved += search.low >= min(least - 2e-4, 1e9)
+        proved += search.low >= min(least - 1e-9, 1e9)
         if found:
             assert found == sorted(found, reverse=True)
-            assert found[-1] == pytest.approx(least, abs=2e-4)
+            assert found[-1] == pytest.approx(least, rel=1e-9)
             compared += 1
         else:
             assert not np.isfinite(least)
