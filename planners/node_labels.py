@@ -6,6 +6,7 @@ two nodes share. So the least cost of such a walk never exceeds that of a plan.
 
 from __future__ import annotations
 
+import time
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,12 @@ ROOM = 1 << 20
 """Most labels of a search."""
 
 
+PAUSE = 1 << 14
+"""Labels that are taken before a search looks at the clock."""
+
+PAUSED = -3
+"""In place of a label: the search is to go on."""
+
 Steps = tuple[NodeTable, KnownSteps, Weights]
 """The nodes, the steps known of them, and what is minimised."""
 
@@ -47,6 +54,8 @@ class Manner(Record):
     """Charge for a step that was not checked."""
     most: int
     """Most labels of a node."""
+    seeded: bool
+    """Whether the origins are in the queue."""
 
 
 class Labels(NamedTuple):
@@ -104,6 +113,7 @@ def cheapest_walk(
     origins: NodeOrigins,
     labels: Labels,
     manner: tuple[float, float, int],
+    until: float = np.inf,
 ) -> tuple[NodeWalk | None, float]:
     """A walk to a node of which `h` is 0.
 
@@ -114,7 +124,8 @@ def cheapest_walk(
         h: Consistent lower bounds of the cost from each node, shape (n,).
         origins: Where it may begin.
         labels: Room.
-        manner: What `Manner` lists.
+        manner: The first three that `Manner` lists.
+        until: When to give up, on the clock of `time.perf_counter`.
 
     Returns:
         The walk, None if none is found; and the least cost of any, as far as it was looked for
@@ -125,8 +136,12 @@ def cheapest_walk(
     entries = labels.entries
     entries.filled["used"], entries.filled["size"] = 0, 0
     labels.last[:] = NO_LABEL
-    item = int(_cheapest(steps, h, how, origins, labels))
-    if item == NO_ROOM:
+    item = PAUSED
+    while item == PAUSED and time.perf_counter() < until:
+        item = int(_cheapest(steps, h, how, origins, labels))
+    if item == PAUSED and not how["seeded"]:
+        return None, 0.0
+    if item in (NO_ROOM, PAUSED):
         return None, float(entries.f[entries.heap[0]])
     if item == NO_LABEL:
         return None, np.inf
@@ -147,17 +162,22 @@ def _cheapest(
     origins: NodeOrigins,
     labels: Labels,
 ) -> int:
-    """The first label taken of a node of which `h` is 0, see `cheapest_walk`."""
+    """The first label taken of a node of which `h` is 0, see `cheapest_walk`; or `PAUSED`."""
     table, _, _ = steps
-    entries = labels.entries
-    for k in range(len(origins.nodes)):
-        s, cost = origins.nodes[k], origins.cost[k]
-        if h[s] < np.inf:
-            if not has_room(entries, 1):
-                return NO_ROOM
-            _note(labels, s, origins.masks[k])
-            push(entries, cost + manner.factor * h[s], cost, cost, s, -1 - k, -1)
+    entries, count = labels.entries, 0
+    if not manner.seeded:
+        manner.seeded = True
+        for k in range(len(origins.nodes)):
+            s, cost = origins.nodes[k], origins.cost[k]
+            if h[s] < np.inf:
+                if not has_room(entries, 1):
+                    return NO_ROOM
+                _note(labels, s, origins.masks[k])
+                push(entries, cost + manner.factor * h[s], cost, cost, s, -1 - k, -1)
     while entries.filled.size > 0:
+        if count == PAUSE:
+            return PAUSED
+        count += 1
         here = first(entries)
         s = entries.node[here]
         if h[s] == 0.0:

@@ -61,6 +61,9 @@ ROUNDS = (
 )
 """One round after the other."""
 
+AT_FIRST = 0.3
+"""How long the cheapest walk is looked for before any step is checked [s]."""
+
 CHARGE = (0.1, 0.15)
 """Charge for an unknown step: a share of what one costs, and a base displacement [m]."""
 
@@ -102,7 +105,7 @@ class NodeSearch:
             table, self._goals(), self._weights, self._origins.nodes, self._toward(),
             (FARTHER_BY[0] * (shift > 0.0), FARTHER_BY[1] * step),
         )  # fmt: skip
-        self._cheapest(ROUNDS[-2])
+        self._cheapest(ROUNDS[-2], time.perf_counter() + AT_FIRST)
 
     def _begin(self, start: State) -> tuple[list[list[At]], NodeOrigins, IntArray]:
         """Ways to the nodes at which walks may begin, these, and the turns that lead to them."""
@@ -148,12 +151,12 @@ class NodeSearch:
             toward[np.isin(table.points, list(graph.occupied)).any(axis=1)] = np.inf
         return toward
 
-    def _cheapest(self, manner: Manner) -> NodeWalk | None:
+    def _cheapest(self, manner: Manner, until: float) -> NodeWalk | None:
         """The cheapest walk, see `cheapest_walk`."""
         known = self._most if manner.bounds else self._known
         charged = manner.factor, manner.unknown * self._charge, manner.most
         found, low = cheapest_walk(
-            (self.table, known, self._weights), self._h, self._origins, self._labels, charged
+            (self.table, known, self._weights), self._h, self._origins, self._labels, charged, until
         )
         if manner.bounds:
             self.low = max(self.low, low)
@@ -169,7 +172,7 @@ class NodeSearch:
         """
         for manner in ROUNDS:
             while time.perf_counter() < until and self.low < below:
-                walk = self._cheapest(manner)
+                walk = self._cheapest(manner, until)
                 if walk is None:
                     break
                 if not self._check(walk, manner):
