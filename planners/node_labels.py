@@ -54,6 +54,8 @@ class Manner(Record):
     """Charge for a step that was not checked."""
     most: int
     """Most labels of a node."""
+    below: float
+    """Cost that a walk must not reach."""
     seeded: bool
     """Whether the origins are in the queue."""
 
@@ -113,6 +115,7 @@ def cheapest_walk(
     origins: NodeOrigins,
     labels: Labels,
     manner: tuple[float, float, int],
+    below: float = np.inf,
     until: float = np.inf,
 ) -> tuple[NodeWalk | None, float]:
     """A walk to a node of which `h` is 0.
@@ -125,6 +128,7 @@ def cheapest_walk(
         origins: Where it may begin.
         labels: Room.
         manner: The first three that `Manner` lists.
+        below: Cost that it must not reach.
         until: When to give up, on the clock of `time.perf_counter`.
 
     Returns:
@@ -133,6 +137,7 @@ def cheapest_walk(
     """
     how = Manner.row()
     how["factor"], how["unknown"], how["most"] = manner
+    how["below"] = below
     entries = labels.entries
     entries.filled["used"], entries.filled["size"] = 0, 0
     labels.last[:] = NO_LABEL
@@ -144,7 +149,7 @@ def cheapest_walk(
     if item in (NO_ROOM, PAUSED):
         return None, float(entries.f[entries.heap[0]])
     if item == NO_LABEL:
-        return None, np.inf
+        return None, below
     chain = [item]
     while entries.link[chain[-1]] >= 0:
         chain.append(int(entries.link[chain[-1]]))
@@ -221,11 +226,14 @@ def _expand(
                     kept, charge = kept & known.kept[place], 0.0
             if not all_keep_one(kept, limbs):
                 continue
-            g = entries.g[here] + least_cost(table, s, other, weights) + charge
+            cost = entries.cost[here] + least_cost(table, s, other, weights)
+            if not cost + h[other] < manner.below:
+                continue
+            g = entries.g[here] + cost - entries.cost[here] + charge
             after = beside(kept, mask_of(table.released[other], moved), moved, limbs)
             if not _covered(labels, other, after, g, -1, manner.most):
                 _note(labels, other, after)
-                push(entries, g + manner.factor * h[other], g, g, other, here, row + k)
+                push(entries, g + manner.factor * h[other], g, cost, other, here, row + k)
 
 
 @kernel

@@ -31,7 +31,7 @@ from mlivr_gym.postures.turns import turned
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import ends_of
-from mlivr_gym.stances.node_steps import node_stances
+from mlivr_gym.stances.node_steps import moves_of, node_stances
 from mlivr_gym.stances.node_table import ROUNDED, NodeTable
 from mlivr_gym.transitions.state import State
 
@@ -70,6 +70,12 @@ CHARGE = (0.1, 0.15)
 FARTHER_BY = (0.03, 2.0)
 """How much farther than to the start costs are worked out: a share, and a number of steps."""
 
+SAME = 1e-9
+"""A walk whose cost is less by no more than this share is no better."""
+
+OTHERS = 8
+"""Steps from each node of a walk that are checked with those of the walk, the most promising."""
+
 At = tuple[State, Postures]
 
 
@@ -105,7 +111,7 @@ class NodeSearch:
             table, self._goals(), self._weights, self._origins.nodes, self._toward(),
             (FARTHER_BY[0] * (shift > 0.0), FARTHER_BY[1] * step),
         )  # fmt: skip
-        self._cheapest(ROUNDS[-2], time.perf_counter() + AT_FIRST)
+        self._cheapest(ROUNDS[-2], time.perf_counter() + AT_FIRST, np.inf)
 
     def _begin(self, start: State) -> tuple[list[list[At]], NodeOrigins, IntArray]:
         """Ways to the nodes at which walks may begin, these, and the turns that lead to them."""
@@ -151,12 +157,18 @@ class NodeSearch:
             toward[np.isin(table.points, list(graph.occupied)).any(axis=1)] = np.inf
         return toward
 
-    def _cheapest(self, manner: Manner, until: float) -> NodeWalk | None:
+    def _cheapest(self, manner: Manner, until: float, below: float) -> NodeWalk | None:
         """The cheapest walk, see `cheapest_walk`."""
         known = self._most if manner.bounds else self._known
         charged = manner.factor, manner.unknown * self._charge, manner.most
         found, low = cheapest_walk(
-            (self.table, known, self._weights), self._h, self._origins, self._labels, charged, until
+            (self.table, known, self._weights),
+            self._h,
+            self._origins,
+            self._labels,
+            charged,
+            below,
+            until,
         )
         if manner.bounds:
             self.low = max(self.low, low)
@@ -171,8 +183,8 @@ class NodeSearch:
             below: Cost that the first must not reach.
         """
         for manner in ROUNDS:
-            while time.perf_counter() < until and self.low < below:
-                walk = self._cheapest(manner, until)
+            while time.perf_counter() < until and self.low < below * (1.0 - SAME):
+                walk = self._cheapest(manner, until, below * (1.0 - SAME))
                 if walk is None:
                     break
                 if not self._check(walk, manner):
@@ -188,7 +200,7 @@ class NodeSearch:
                     self._h[walk.nodes[-1]] = LEAST
                     continue
                 cost = self._cost(states)
-                if cost < below:
+                if cost < below * (1.0 - SAME):
                     below = cost
                     yield states
                 break
@@ -202,11 +214,13 @@ class NodeSearch:
     def _check(self, walk: NodeWalk, manner: Manner) -> bool:
         """Check the steps of a walk that are not known; whether all were."""
         known = self._most if manner.bounds else self._known
-        new = np.flatnonzero(~known.has(walk.bits))
-        if not len(new):
+        if known.has(walk.bits).all():
             return True
-        graph, limbs = self.graph, self.graph.limbs
-        (before, i), (after, j), back = ends_of(self.table, walk.bits[new])
+        graph, limbs, bits = self.graph, self.graph.limbs, walk.bits
+        if not manner.bounds:
+            bits = np.concatenate([bits, *map(self._promising, walk.nodes[:-1].tolist())])
+        new = np.unique(bits[~known.has(bits)])
+        (before, i), (after, j), back = ends_of(self.table, new)
         rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
         stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
         here = np.arange(len(new))
@@ -215,12 +229,21 @@ class NodeSearch:
         found = ask(steps, stances)
         kept = packed(turned(found, i + 1)[:, : limbs - 1])
         if manner.bounds:
-            self._most = self._most.with_steps(before, walk.bits[new], kept)
+            self._most = self._most.with_steps(before, new, kept)
         else:
             kept[~found.all(axis=1)] = 0
-            self._known = self._known.with_steps(before, walk.bits[new], kept)
+            self._known = self._known.with_steps(before, new, kept)
             self._known = self._known.with_steps(after, back, kept)
         return False
+
+    def _promising(self, node: int) -> IntArray:
+        """The bits of some steps from a node, those after which the least is left to go."""
+        _, rows, _, bits = moves_of(self.table, node, 0)
+        away = np.linalg.norm(
+            self.table.base_position[rows] - self.table.base_position[node], axis=1
+        )
+        left = self.goal.cost.base_weight * away + self._h[rows]
+        return bits[np.argsort(left, kind="stable")[:OTHERS]]
 
     def _states(self, walk: NodeWalk) -> list[At] | None:
         """The states of a walk; None if a step is none as the robot stands, which is noted."""

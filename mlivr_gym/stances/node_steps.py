@@ -28,6 +28,8 @@ class Moves(NamedTuple):
     """Rows of the nodes after it, shape (k,)."""
     turns: IntArray
     """Turns of these after which their limbs are those of the robot, shape (k,)."""
+    bits: IntArray
+    """Bits of the pairs, see `node_pairs`, shape (k,)."""
 
 
 def node_stances(
@@ -60,17 +62,17 @@ def moves_of(table: NodeTable, row: int, turn: int) -> Moves:
     """What a step may lead to from a node of a table, the robot turned; limbs in order."""
     limbs, rests = table.limbs, table.rests[row]
     most = int((table.start[rests + 1] - table.start[rests]).sum())
-    found = np.empty((most, 2), dtype=np.int64)
-    limb, member = found[: list_moves(table, row, found)].T
+    found = np.empty((most, 3), dtype=np.int64)
+    limb, member, bits = found[: list_moves(table, row, found)].T
     rows, moved = np.divmod(member, limbs)
     limb_now = (limb - turn) % limbs
     order = np.lexsort((table.points[rows, moved], limb_now))
-    return Moves(limb_now[order], rows[order], (moved - limb + turn)[order])
+    return Moves(limb_now[order], rows[order], (moved - limb + turn)[order], bits[order])
 
 
 @entry
 def list_moves(table: NodeTable, node: int, found: IntArray) -> int:
-    """Limbs that a step may move from a node, and members it leads to, into `found`; how many."""
+    """The steps that may leave a node, into `found`: limb, member led to, and bit; how many."""
     count, limbs = 0, table.points.shape[1]
     for limb in range(limbs):
         row = row_of(table, node, limb)
@@ -81,5 +83,6 @@ def list_moves(table: NodeTable, node: int, found: IntArray) -> int:
         for k in range(end - begin):
             if has_bit(table.bits, row + k):
                 found[count, 0], found[count, 1] = limb, table.members[begin + k]
+                found[count, 2] = row + k
                 count += 1
     return count

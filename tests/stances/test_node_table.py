@@ -9,10 +9,12 @@ from small_tables import small_table
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.compiled.limb_masks import unpacked
+from mlivr_gym.postures.tried_poses import bases_at
 from mlivr_gym.postures.turns import same_after_turns, turned
 from mlivr_gym.stances import node_files
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.node_files import (
+    SHIPPED,
     node_table,
     read_table,
     small_name,
@@ -256,3 +258,39 @@ def test_what_has_no_table_is_refused(jem):
 def test_codes_are_in_the_order_of_the_points():
     points = np.array(sorted(itertools.permutations(range(0, 5 * 4000, 4000), 3)))
     assert (np.diff(codes(points).astype(object)) > 0).all()
+
+
+@pytest.mark.parametrize("robot", SHIPPED)
+def test_the_table_that_ships_is_that_of_the_graph(robot):
+    """Of some nodes all that is told, and that all their steps are among the bits."""
+    graph, with_table = (stance_graph(robot=robot) for _ in range(2))
+    sets, limbs, rng = graph.sets().points, graph.limbs, np.random.default_rng(4)
+    table = node_table(with_table)
+    rows = rng.choice(len(table.points), 300, replace=False)
+    stances = table.points[rows].astype(np.int64)
+    postures = graph.nodes(stances)
+    assert graph.is_node(postures).all()
+    away = np.linalg.norm(table.base_position[rows] - postures.base_position, axis=1)
+    assert away.max() < 10.0 * ROUNDED
+    bases = bases_at(graph.grasp_map, graph.robot, stances, table.tried[rows].astype(np.int64))
+    np.testing.assert_allclose(bases[0], postures.base_position, atol=1e-12, rtol=0)
+    np.testing.assert_allclose(bases[1], postures.base_rotation, atol=1e-12, rtol=0)
+    released = graph.all_released(stances, postures)
+    for mine, theirs in (
+        (table.masks, postures.mask),
+        (table.released, released["branches"]),
+        (table.folds, released["folds"]),
+    ):
+        np.testing.assert_array_equal(unpacked(mine[rows], limbs), theirs)
+    orders = np.array(list(itertools.permutations(range(limbs))))
+    others = sets[rng.choice(len(sets), 60)].astype(np.int64)[:, orders].reshape(-1, limbs)
+    np.testing.assert_array_equal(table.find(others)[0] >= 0, graph.is_node(graph.nodes(others)))
+    steps = 0
+    for stance, masks in zip(stances[:16].tolist(), postures.mask.tolist(), strict=False):
+        state = State(tuple(stance), tuple(masks))
+        found, told = graph.successors(state), with_table.successors(state)
+        for name in ("limb", "point", "masks"):
+            np.testing.assert_array_equal(getattr(told, name), getattr(found, name))
+        np.testing.assert_allclose(told.base_in_world, found.base_in_world, atol=1e-12, rtol=0)
+        steps += len(found.limb)
+    assert steps > 100
