@@ -56,6 +56,8 @@ class Manner(Record):
     """Most labels of a node."""
     below: float
     """Cost that a walk must not reach."""
+    pause: int
+    """Labels that are taken before the search looks at the clock."""
     seeded: bool
     """Whether the origins are in the queue."""
 
@@ -115,6 +117,7 @@ def cheapest_walk(
     origins: NodeOrigins,
     labels: Labels,
     manner: tuple[float, float, int],
+    *,
     below: float = np.inf,
     until: float = np.inf,
 ) -> tuple[NodeWalk | None, float]:
@@ -137,7 +140,7 @@ def cheapest_walk(
     """
     how = Manner.row()
     how["factor"], how["unknown"], how["most"] = manner
-    how["below"] = below
+    how["below"], how["pause"] = below, PAUSE
     entries = labels.entries
     entries.filled["used"], entries.filled["size"] = 0, 0
     labels.last[:] = NO_LABEL
@@ -180,7 +183,7 @@ def _cheapest(
                 _note(labels, s, origins.masks[k])
                 push(entries, cost + manner.factor * h[s], cost, cost, s, -1 - k, -1)
     while entries.filled.size > 0:
-        if count == PAUSE:
+        if count == manner.pause:
             return PAUSED
         count += 1
         here = first(entries)

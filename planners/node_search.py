@@ -161,14 +161,9 @@ class NodeSearch:
         """The cheapest walk, see `cheapest_walk`."""
         known = self._most if manner.bounds else self._known
         charged = manner.factor, manner.unknown * self._charge, manner.most
+        steps = self.table, known, self._weights
         found, low = cheapest_walk(
-            (self.table, known, self._weights),
-            self._h,
-            self._origins,
-            self._labels,
-            charged,
-            below,
-            until,
+            steps, self._h, self._origins, self._labels, charged, below=below, until=until
         )
         if manner.bounds:
             self.low = max(self.low, low)
@@ -242,8 +237,8 @@ class NodeSearch:
         away = np.linalg.norm(
             self.table.base_position[rows] - self.table.base_position[node], axis=1
         )
-        left = self.goal.cost.base_weight * away + self._h[rows]
-        return bits[np.argsort(left, kind="stable")[:OTHERS]]
+        to_go = self.goal.cost.base_weight * away + self._h[rows]
+        return bits[np.argsort(to_go, kind="stable")[:OTHERS]]
 
     def _states(self, walk: NodeWalk) -> list[At] | None:
         """The states of a walk; None if a step is none as the robot stands, which is noted."""

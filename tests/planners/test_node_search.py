@@ -91,7 +91,7 @@ def test_costs_to_a_goal_are_those_of_another_library(known, cost, monkeypatch):
 
 @pytest.mark.parametrize("cost", COSTS)
 @pytest.mark.parametrize("seed", range(6))
-def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, seed):
+def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, seed, monkeypatch):
     """With some steps known to keep less than their nodes share, or nothing.
 
     With odd seeds masks are random, so that nodes are come to on many.
@@ -142,6 +142,13 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
     world = table, steps, weights
     walk, low = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
     assert low == pytest.approx(least, abs=1e-9)
+    monkeypatch.setattr(node_labels, "PAUSE", 7)
+    for below in (1.001 * least + 1e-9, 0.999 * least) if least > 0.0 else ():
+        found, bound = cheapest_walk(world, h, origins, Labels.of(count), EXACT, below=below)
+        assert (found is not None) == (least < below)
+        assert bound == pytest.approx(min(least, below), abs=1e-9)
+    ended = time.perf_counter() - 1.0
+    assert cheapest_walk(world, h, origins, Labels.of(count), EXACT, until=ended) == (None, 0.0)
     if walk is not None:
         assert walk.cost == pytest.approx(least, abs=1e-9)
         assert goals[walk.nodes[-1]]
