@@ -25,6 +25,7 @@ from mlivr_gym.planners.query import Goal, Search, SearchOptions
 from mlivr_gym.planners.queue import push
 from mlivr_gym.stances import node_files
 from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_pairs import ends_of
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_sets import key_of
 
@@ -221,6 +222,27 @@ def test_the_last_walk_is_the_cheapest_of_all(known, cost):
             assert not np.isfinite(least)
     assert compared
     assert proved >= 9
+
+
+def test_bounds_rest_on_what_steps_may_keep_at_most(known):
+    """Not on what was found for all branches, which may be less than some of them keep."""
+    graph, table = known
+    rng, found = np.random.default_rng(8), 0
+    bits = every_pair(table)[:, 4]
+    for _ in range(12):
+        start = random_state(graph, rng)
+        goal = goal_at(graph, table, int(rng.integers(len(table.points))), COSTS[1], 0.08)
+        if goal.reached(graph.posture_of(start).base_position[0], start.stance):
+            continue
+        search = NodeSearch(graph, table, goal, start)
+        nodes = ends_of(table, bits)[0][0]
+        none = np.zeros(len(bits), dtype=np.uint64)
+        search._known = search._known.with_steps(nodes, bits, none)
+        walks = list(search.walks(time.perf_counter() + 60.0))
+        least = optimum(graph, goal, start)
+        assert search.low <= least + 1e-9
+        found += len(walks)
+    assert found > 2
 
 
 def quaternion(rotation):

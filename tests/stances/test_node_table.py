@@ -27,6 +27,7 @@ from mlivr_gym.stances.node_table_build import build
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_sets import key_of
 from mlivr_gym.transitions.state import State
+from mlivr_gym.world.boxes import Box
 
 
 @pytest.fixture(scope="module", params=[3, 4])
@@ -171,6 +172,19 @@ def test_steps_are_the_same_with_the_table(graph, table):
     given = state._replace(pose=pose)
     for mine, theirs in zip(known.successors(given), graph.successors(given), strict=True):
         np.testing.assert_array_equal(mine, theirs)
+    # How a limb is released the table does not tell, and nothing of it is remembered.
+    points = np.array([state.stance])
+    for name in ("branches", "folds", "root", "via"):
+        mine, theirs = (one.all_released(points, one.nodes(points))[name] for one in (known, graph))
+        np.testing.assert_array_equal(mine, theirs)
+    other, before = stance_graph(graph.grasp_map, graph.robot), graph.successors(state)
+    here = graph.posture_of(state).base_position[0]
+    place = before.base_in_world[np.linalg.norm(before.base_in_world - here, axis=1).argmax()]
+    for one in (known, other):
+        one.add_obstacles([Box.between("box", "obstacle", place - 0.02, place + 0.02)])
+    for mine, theirs in zip(known.successors(state), other.successors(state), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    assert len(theirs) < len(before.masks)
 
 
 def test_a_bit_tells_its_pair(table):
