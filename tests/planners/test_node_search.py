@@ -242,7 +242,7 @@ def test_bounds_rest_on_what_steps_may_keep_at_most(known):
         least = optimum(graph, goal, start)
         assert search.low <= least + 1e-9
         found += len(walks)
-    assert found > 2
+    assert found > 1
 
 
 def quaternion(rotation):
