@@ -299,6 +299,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--others", type=int, default=20, help="tasks for other methods too")
     parser.add_argument("--workers", type=int, default=1, help="tasks at once")
+    parser.add_argument(
+        "--steps-only", action="store_true", help="measure steps next to stances anew, no tasks"
+    )
     args = parser.parse_args()
     tasks = Processes(args.workers)
     data: dict[str, Any] = {
@@ -308,10 +311,14 @@ def main() -> None:
         "built": {},
         "tasks": {},
     }
+    if args.steps_only:
+        data = json.loads((args.out / "many_limbs.json").read_text())
     for robot in ROBOTS:
-        data["built"][robot] = first_build(robot)
         stance_graph(robot=robot).sets()
         data["fan"][robot] = fan(robot)
+        if args.steps_only:
+            continue
+        data["built"][robot] = first_build(robot)
         work = partial(asked, robot=robot, seconds=args.seconds, others=args.others)
         data["tasks"][robot] = list(tasks.answers(work, range(args.tasks), f"tasks of {robot}"))
     write_whole(args.out / "many_limbs.json", json.dumps(data, indent=1) + "\n")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import packed
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.postures.turns import lowest_first, same_after_turns, turned
@@ -96,9 +97,39 @@ class NodeTable(NamedTuple):
         turns = np.zeros(len(stances), dtype=np.int64)
         if same_after_turns(self.limbs):
             turns = lowest_first(stances)
-        wanted, known = codes(turned(stances, turns)), codes(self.points)
-        rows: IntArray = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
-        return np.where(known[rows] == wanted, rows, -1), turns
+        rows = np.empty(len(stances), dtype=np.int64)
+        find_rows(self.points, turned(stances, turns), rows)
+        return rows, turns
+
+
+@entry
+def find_rows(points: NDArray[np.uint16], wanted: IntArray, rows: IntArray) -> None:
+    """Rows of stances among some that are in the order of their codes, -1 for what is not there.
+
+    Args:
+        points: Point indices, shape (n, N).
+        wanted: The same of what is looked for, shape (k, N).
+        rows: Filled, shape (k,).
+    """
+    for k in range(len(wanted)):
+        low, high = 0, len(points)
+        while low < high:
+            middle = (low + high) // 2
+            if _before(points[middle], wanted[k]):
+                low = middle + 1
+            else:
+                high = middle
+        there = low < len(points) and not _before(wanted[k], points[low])
+        rows[k] = low if there else -1
+
+
+@kernel
+def _before(a: IntArray, b: IntArray) -> bool:
+    """Whether a stance comes before another one."""
+    for limb in range(len(a)):
+        if a[limb] != b[limb]:
+            return bool(a[limb] < b[limb])
+    return False
 
 
 def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
@@ -126,9 +157,7 @@ def table_of(nodes: Nodes, sets: StanceSets) -> NodeTable:
     start = np.searchsorted(numbers[members], np.arange(len(known) + 1)).astype(np.int32)
     sizes = np.diff(start).astype(np.int64)
     offset = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(sizes * sizes)])
-    return NodeTable(
-        points.astype(np.uint16), nodes.base_position, packed(nodes.masks),
-        packed(released), packed(nodes.folds), nodes.tried.astype(np.uint16),
-        sets.find(points).astype(np.int32), numbers.reshape(points.shape), start, members, offset,
-        np.zeros(int(offset[-1]) // 64 + 1, dtype=np.uint64),
-    )  # fmt: skip
+    none = np.zeros(int(offset[-1]) // 64 + 1, dtype=np.uint64)
+    of_nodes = points.astype(np.uint16), nodes.base_position, packed(nodes.masks), packed(released)
+    more = packed(nodes.folds), nodes.tried.astype(np.uint16), sets.find(points).astype(np.int32)
+    return NodeTable(*of_nodes, *more, numbers.reshape(points.shape), start, members, offset, none)
