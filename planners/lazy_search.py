@@ -111,11 +111,12 @@ class _LazySearch:
         ):
             return
         nodes = NodeSearch(self.graph, table, self.goal, start)
-        self.least = nodes.low
         for walk in nodes.walks(self.began + self.search.time_limit, self.best):
+            self.least = nodes.low
             self._take(walk)
             if not self._goes_on():
                 break
+        self.least = nodes.low
         self.found.generated += nodes.generated
         if nodes.low == np.inf and self.found.goal < 0:
             self._note(start, self.graph.posture_of(start), -1, 0.0)
