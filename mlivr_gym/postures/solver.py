@@ -290,10 +290,8 @@ class PostureSolver:
             target: Where the base is to be [m], shape (3,); by default anywhere.
             tolerance: How near to it [m].
         """
-        robot, tries = (
-            self.robot,
-            Candidates.of(self.robot, held_in_world(self.grasp_map, sets[:1]))[1:],
-        )
+        robot = self.robot
+        tries = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))[1:]
         w_m = self.settings.thresholds(robot.limbs)[0]
         queries = reach_queries(robot, w_m, tries, target, tolerance)
         out = np.zeros(len(sets), dtype=np.bool_)
