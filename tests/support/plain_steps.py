@@ -1,62 +1,15 @@
-"""The checks of releases and steps, written to be read: sets, lists and loops.
-
-What one motion may come close to, on which branches a limb can hold along a path, and which joint
-angles it has on a branch is asked of compiled code that is compared elsewhere, one question at a
-time. The boxes of the map are all there are. Masks are sets of pairs, branch and flip.
-"""
+"""The checks of steps, written to be read: sets, lists and loops, over those of `plain_checks`."""
 
 from functools import cmp_to_key
 from typing import NamedTuple
 
-import networkx as nx
-import numpy as np
 from compiled import called
-from limb_motions import departing, holding, motion, round_corner, swinging
+from limb_motions import holding, swinging
+from plain_checks import EVERY, branches, line_end, mask_of, members, on
 
-from mlivr_gym.collisions.contacts import capsule_ends
-from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.sweep import sweep
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path
 from mlivr_gym.kinematics.holding import Holding, hold_mask
-from mlivr_gym.kinematics.limb import Angles, all_angles_at
-from mlivr_gym.transitions.grasp_poses import angles_above
 from mlivr_gym.transitions.steps import TIE, TRIES
-
-EVERY = {(branch, flip) for branch in range(8) for flip in (0, 1)}
-
-
-def members(mask):
-    """Branch and flip of each bit."""
-    return {(bit % 8, bit // 8) for bit in range(16) if int(mask) >> bit & 1}
-
-
-def mask_of(pairs):
-    """The same as bits."""
-    return sum(1 << branch + 8 * flip for branch, flip in pairs)
-
-
-def branches(pairs):
-    return sorted({branch for branch, _ in pairs})
-
-
-def on(pairs, some):
-    """Those of them on some branches."""
-    return {(branch, flip) for branch, flip in pairs if branch in some}
-
-
-def line_end(first, last):
-    """Where a line ends that turns the tool to the nearest half turn, and its length [rad]."""
-    tool = last[5] - np.pi * np.round((last[5] - first[5]) / np.pi)
-    return np.array([*last[:5], tool]), float(np.abs(last - first)[:5].max())
-
-
-class Released(NamedTuple):
-    """What `Release` says."""
-
-    pairs: set
-    folds: set
-    root: int
-    via: dict
 
 
 class Edge(NamedTuple):
@@ -70,138 +23,6 @@ class Edge(NamedTuple):
 
 
 NO_EDGE = Edge({}, set(), STRAIGHT, (-1, -1), -1)
-
-
-class PlainChecks:
-    """A robot at stances, rows of `StanceSet`, in the world of a graph."""
-
-    def __init__(self, graph, stances):
-        self.spec, self.checks, self.stances = graph.robot, graph.checks, stances
-        self.shapes, self.grasps = graph.solver.shapes, graph.solver.grasps
-        self.robot, self.limits = self.checks.robots[0], graph.solver.thresholds[0]
-        folds = self.robot["folds"][: len(self.spec.folds)]
-        self.folds = [np.array([*fold, 0.0]) for fold in folds]
-
-    def clear(
-        self, path, first, second, compared, resting=(), grasp=None, places=(0.0, 1.0), corner=None
-    ):
-        """Whether a limb keeps clear while the base follows a path, or stays if that is a pose.
-
-        A corner that is rounded is base parameter and joint angles, shape (7,).
-        """
-        stays = path.dtype.names == ("position", "rotation")
-        moves = base_path(path, path, STRAIGHT, np.zeros(3)) if stays else path
-        room = motion(moves, (0.0, 0.0) if stays else places, first, second, compared)
-        room["resting"]["count"] = len(resting)
-        for k, (limb, ends) in enumerate(resting):
-            room["resting"]["limb"][k] = limb
-            room["resting"]["shapes"][k]["ends"][: len(ends)] = ends
-        if corner is not None:
-            round_corner(room, corner[0], corner[1:], corner[1:])
-        if grasp is not None:
-            behind = room["behind"]
-            behind["applies"], behind["point"] = True, grasp["point"]
-            behind["normal"] = grasp["normal"]
-        boxes, clearance = self.checks.solver.boxes, float(self.limits["clearance"])
-        return called(sweep)(self.robot, boxes, clearance, room) == CLEAR
-
-    def swing_clear(self, path, limb, start, end, resting=()):
-        """Whether a limb can swing along a line, limbs that hold aside."""
-        swing = swinging(limb, start, end)
-        return self.clear(path, swing, swing, ("boxes", "body", "resting"), resting)
-
-    def grasp(self, s, limb):
-        return self.grasps[self.stances.points[s, limb]]
-
-    def ends(self, s, limb):
-        """Capsules of a limb that holds at a stance on each branch it has, in the body frame."""
-        out, found = Angles.rows(8), {}
-        all_angles_at(
-            self.checks.robots, limb, self.stances.base[s], self.grasp(s, limb)["flange"], out
-        )
-        for branch in range(8):
-            if np.isfinite(out[branch]["q"]).all():
-                joints = np.zeros((self.spec.limbs, 6))
-                joints[limb] = out[branch]["q"]
-                here = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), joints
-                found[branch] = capsule_ends(self.spec, self.shapes, here)[limb]
-        return found
-
-    def above(self, s, limb, pairs):
-        """Joint angles of a limb above its point on some branches, where there are any."""
-        found, out, base = {}, Angles.row(), self.stances.base[s]
-        for branch in branches(pairs):
-            if angles_above(self.checks.robots, limb, base, self.grasp(s, limb), branch, out):
-                found[branch] = out["q"].copy()
-        return found
-
-    def elbow_up(self, s, limb, pairs):
-        """Of twins that differ in the elbow alone the one farther up in the body frame."""
-        ends, dropped = self.ends(s, limb), set()
-        for branch in branches(pairs):
-            if branch % 2 == 0 and branch + 1 in branches(pairs):
-                low, high = (ends[b][..., 2].sum() for b in (branch, branch + 1))
-                dropped.add(branch if high > low else branch + 1)
-        return on(pairs, set(branches(pairs)) - dropped)
-
-    def release(self, s, limb):
-        """On which branches a limb can be released, through folds or else along lines."""
-        base, pairs = self.stances.base[s], members(self.stances.mask[s, limb])
-        others = [i for i in range(self.spec.limbs) if i != limb]
-        at_rest = [
-            (i, ends)
-            for i in others
-            for branch, ends in self.ends(s, i).items()
-            if branch in branches(members(self.stances.mask[s, i]))
-        ]
-        first, free, above = self.elbow_up(s, limb, pairs), set(), {}
-        grasp = self.grasp(s, limb)
-        for some in (first, pairs - first):
-            lifted = self.above(s, limb, some)
-            above |= lifted
-            departs = set()
-            for branch in lifted:
-                flange = grasp["flange"]
-                moves = departing(limb, branch, flange["position"], flange["rotation"])
-                compared = "boxes", "body", "resting"
-                if self.clear(base, moves, moves, compared, at_rest, grasp):
-                    departs.add(branch)
-            free |= on(some, departs)
-            found = self.fold(base, limb, {b: above[b] for b in departs}, at_rest)
-            if found:
-                return found._replace(pairs=on(some, found.via))
-        return Released(on(free, self.joined(base, limb, above, free, at_rest)), set(), 0, {})
-
-    def fold(self, base, limb, above, at_rest):
-        """Folding through the first fold that serves a branch, or those that it changes to."""
-        for root, here in enumerate(self.folds):
-            changeable = [
-                fold
-                for fold, there in enumerate(self.folds)
-                if fold == root or self.swing_clear(base, limb, here, there, at_rest)
-            ]
-            via = {}
-            for branch, q in above.items():
-                for fold in changeable:
-                    there = np.array([*self.folds[fold][:5], q[5]])
-                    if branch not in via and self.swing_clear(base, limb, q, there, at_rest):
-                        via[branch] = fold
-            if via:
-                return Released(set(), set(changeable), root, via)
-        return None
-
-    def joined(self, base, limb, above, free, at_rest):
-        """The most branches joined by lines, of equally many the first."""
-        graph = nx.Graph()
-        graph.add_nodes_from(branches(free))
-        for a in branches(free):
-            for b in branches(free):
-                if a < b and self.swing_clear(
-                    base, limb, above[a], line_end(above[a], above[b])[0], at_rest
-                ):
-                    graph.add_edge(a, b)
-        parts = sorted(nx.connected_components(graph), key=lambda part: (-len(part), min(part)))
-        return parts[0] if parts else set()
 
 
 class PlainStep:

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from plain_steps import PlainChecks, PlainStep, members
+from plain_checks import PlainChecks, members
+from plain_steps import PlainStep
 from random_steps import NO_COLLISIONS, asked, two_stances
 
 from mlivr_gym import stance_graph

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from limb_motions import swinging
-from plain_steps import NO_EDGE, PlainChecks, PlainStep, mask_of, members
+from plain_checks import PlainChecks, mask_of, members
+from plain_steps import NO_EDGE, PlainStep
 from random_steps import NO_COLLISIONS, asked, two_stances
 
 from mlivr_gym import stance_graph
