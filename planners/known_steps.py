@@ -55,8 +55,15 @@ class KnownSteps(NamedTuple):
 
     def has(self, bits: IntArray) -> BoolArray:
         """Which steps are known, by their bits, shape (k,)."""
-        places = np.array([place_of(self, int(bit)) for bit in bits], dtype=np.int64)
-        return np.asarray(self.keys[places] == bits)
+        return np.asarray(self.keys[self._places(bits)] == bits)
+
+    def of(self, bits: IntArray) -> NDArray[np.uint64]:
+        """What is kept on steps that are known, by their bits, shape (k,)."""
+        kept: NDArray[np.uint64] = self.kept[self._places(bits)]
+        return kept
+
+    def _places(self, bits: IntArray) -> IntArray:
+        return np.array([place_of(self, int(bit)) for bit in bits], dtype=np.int64)
 
 
 @entry

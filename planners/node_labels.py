@@ -1,7 +1,7 @@
 """Walks over all nodes of many limbs on which every limb that holds keeps a branch (compiled).
 
-Steps that were checked keep what was found; the others are taken to keep all branches that their
-two nodes share. So the least cost of such a walk never exceeds that of a plan.
+Steps that were checked keep what was found; the others are taken to keep what the table says they
+keep at most. Without the former the least cost of such a walk never exceeds that of a plan.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mlivr_gym.planners.label_search import NO_LABEL, NO_ROOM
 from mlivr_gym.planners.node_costs import degree, least_cost
 from mlivr_gym.planners.pair_search import Weights
 from mlivr_gym.planners.queue import Queue, first, has_room, pop, push, queue
-from mlivr_gym.stances.node_pairs import row_of
+from mlivr_gym.stances.node_pairs import lost_on, row_of
 from mlivr_gym.stances.node_table import NodeTable
 
 ROOM = 1 << 20
@@ -50,8 +50,6 @@ class Manner(Record):
 
     factor: float
     """Weight of what is left, at least 1."""
-    unknown: float
-    """Charge for a step that was not checked."""
     most: int
     """Most labels of a node."""
     below: float
@@ -89,7 +87,7 @@ class NodeWalk(NamedTuple):
     """A walk over nodes."""
 
     cost: float
-    """What it costs at least, the charges for unknown steps among it."""
+    """What it costs."""
     origin: int
     """Which origin it begins at."""
     nodes: IntArray
@@ -116,21 +114,21 @@ def cheapest_walk(
     h: Array,
     origins: NodeOrigins,
     labels: Labels,
-    manner: tuple[float, float, int],
+    manner: tuple[float, int],
     *,
     below: float = np.inf,
     until: float = np.inf,
 ) -> tuple[NodeWalk | None, float]:
     """A walk to a node of which `h` is 0.
 
-    With factor 1, no charge for unknown steps and any number of labels it is one of least cost.
+    With factor 1 and any number of labels it is one of least cost.
 
     Args:
         steps: The nodes, the steps known of them, and what is minimised.
         h: Consistent lower bounds of the cost from each node, shape (n,).
         origins: Where it may begin.
         labels: Room.
-        manner: The first three that `Manner` lists.
+        manner: The first two that `Manner` lists.
         below: Cost that it must not reach.
         until: When to give up, on the clock of `time.perf_counter`.
 
@@ -139,7 +137,7 @@ def cheapest_walk(
         with factor 1: infinite if there is none.
     """
     how = Manner.row()
-    how["factor"], how["unknown"], how["most"] = manner
+    how["factor"], how["most"] = manner
     how["below"], how["pause"] = below, PAUSE
     entries = labels.entries
     entries.filled["used"], entries.filled["size"] = 0, 0
@@ -222,21 +220,20 @@ def _expand(
             other, moved = divmod(int(table.members[begin + k]), limbs)
             if h[other] == np.inf:
                 continue
-            kept, charge = held & held_beside(table.masks[other], moved, limbs), manner.unknown
+            kept = held & held_beside(table.masks[other], moved, limbs) & ~lost_on(table, row + k)
             if known.at[s]:
                 place = place_of(known, row + k)
                 if known.keys[place] == row + k:
-                    kept, charge = kept & known.kept[place], 0.0
+                    kept &= known.kept[place]
             if not all_keep_one(kept, limbs):
                 continue
-            cost = entries.cost[here] + least_cost(table, s, other, weights)
-            if not cost + h[other] < manner.below:
+            g = entries.g[here] + least_cost(table, s, other, weights)
+            if not g + h[other] < manner.below:
                 continue
-            g = entries.g[here] + cost - entries.cost[here] + charge
             after = beside(kept, mask_of(table.released[other], moved), moved, limbs)
             if not _covered(labels, other, after, g, -1, manner.most):
                 _note(labels, other, after)
-                push(entries, g + manner.factor * h[other], g, cost, other, here, row + k)
+                push(entries, g + manner.factor * h[other], g, g, other, here, row + k)
 
 
 @kernel

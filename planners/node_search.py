@@ -1,12 +1,9 @@
 """Walks of many limbs over the table of all nodes: better and better ones, and what none can beat.
 
-Where steps are not checked a walk is found in no time, and most of its steps turn out to be some.
-So the cheapest such walk is looked for, its steps are checked, and then the next, until one has no
-step that is not known. In the first rounds what is left weighs more, as walks are found sooner so.
-
-What a step keeps depends on the branches that the limbs are on, so that walks over what is known to
-be kept bound nothing. Those over what steps may keep at most do, see `relaxed_steps`: the cheapest
-of them bounds the cost of all plans, before any step is checked and ever better afterwards.
+The table tells what every step keeps at most, see `relaxed_steps`. The cheapest walk over that
+bounds the cost of all plans. Nearly all steps keep that much, so the steps of a walk are checked,
+and if one keeps less the next walk is looked for, until one is found whose steps are all known.
+Before the cheapest others are looked for, of which what is left weighs more: they are found sooner.
 """
 
 from __future__ import annotations
@@ -31,7 +28,7 @@ from mlivr_gym.postures.turns import turned
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import ends_of
-from mlivr_gym.stances.node_steps import moves_of, node_stances
+from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.stances.node_table import ROUNDED, NodeTable
 from mlivr_gym.transitions.state import State
 
@@ -41,40 +38,31 @@ class Manner(NamedTuple):
 
     factor: float
     """Weight of what is left."""
-    unknown: float
-    """Share of the charge for an unknown step."""
     most: int
     """Most labels of a node."""
-    bounds: bool
+    bounds: bool = False
     """Whether steps keep what they may at most, so that no plan costs less than the walk."""
+    seconds: float = np.inf
+    """How long one walk is looked for [s]."""
 
 
 EVERY_LABEL = 1 << 30
 """More labels than a node has."""
 
 ROUNDS = (
-    Manner(2.0, 1.0, 4, bounds=False),
-    Manner(1.5, 1.0, 4, bounds=False),
-    Manner(1.2, 0.5, 8, bounds=False),
-    Manner(1.0, 0.0, EVERY_LABEL, bounds=True),
-    Manner(1.0, 0.0, EVERY_LABEL, bounds=False),
+    Manner(1.0, EVERY_LABEL, bounds=True, seconds=0.3),
+    Manner(2.0, 4),
+    Manner(1.2, 8),
+    Manner(1.0, EVERY_LABEL, bounds=True),
+    Manner(1.0, EVERY_LABEL),
 )
 """One round after the other."""
-
-AT_FIRST = 0.3
-"""How long the cheapest walk is looked for before any step is checked [s]."""
-
-CHARGE = (0.1, 0.15)
-"""Charge for an unknown step: a share of what one costs, and a base displacement [m]."""
 
 FARTHER_BY = (0.03, 2.0)
 """How much farther than to the start costs are worked out: a share, and a number of steps."""
 
 SAME = 1e-9
 """A walk whose cost is less by no more than this share is no better."""
-
-OTHERS = 8
-"""Steps from each node of a walk that are checked with those of the walk, the most promising."""
 
 At = tuple[State, Postures]
 
@@ -99,19 +87,17 @@ class NodeSearch:
         self.graph, self.table, self.goal = graph, table, goal
         self.low, self.generated = 0.0, 0
         self._weights = weights_of(goal.cost)
-        self._known, self._most = (KnownSteps.none(len(table.points)) for _ in range(2))
+        self._known, self._nothing = (KnownSteps.none(len(table.points)) for _ in range(2))
         self._labels = Labels.of(len(table.points))
         self._begun, self._origins, self._turns = self._begin(start)
         if not len(self._origins.nodes):
             self.low = np.inf
             return
         shift, step = goal.cost.base_weight, goal.cost.step_weight
-        self._charge = CHARGE[0] * step + CHARGE[1] * shift
         self._h = costs_to_goal(
             table, self._goals(), self._weights, self._origins.nodes, self._toward(),
             (FARTHER_BY[0] * (shift > 0.0), FARTHER_BY[1] * step),
         )  # fmt: skip
-        self._cheapest(ROUNDS[-2], time.perf_counter() + AT_FIRST, np.inf)
 
     def _begin(self, start: State) -> tuple[list[list[At]], NodeOrigins, IntArray]:
         """Ways to the nodes at which walks may begin, these, and the turns that lead to them."""
@@ -159,12 +145,11 @@ class NodeSearch:
 
     def _cheapest(self, manner: Manner, until: float, below: float) -> NodeWalk | None:
         """The cheapest walk, see `cheapest_walk`."""
-        known = self._most if manner.bounds else self._known
-        charged = manner.factor, manner.unknown * self._charge, manner.most
-        steps = self.table, known, self._weights
+        steps = self.table, self._nothing if manner.bounds else self._known, self._weights
         found, low = cheapest_walk(
-            steps, self._h, self._origins, self._labels, charged, below=below, until=until
-        )
+            steps, self._h, self._origins, self._labels, (manner.factor, manner.most),
+            below=below, until=min(until, time.perf_counter() + manner.seconds),
+        )  # fmt: skip
         if manner.bounds:
             self.low = max(self.low, low)
         self.generated += int(self._labels.entries.filled["used"])
@@ -182,23 +167,21 @@ class NodeSearch:
                 walk = self._cheapest(manner, until, below * (1.0 - SAME))
                 if walk is None:
                     break
-                if not self._check(walk, manner):
-                    continue
-                states = self._states(walk)
-                if states is None:
-                    if manner.bounds:
-                        break
-                    continue
-                last, posture = states[-1]
-                if not self.goal.reached(posture.base_position[0], last.stance):
-                    # It lies beside the goal by less than positions are kept.
-                    self._h[walk.nodes[-1]] = LEAST
-                    continue
-                cost = self._cost(states)
-                if cost < below * (1.0 - SAME):
-                    below = cost
-                    yield states
-                break
+                self._learn(walk.bits)
+                states = self._states(walk) if self._stands(walk) else None
+                if states is not None:
+                    last, posture = states[-1]
+                    if not self.goal.reached(posture.base_position[0], last.stance):
+                        # It lies beside the goal by less than positions are kept.
+                        self._h[walk.nodes[-1]] = LEAST
+                        continue
+                    cost = self._cost(states)
+                    if cost < below * (1.0 - SAME):
+                        below = cost
+                        yield states
+                    break
+                if manner.bounds:
+                    break
 
     def _cost(self, states: list[At]) -> float:
         """What a walk costs."""
@@ -206,39 +189,35 @@ class NodeSearch:
         shift = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
         return self.goal.cost.base_weight * shift + self.goal.cost.step_weight * (len(states) - 1)
 
-    def _check(self, walk: NodeWalk, manner: Manner) -> bool:
-        """Check the steps of a walk that are not known; whether all were."""
-        known = self._most if manner.bounds else self._known
-        if known.has(walk.bits).all():
-            return True
-        graph, limbs, bits = self.graph, self.graph.limbs, walk.bits
-        if not manner.bounds:
-            bits = np.concatenate([bits, *map(self._promising, walk.nodes[:-1].tolist())])
-        new = np.unique(bits[~known.has(bits)])
+    def _learn(self, bits: IntArray) -> None:
+        """Check steps that are not known."""
+        graph, new = self.graph, np.unique(bits[~self._known.has(bits)])
+        if not len(new):
+            return
         (before, i), (after, j), back = ends_of(self.table, new)
         rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
         stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
         here = np.arange(len(new))
         steps = graph.step_rows(stances, here, here + len(new), stances.mask[here])
-        ask = graph.most_of_steps if manner.bounds else graph.masks_of_steps
-        found = ask(steps, stances)
-        kept = packed(turned(found, i + 1)[:, : limbs - 1])
-        if manner.bounds:
-            self._most = self._most.with_steps(before, new, kept)
-        else:
-            kept[~found.all(axis=1)] = 0
-            self._known = self._known.with_steps(before, new, kept)
-            self._known = self._known.with_steps(after, back, kept)
-        return False
+        found = graph.masks_of_steps(steps, stances)
+        kept = packed(turned(found, i + 1)[:, : graph.limbs - 1])
+        kept[~found.all(axis=1)] = 0
+        self._known = self._known.with_steps(before, new, kept)
+        self._known = self._known.with_steps(after, back, kept)
 
-    def _promising(self, node: int) -> IntArray:
-        """The bits of some steps from a node, those after which the least is left to go."""
-        _, rows, _, bits = moves_of(self.table, node, 0)
-        away = np.linalg.norm(
-            self.table.base_position[rows] - self.table.base_position[node], axis=1
-        )
-        to_go = self.goal.cost.base_weight * away + self._h[rows]
-        return bits[np.argsort(to_go, kind="stable")[:OTHERS]]
+    def _stands(self, walk: NodeWalk) -> bool:
+        """Whether every limb keeps a branch all along a walk, by what is known of its steps."""
+        limbs = self.graph.limbs
+        (_, i), (after, j), _ = ends_of(self.table, walk.bits)
+        kept = unpacked(self._known.of(walk.bits), limbs - 1)
+        released = unpacked(self.table.released[after], limbs)
+        masks = unpacked(walk.masks[:1], limbs)[0]
+        for k in range(len(walk.bits)):
+            held = np.roll(masks, -i[k] - 1)[:-1] & kept[k]
+            if not held.all():
+                return False
+            masks = np.roll(np.append(held, released[k, j[k]]), j[k] + 1)
+        return True
 
     def _states(self, walk: NodeWalk) -> list[At] | None:
         """The states of a walk; None if a step is none as the robot stands, which is noted."""

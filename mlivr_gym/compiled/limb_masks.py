@@ -93,3 +93,13 @@ def has_bit(bits: NDArray[np.uint64], k: int) -> bool:
 def set_bit(bits: NDArray[np.uint64], k: int) -> None:
     """Set bit `k` of a row of numbers."""
     bits[k // WORD] |= ONE << np.uint64(k % WORD)
+
+
+@kernel
+def set_before(bits: NDArray[np.uint64], k: int) -> int:
+    """How many bits of the same number before bit `k` of a row of numbers are set."""
+    below, count = bits[k // WORD] & ((ONE << np.uint64(k % WORD)) - ONE), 0
+    while below != NO_LIMB:
+        below &= below - ONE
+        count += 1
+    return count

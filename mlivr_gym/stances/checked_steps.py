@@ -107,19 +107,6 @@ class CheckedSteps(ChangingWorld):
         steps = self.step_rows(found, before, np.arange(len(states), len(points)), masks)
         return self.masks_of_steps(steps, found)
 
-    def most_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
-        """What limbs that hold may keep at most on steps, shape (k, N), 0 of the one that moves.
-
-        Wanting fewer branches no step keeps more; where a limb may keep nothing none is a step. For
-        the arguments see `masks_of_steps`.
-        """
-        for end in ("before", "after"):
-            ends = np.unique(np.stack([steps[end], steps["limb"]], axis=1), axis=0)
-            self._know_released(stances, ends)
-        self.checks.may_keep(steps, stances, self.checks.world(self.obstacle_grid))
-        kept: IntArray = steps["kept"][:, : self.limbs].copy()
-        return kept
-
     def masks_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
         """Masks of all limbs after steps, shape (k, N); 0 where there is none.
 

@@ -18,7 +18,7 @@ from mlivr_gym.compiled.limb_masks import unpacked
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import count_pairs, gathered, spread
+from mlivr_gym.stances.node_pairs import Joined, gather, spread
 from mlivr_gym.stances.node_table import (
     RESOLUTION,
     Nodes,
@@ -29,7 +29,7 @@ from mlivr_gym.stances.node_table import (
 from mlivr_gym.stances.stance_sets import StanceSets, key_of
 from mlivr_gym.world.grasp_map import GraspMap
 
-FORMAT = 2
+FORMAT = 3
 """Format of the files."""
 
 SHIPPED = ("mlivr4",)
@@ -69,13 +69,17 @@ def write_table(table: NodeTable, graph: LazyGraph, path: str | Path) -> None:
     masks = [
         unpacked(one, limbs).astype(np.uint16) for one in (table.masks, table.released, table.folds)
     ]
+    steps = gather(table)
     arrays = [
         np.array([str(FORMAT), key_of(graph)]),
         np.diff(table.points.astype(np.int32), axis=0, prepend=0).astype(np.int16).T.copy(),
         *_coded(np.rint(away / RESOLUTION).astype(np.int64)),
         *_coded(np.stack(masks, axis=2).reshape(-1, 3)),
         table.tried,
-        gathered(table),
+        np.array([len(steps.joined), len(steps.losing)]),
+        np.packbits(steps.joined),
+        np.packbits(steps.losing),
+        *_coded(steps.lost),
     ]
     stream = io.BytesIO()
     for one in arrays:
@@ -102,14 +106,17 @@ def read_table(path: str | Path, graph: LazyGraph, sets: StanceSets) -> NodeTabl
                 raise ValueError
             if head[1] != key_of(graph):
                 return None
-            apart, places, place, threes, three, tried, joined = _arrays(stream, 7)
+            apart, places, place, threes, three, tried = _arrays(stream, 6)
+            counts, *steps, losses, lost = _arrays(stream, 5)
         points = np.cumsum(apart.T, axis=0, dtype=np.int64)
         base = _centroids(graph.grasp_map, points) + places[place] * RESOLUTION
         masks, released, folds = threes[three].reshape(*points.shape, 3).transpose(2, 0, 1)
         table = table_of(Nodes(points, base, masks, released, folds, tried), sets)
-        count = count_pairs(table, 0, len(table.offset) - 1)
-        spread(table, np.unpackbits(joined, count=count).view(np.bool_))
-        return table
+        joined, losing = (
+            np.unpackbits(one, count=count).view(np.bool_)
+            for one, count in zip(steps, counts.tolist(), strict=True)
+        )
+        return spread(table, Joined(joined, losing, losses[lost]))
     except (OSError, ValueError, TypeError, IndexError, EOFError, lzma.LZMAError):
         raise NodeTableError(f"{str(path)!r} is no table of nodes of format {FORMAT}") from None
 

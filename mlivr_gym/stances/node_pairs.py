@@ -1,26 +1,72 @@
-"""Pairs of nodes a move apart, and which of them a step may join (compiled).
+"""Pairs of nodes a move apart, and what a step between them keeps at most (compiled).
 
-Nodes with a rest in common differ in the point of one limb. Most such pairs are no steps: a limb
-that holds would have to change its branch, or cannot follow the base. Those of which that is known
-are left out of the bits that are kept: a square for each rest, a row and a column for each member.
+Nodes with a rest in common differ in the point of one limb. Many such pairs are no steps: a limb
+that holds would have to change its branch, or cannot follow the base. The others are the bits that
+are kept: a square for each rest, a row and a column for each member. On most steps the limbs that
+hold keep every branch that both nodes have; of the others it is kept which are lost.
 """
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.limb_masks import all_keep_one, has_bit, held_beside, set_bit
+from mlivr_gym.compiled.limb_masks import (
+    NO_LIMB,
+    WORD,
+    all_keep_one,
+    has_bit,
+    held_beside,
+    set_before,
+    set_bit,
+)
+from mlivr_gym.compiled.records import Record
 from mlivr_gym.stances.node_table import NodeTable
 
 
-def gathered(table: NodeTable) -> NDArray[np.uint8]:
-    """Bits of the pairs that share branches, eight in a byte."""
-    joined = np.zeros(count_pairs(table, 0, len(table.offset) - 1), dtype=np.bool_)
-    gather(table, joined)
-    return np.packbits(joined)
+class Joined(NamedTuple):
+    """What is known of pairs that share branches, in the order of `list_pairs`."""
+
+    joined: BoolArray
+    """Whether a step may join each, there or back, shape (p,)."""
+    losing: BoolArray
+    """Whether a step loses branches that both nodes have, for each of the joined, shape (j,)."""
+    lost: NDArray[np.uint64]
+    """Which, as `held_beside`, for each of the losing, shape (l,)."""
+
+    @classmethod
+    def of(cls, shared: NDArray[np.uint64], kept: NDArray[np.uint64]) -> Joined:
+        """The same from the branches that both nodes have, and what may be kept, each (p,)."""
+        joined = kept != NO_LIMB
+        lost = shared[joined] & ~kept[joined]
+        return cls(joined, lost != NO_LIMB, lost[lost != NO_LIMB])
+
+    @classmethod
+    def joint(cls, parts: list[Joined]) -> Joined:
+        """Several, one after the other."""
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+class Pair(Record):
+    """A pair of members of a rest, and how many were come to before that share branches."""
+
+    rest: int
+    """The rest."""
+    first: int
+    """Index of the first of the two in `members`."""
+    second: int
+    """Index of the second, larger."""
+
+    @classmethod
+    def before(cls, table: NodeTable, rest: int) -> Any:
+        """What comes before the first pair of a rest, a row."""
+        pair = cls.row()
+        pair["rest"], pair["first"], pair["second"] = rest, table.start[rest], table.start[rest]
+        return pair
 
 
 def ends_of(
@@ -66,67 +112,130 @@ def share_branches(table: NodeTable, a: int, b: int) -> bool:
     return all_keep_one(held, limbs)
 
 
+@kernel
+def lost_on(table: NodeTable, bit: int) -> np.uint64:
+    """Branches that both nodes of a pair have and no step between them keeps, as `held_beside`."""
+    if not has_bit(table.losing, bit):
+        return NO_LIMB
+    return np.uint64(table.lost[table.ranks[bit // WORD] + set_before(table.losing, bit)])
+
+
+@kernel
+def next_pair(table: NodeTable, pair: Pair, last: int) -> bool:
+    """Go on to the next pair that shares branches; False if there is none before a rest `last`."""
+    while pair.rest < last:
+        stop = int(table.start[pair.rest + 1])
+        pair.second += 1
+        if pair.second >= stop:
+            pair.first += 1
+            pair.second = pair.first + 1
+        if pair.second < stop:
+            if share_branches(table, table.members[pair.first], table.members[pair.second]):
+                return True
+        elif pair.first + 1 >= stop:
+            pair.rest += 1
+            pair.first = pair.second = stop
+    return False
+
+
+@kernel
+def _bit_of(table: NodeTable, rest: int, row: int, column: int) -> int:
+    """The bit of a pair of members of a rest."""
+    begin, end = int(table.start[rest]), int(table.start[rest + 1])
+    return int(table.offset[rest]) + (row - begin) * (end - begin) + column - begin
+
+
 @entry
-def count_pairs(table: NodeTable, first: int, last: int) -> int:
-    """How many pairs of members of some rests share branches."""
+def count_pairs(table: NodeTable, pair: Pair, last: int) -> int:
+    """How many pairs of members share branches, see `next_pair`."""
     count = 0
-    for rest in range(first, last):
-        for k in range(table.start[rest], table.start[rest + 1]):
-            for m in range(k + 1, table.start[rest + 1]):
-                if share_branches(table, table.members[k], table.members[m]):
-                    count += 1
+    while next_pair(table, pair, last):
+        count += 1
     return count
 
 
 @entry
-def list_pairs(table: NodeTable, first: int, last: int, pairs: IntArray) -> None:
-    """The pairs of members of some rests that share branches, in order.
+def list_pairs(table: NodeTable, pair: Pair, last: int, pairs: IntArray) -> None:
+    """The pairs of members that share branches, in order, see `next_pair`.
 
     Args:
         table: The nodes.
-        first: The first rest.
-        last: One past the last.
+        pair: What comes before the first.
+        last: The rest at which to end.
         pairs: Filled with indices of members, shape (p, 2), see `count_pairs`.
     """
     count = 0
-    for rest in range(first, last):
-        for k in range(table.start[rest], table.start[rest + 1]):
-            for m in range(k + 1, table.start[rest + 1]):
-                if share_branches(table, table.members[k], table.members[m]):
-                    pairs[count, 0], pairs[count, 1] = k, m
-                    count += 1
+    while next_pair(table, pair, last):
+        pairs[count, 0], pairs[count, 1] = pair.first, pair.second
+        count += 1
+
+
+def spread(table: NodeTable, known: Joined) -> NodeTable:
+    """The table with what is known of all its pairs, which it does not have yet."""
+    words, rests = len(table.bits), len(table.offset) - 1
+    bits, losing = (np.zeros(words, dtype=np.uint64) for _ in range(2))
+    blank = table._replace(bits=bits, losing=losing)
+    _set_bits(blank, Pair.before(table, 0), rests, known)
+    counts = np.bitwise_count(losing)
+    ranks = np.cumsum(counts, dtype=np.int32) - counts
+    full = blank._replace(ranks=ranks, lost=np.empty(int(counts.sum()), dtype=np.uint64))
+    _set_lost(full, Pair.before(table, 0), rests, known)
+    return full
+
+
+def gather(table: NodeTable) -> Joined:
+    """What a table knows of all its pairs: the reverse of `spread`."""
+    rests, steps = len(table.offset) - 1, int(np.bitwise_count(table.bits).sum()) // 2
+    found = Joined(
+        np.zeros(count_pairs(table, Pair.before(table, 0), rests), dtype=np.bool_),
+        np.zeros(steps, dtype=np.bool_),
+        np.zeros(len(table.lost) // 2, dtype=np.uint64),
+    )
+    _get(table, Pair.before(table, 0), rests, found)
+    return found
 
 
 @entry
-def spread(table: NodeTable, joined: BoolArray) -> None:
-    """Set the bits of the table from those of the pairs that share branches.
-
-    Args:
-        table: The nodes; its bits are none, and are filled.
-        joined: Whether a step may join each pair of `list_pairs`, all rests, shape (p,).
-    """
-    count = 0
-    for rest in range(len(table.offset) - 1):
-        first, last = int(table.start[rest]), int(table.start[rest + 1])
-        size, at = last - first, int(table.offset[rest])
-        for k in range(size):
-            for m in range(k + 1, size):
-                if share_branches(table, table.members[first + k], table.members[first + m]):
-                    if joined[count]:
-                        set_bit(table.bits, at + k * size + m)
-                        set_bit(table.bits, at + m * size + k)
-                    count += 1
+def _set_bits(table: NodeTable, pair: Pair, last: int, known: Joined) -> None:
+    """Set the bits of pairs that are joined, and of those that lose branches."""
+    count, steps = 0, 0
+    while next_pair(table, pair, last):
+        if known.joined[count]:
+            there = _bit_of(table, pair.rest, pair.first, pair.second)
+            back = _bit_of(table, pair.rest, pair.second, pair.first)
+            set_bit(table.bits, there)
+            set_bit(table.bits, back)
+            if known.losing[steps]:
+                set_bit(table.losing, there)
+                set_bit(table.losing, back)
+            steps += 1
+        count += 1
 
 
 @entry
-def gather(table: NodeTable, joined: BoolArray) -> None:
-    """The reverse of `spread`: `joined` from the bits of the table."""
+def _set_lost(table: NodeTable, pair: Pair, last: int, known: Joined) -> None:
+    """Put what steps lose where `lost_on` looks for it."""
     count = 0
-    for rest in range(len(table.offset) - 1):
-        first, last = int(table.start[rest]), int(table.start[rest + 1])
-        size, at = last - first, int(table.offset[rest])
-        for k in range(size):
-            for m in range(k + 1, size):
-                if share_branches(table, table.members[first + k], table.members[first + m]):
-                    joined[count] = has_bit(table.bits, at + k * size + m)
-                    count += 1
+    while next_pair(table, pair, last):
+        for turn in range(2):
+            first, second = (pair.second, pair.first) if turn else (pair.first, pair.second)
+            bit = _bit_of(table, pair.rest, first, second)
+            if has_bit(table.losing, bit):
+                place = table.ranks[bit // WORD] + set_before(table.losing, bit)
+                table.lost[place] = known.lost[count]
+                count += turn
+
+
+@entry
+def _get(table: NodeTable, pair: Pair, last: int, found: Joined) -> None:
+    """What is known of pairs, see `gather`."""
+    count, steps, losing = 0, 0, 0
+    while next_pair(table, pair, last):
+        bit = _bit_of(table, pair.rest, pair.first, pair.second)
+        if has_bit(table.bits, bit):
+            found.joined[count] = True
+            if has_bit(table.losing, bit):
+                found.losing[steps], found.lost[losing] = True, lost_on(table, bit)
+                losing += 1
+            steps += 1
+        count += 1

@@ -78,7 +78,13 @@ class NodeTable(NamedTuple):
     offset: IntArray
     """First of the bits of each rest, and their number, shape (r + 1,)."""
     bits: NDArray[np.uint64]
-    """Which members of a rest a step may join, see `may_join`; a bit for each two of them."""
+    """Which members of a rest a step may join, see `node_pairs`; a bit for each two of them."""
+    losing: NDArray[np.uint64]
+    """On which of these steps limbs lose branches that both nodes have; a bit for each two."""
+    ranks: NDArray[np.int32]
+    """How many of those bits come before each number of `losing`, shape (len(losing),)."""
+    lost: NDArray[np.uint64]
+    """What is lost, as `held_beside`, in the order of these bits, shape (l,)."""
 
     @property
     def limbs(self) -> int:
@@ -142,7 +148,7 @@ def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
 
 
 def table_of(nodes: Nodes, sets: StanceSets) -> NodeTable:
-    """The table of some nodes, which holds no bits yet, but has room for them."""
+    """The table of some nodes, of which no steps are known yet, see `node_pairs.spread`."""
     points, released = nodes.points, nodes.released
     limbs = points.shape[1]
     beside: Any = np.stack(
@@ -160,4 +166,5 @@ def table_of(nodes: Nodes, sets: StanceSets) -> NodeTable:
     none = np.zeros(int(offset[-1]) // 64 + 1, dtype=np.uint64)
     of_nodes = points.astype(np.uint16), nodes.base_position, packed(nodes.masks), packed(released)
     more = packed(nodes.folds), nodes.tried.astype(np.uint16), sets.find(points).astype(np.int32)
-    return NodeTable(*of_nodes, *more, numbers.reshape(points.shape), start, members, offset, none)
+    of_pairs = numbers.reshape(points.shape), start, members, offset
+    return NodeTable(*of_nodes, *more, *of_pairs, none, none, none[:0].astype(np.int32), none[:0])

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.limb_masks import packed
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.tried_poses import numbers_of
 from mlivr_gym.postures.turns import same_after_turns, turned, turned_frames
@@ -16,7 +17,7 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import count_pairs, list_pairs, spread
+from mlivr_gym.stances.node_pairs import Joined, Pair, count_pairs, list_pairs, spread
 from mlivr_gym.stances.node_table import Nodes, NodeTable, NodeTableError, codes, table_of
 from mlivr_gym.stances.workers import Progress, Workers, tell
 from mlivr_gym.world.grasp_map import GraspMap
@@ -27,14 +28,11 @@ WORKERS = 2
 AT_ONCE = 4000
 """Stances that are worked out at once; what a graph remembers of them takes memory."""
 
-PAIRS = 1_000_000
+PAIRS = 100_000
 """Bits of rests whose pairs are checked at once, unless one rest has more."""
 
-FAR = 0.5 * np.pi
-"""Turn of the base from which on a step is checked for all else [rad]: few so far pass."""
-
 STAGES = 2
-"""The nodes, and what joins them."""
+"""The nodes, and the steps between them."""
 
 World = tuple[GraspMap, RobotSpec, Settings]
 """What a graph is made of."""
@@ -69,8 +67,7 @@ def build(graph: LazyGraph, progress: Progress | None = None) -> NodeTable:
         nodes = Nodes(*(one[order] for one in found))
         table = table_of(nodes, sets)
         joined = workers.run(_joined, _shared(world, nodes, rotation[order], table))
-        spread(table, np.concatenate(joined))
-    return table
+    return spread(table, Joined.joint(joined))
 
 
 def _shared(world: World, nodes: Nodes, rotation: Array, table: NodeTable) -> list[tuple[Any, ...]]:
@@ -106,37 +103,35 @@ def _nodes(worker: int, world: World, sets: NDArray[np.uint16]) -> tuple[Any, ..
 
 def _joined(
     worker: int, world: World, nodes: Nodes, rotation: Array, table: NodeTable, *rests: int
-) -> BoolArray:
-    """Whether a step may join each pair of `list_pairs` of rests from the first to the last.
-
-    The limbs that hold must be able to follow the base there or back, on any branch. Where the base
-    turns far more is asked, see `relaxed_steps`: it takes longer.
-    """
+) -> Joined:
+    """What steps keep at most between the pairs of `list_pairs` of rests, first to last."""
     first, last = rests
-    found, at, start = [np.zeros(0, dtype=np.bool_)], first, table.start
+    found, at, start = [Joined.of(*np.zeros((2, 0), dtype=np.uint64))], first, table.start
     while at < last:
         end = max(int(np.searchsorted(table.offset, table.offset[at] + PAIRS, "right")) - 1, at + 1)
         end = min(end, last)
-        pairs = np.empty((count_pairs(table, at, end), 2), dtype=np.int64)
-        list_pairs(table, at, end, pairs)
+        pairs = np.empty((count_pairs(table, Pair.before(table, at), end), 2), dtype=np.int64)
+        list_pairs(table, Pair.before(table, at), end, pairs)
         members = table.members[start[at] : start[end]].astype(np.int64)
-        found.append(_may_step(_graph(world), nodes, rotation, members, pairs - start[at]))
+        found.append(_kept(_graph(world), nodes, rotation, members, pairs - start[at]))
         at = end
         done, every = (int(table.offset[k] - table.offset[first]) for k in (at, last))
         tell(worker, done / max(every, 1))
-    return np.concatenate(found)
+    return Joined.joint(found)
 
 
-def _may_step(
+def _kept(
     graph: LazyGraph, nodes: Nodes, rotation: Array, members: IntArray, pairs: IntArray
-) -> BoolArray:
-    """Whether a step may join pairs of some members, (p, 2) -> (p,); see `_joined`."""
-    rows, turns = np.divmod(members, graph.limbs)
-    if not same_after_turns(graph.limbs):
-        turns[:] = 0
-    # After the turn the limb that moves is the first, so that the others have the same places.
+) -> Joined:
+    """What steps between pairs of some members, shape (p, 2), keep at most: see `relaxed_steps`.
+
+    It is what is kept on the step there or that back, in which the lines that are tried may differ.
+    """
+    limbs = graph.limbs
+    rows, moved = np.divmod(members, limbs)
+    turns = moved if same_after_turns(limbs) else np.zeros_like(moved)
     points, masks = turned(nodes.points[rows], turns), turned(nodes.masks[rows], turns)
-    frames, none = turned_frames(rotation[rows], turns, graph.limbs), np.zeros_like(points)
+    frames, none = turned_frames(rotation[rows], turns, limbs), np.zeros_like(points)
     postures = Postures(
         nodes.base_position[rows], frames, none.astype(float), none[:, 0].astype(float), none,
         masks, none[:, 0],
@@ -145,20 +140,22 @@ def _may_step(
     for name, values in (("branches", nodes.released), ("folds", nodes.folds)):
         stances.released[name] = turned(values[rows], turns)
     stances.released["known"] = True
-    may: BoolArray = np.zeros(len(pairs), dtype=np.bool_)
-    for one, other in (pairs.T, pairs.T[::-1]):
+    first = moved - turns + 1  # the limb after the one that moves
+
+    def at_most(one: IntArray, other: IntArray) -> NDArray[np.uint64]:
         steps = graph.step_rows(stances, one, other, masks[one])
-        may |= np.asarray(graph.checks.hold(steps, stances, world), dtype=np.bool_)
-    # The trace of a rotation is 1 + 2 cos of its angle.
-    before, after = (frames[one].reshape(-1, 9) for one in pairs.T)
-    far = np.flatnonzero(may & (np.einsum("ij,ij->i", before, after) < 1.0 + 2.0 * np.cos(FAR)))
-    may[far] = False
-    for k in range(2):
-        rest = far[~may[far]]
-        one, other = pairs[rest, k], pairs[rest, 1 - k]
-        steps = graph.step_rows(stances, one, other, masks[one])
-        may[rest] = np.asarray(graph.checks.may_step(steps, stances, world), dtype=np.bool_)
-    return may
+        graph.checks.may_keep(steps, stances, world)
+        held = turned(steps["kept"][:, :limbs], first[one])[:, :-1]
+        kept = packed(held)
+        kept[~held.all(axis=1)] = 0
+        return kept
+
+    one, other = pairs.T
+    shared = packed(turned(masks[one] & masks[other], first[one])[:, :-1])
+    kept = at_most(one, other)
+    less = np.flatnonzero(kept != shared)
+    kept[less] |= at_most(other[less], one[less])
+    return Joined.of(shared, kept)
 
 
 def _graph(world: World) -> LazyGraph:

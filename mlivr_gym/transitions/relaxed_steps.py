@@ -33,19 +33,12 @@ from mlivr_gym.transitions.steps import (
 def may_keep_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> None:
     """What limbs that hold may keep on steps from `start` to `stop`, see `steps.check_all`."""
     for k in range(start, stop):
-        _may_keep(False, steps[k], scene, rooms[0])
-
-
-@entry
-def may_step_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> None:
-    """Some of what `may_keep_all` finds, if that is anything."""
-    for k in range(start, stop):
-        _may_keep(True, steps[k], scene, rooms[0])
+        _may_keep(steps[k], scene, rooms[0])
 
 
 @kernel
-def _may_keep(some: bool, step: Step, scene: Scene, room: StepRoom) -> None:
-    """Write what limbs that hold may keep into `step.kept`; if `some` is enough no more than that.
+def _may_keep(step: Step, scene: Scene, room: StepRoom) -> None:
+    """Write what limbs that hold may keep into `step.kept`.
 
     What is kept already is no more looked for.
     """
@@ -62,23 +55,22 @@ def _may_keep(some: bool, step: Step, scene: Scene, room: StepRoom) -> None:
             room.standing[i] = room.holds[kind, i]
         if world.stop == 0:
             _add(step, room.standing, robot.limb_count)
-        elif not _enough(some, step, room.standing, robot.limb_count):
+        elif not _enough(step, room.standing, robot.limb_count):
             set_step_path(kind, step, scene, room)
             follow_path(room.sweep, room.path, 0.0, 1.0)
             if _each_stands(STANDING, room.standing, step, scene, room):
-                _in_folds(some, before.folds & after.folds, step, scene, room)
-                _on_lines(some, step, scene, room)
+                _in_folds(before.folds & after.folds, step, scene, room)
+                _on_lines(step, scene, room)
 
 
 @kernel
-def _enough(some: bool, step: Step, wanted: Limbs, limbs: int) -> bool:
-    """Whether all that is wanted is kept, or anything if `some` is enough."""
-    kept, missing = EMPTY, EMPTY
+def _enough(step: Step, wanted: Limbs, limbs: int) -> bool:
+    """Whether all that is wanted is kept."""
+    missing = EMPTY
     for i in range(limbs):
         if i != step.limb:
-            kept |= step.kept[i]
             missing |= wanted[i] & ~step.kept[i]
-    return bool(kept != 0 and (some or missing == 0))
+    return bool(missing == 0)
 
 
 @kernel
@@ -100,11 +92,11 @@ def _each_stands(parts: int, masks: Limbs, step: Step, scene: Scene, room: StepR
 
 
 @kernel
-def _in_folds(some: bool, folds: int, step: Step, scene: Scene, room: StepRoom) -> None:
+def _in_folds(folds: int, step: Step, scene: Scene, room: StepRoom) -> None:
     """Add what serves while the limb that moves stays in one of some folds."""
     robot, world = scene.robots[0], scene.world
     for k in range(robot.fold_count):
-        if not has(folds, k) or _enough(some, step, room.standing, robot.limb_count):
+        if not has(folds, k) or _enough(step, room.standing, robot.limb_count):
             continue
         folded(robot, k, 0.0, room.start)
         folded(robot, k, 0.0, room.end)
@@ -118,14 +110,14 @@ def _in_folds(some: bool, folds: int, step: Step, scene: Scene, room: StepRoom) 
 
 
 @kernel
-def _on_lines(some: bool, step: Step, scene: Scene, room: StepRoom) -> None:
+def _on_lines(step: Step, scene: Scene, room: StepRoom) -> None:
     """Add what serves while the limb that moves swings along one of the lines that are tried."""
     limbs = scene.robots[0].limb_count
-    if _enough(some, step, room.standing, limbs):
+    if _enough(step, room.standing, limbs):
         return
     count = lines_by_travel(step, scene, room)
     for k in range(min(count, TRIES)):
-        done = _enough(some, step, room.standing, limbs)
+        done = _enough(step, room.standing, limbs)
         if not done and line_clear(room.order[k], step, scene, room):
             _beside_swing(step, scene, room)
 

@@ -18,7 +18,7 @@ from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.transitions.records import Release, Scene, StanceSet, Step, StepRoom, World
-from mlivr_gym.transitions.relaxed_steps import may_keep_all, may_step_all
+from mlivr_gym.transitions.relaxed_steps import may_keep_all
 from mlivr_gym.transitions.release import release_all
 from mlivr_gym.transitions.steps import check_all, hold_all
 
@@ -102,8 +102,3 @@ class StepChecks:
     def may_keep(self, steps: Any, stances: StanceSet, world: World) -> None:
         """Write into steps what they may keep at most on any of the branches wanted."""
         self._run(len(steps), may_keep_all, steps, Scene(stances, self.robots, world))
-
-    def may_step(self, steps: Any, stances: StanceSet, world: World) -> Any:
-        """Which steps may keep anything on any of the branches wanted, shape (k,)."""
-        self._run(len(steps), may_step_all, steps, Scene(stances, self.robots, world))
-        return steps["kept"].any(axis=1)

@@ -13,6 +13,7 @@ from mlivr_gym.compiled.limb_masks import (
     held_beside,
     mask_of,
     packed,
+    set_before,
     set_bit,
     unpacked,
 )
@@ -61,3 +62,5 @@ def test_bits_of_a_row_are_those_that_were_set(chosen):
         called(set_bit)(row, k)
     assert {k for k in range(200) if called(has_bit)(row, k)} == chosen
     assert sum(int(word) << 64 * i for i, word in enumerate(row)) == sum(1 << k for k in chosen)
+    for k in range(200):
+        assert called(set_before)(row, k) == len({c for c in chosen if k - k % 64 <= c < k})

@@ -23,6 +23,8 @@ def test_it_holds_what_was_put_in_last(groups):
     assert np.flatnonzero(known.at).tolist() == sorted({bit % 50 for bit in plain})
     asked = np.array([*plain, 7, 1 << 41], dtype=np.int64)
     assert known.has(asked).tolist() == [True] * len(plain) + [7 in plain, False]
+    bits = np.array([*plain], dtype=np.int64)
+    assert known.of(bits).tolist() == [*plain.values()]
     for bit, masks in plain.items():
         assert int(known.kept[place_of(known, bit)]) == masks
 

@@ -21,7 +21,16 @@ from mlivr_gym.stances.node_files import (
     unpacked_path,
     write_table,
 )
-from mlivr_gym.stances.node_pairs import count_pairs, ends_of, gathered, list_pairs, row_of, spread
+from mlivr_gym.stances.node_pairs import (
+    Pair,
+    count_pairs,
+    ends_of,
+    gather,
+    list_pairs,
+    lost_on,
+    row_of,
+    spread,
+)
 from mlivr_gym.stances.node_table import ROUNDED, NodeTableError, codes
 from mlivr_gym.stances.node_table_build import build
 from mlivr_gym.stances.random_states import random_state
@@ -43,6 +52,13 @@ def graph(known):
 @pytest.fixture(scope="module")
 def table(known):
     return known[1]
+
+
+def listed(table, first, last):
+    """The pairs that share branches of some rests."""
+    pairs = np.empty((count_pairs(table, Pair.before(table, first), last), 2), dtype=np.int64)
+    list_pairs(table, Pair.before(table, first), last, pairs)
+    return pairs
 
 
 def is_set(bits, k):
@@ -111,8 +127,7 @@ def test_no_step_of_the_graph_is_ruled_out(graph, table):
 
 def test_pairs_are_those_that_share_branches(graph, table):
     limbs, rests = graph.limbs, len(table.offset) - 1
-    pairs = np.empty((count_pairs(table, 0, rests), 2), dtype=np.int64)
-    list_pairs(table, 0, rests, pairs)
+    pairs = listed(table, 0, rests)
     masks, expected = unpacked(table.masks, limbs), []
     for begin, end in itertools.pairwise(table.start.tolist()):
         for k, m in itertools.combinations(range(begin, end), 2):
@@ -121,32 +136,37 @@ def test_pairs_are_those_that_share_branches(graph, table):
             if held.all():
                 expected.append([k, m])
     assert pairs.tolist() == expected
+    some = listed(table, rests // 3, 2 * rests // 3)
+    inside = (table.start[rests // 3], table.start[2 * rests // 3])
+    assert some.tolist() == [one for one in expected if inside[0] <= one[0] < inside[1]]
 
 
-def test_where_the_base_turns_far_pairs_are_those_that_may_keep_branches(graph, table):
-    """On the step there or that back; elsewhere these are among them."""
-    points, masks = table.points.astype(np.int64), unpacked(table.masks, table.limbs)
-    bits = np.random.default_rng(1).permutation(int(table.offset[-1]))[:4000]
-    (a, i), (b, j), _ = ends_of(table, bits)
+def test_what_steps_keep_at_most_is_what_they_may_keep_there_or_back(graph, table):
+    """Of all pairs, those among them that no step joins, where the two are nodes of the graph."""
+    limbs, masks = graph.limbs, unpacked(table.masks, graph.limbs)
+    points, bits = table.points.astype(np.int64), np.arange(int(table.offset[-1]))
+    bits = np.random.default_rng(1).permutation(bits)[:4000]
+    (a, i), (b, j), back = ends_of(table, bits)
     stances = points[a], turned(points[b], j - i)
     postures = tuple(map(graph.nodes, stances))
     shared = turned(masks[a], i + 1)[:, :-1] & turned(masks[b], j + 1)[:, :-1]
-    some = (a != b) & shared.all(axis=1)
-    may = np.zeros(len(bits), dtype=np.bool_)
-    points, count = np.concatenate(stances), len(bits)
-    both = graph.checks.stances(points, join(*postures))
+    both, count = graph.checks.stances(np.concatenate(stances), join(*postures)), len(bits)
+    graph._know_released(both, np.indices(both.points.shape).reshape(2, -1).T)
+    kept = np.zeros((count, limbs - 1), dtype=np.int64)
+    rows = np.flatnonzero((a != b) & shared.all(axis=1))
     for one, other in ((0, count), (count, 0)):
-        rows = np.flatnonzero(some & ~may)
         steps = graph.step_rows(both, rows + one, rows + other, both.mask[rows + one])
-        kept = graph.most_of_steps(steps, both)
-        may[rows] = kept.any(axis=1)
-    trace = np.einsum("nij,nij->n", *(posture.base_rotation for posture in postures))
-    far = some & (np.degrees(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0))) > 90.0)
+        graph.checks.may_keep(steps, both, graph.checks.world(None))
+        found = turned(steps["kept"][:, :limbs], i[rows] + 1)[:, :-1]
+        kept[rows] |= found * found.all(axis=1)[:, None]
     joined = np.array([is_set(table.bits, bit) for bit in bits.tolist()])
-    np.testing.assert_array_equal(joined[far], may[far])
-    assert joined[may].all()
-    assert not joined[~some].any()
-    assert min((joined & far).sum(), (~joined & far).sum()) > 5
+    np.testing.assert_array_equal(joined, kept.all(axis=1))
+    for these in (bits, back):
+        lost = np.array([called(lost_on)(table, int(bit)) for bit in these], dtype=np.uint64)
+        np.testing.assert_array_equal(unpacked(lost, limbs - 1)[joined], (shared & ~kept)[joined])
+        assert not lost[~joined].any()
+    assert lost.any()
+    assert 5 < joined.sum() < shared.all(axis=1).sum()
 
 
 def test_steps_are_the_same_with_the_table(graph, table):
@@ -208,12 +228,14 @@ def test_a_bit_tells_its_pair(table):
     assert [ends[bit] for bit in back.tolist()] == [ends[bit][::-1] for bit in bits.tolist()]
 
 
-def test_bits_are_spread_as_they_were_gathered(table):
+def test_what_is_known_of_pairs_is_spread_as_it_was_gathered(table):
     blank = table._replace(bits=np.zeros_like(table.bits))
-    count = count_pairs(table, 0, len(table.offset) - 1)
-    spread(blank, np.unpackbits(gathered(table), count=count).astype(np.bool_))
-    np.testing.assert_array_equal(blank.bits, table.bits)
+    again = spread(blank, gather(table))
+    for name in ("bits", "losing", "ranks", "lost"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(table, name))
+        assert getattr(again, name).dtype == getattr(table, name).dtype
     assert table.bits.any()
+    assert table.lost.any()
 
 
 def test_a_table_is_read_as_it_was_written(graph, table, tmp_path):

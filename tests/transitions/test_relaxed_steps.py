@@ -23,10 +23,9 @@ def test_steps_keep_at_most_what_the_plain_definition_says(small_map, robot, set
         limb, before, after = two_stances(graph, rng)
         every = [ALL] * graph.limbs
         stances, step, _ = asked(graph, limb, before, after, every, False)
-        world, most, some = checks.world(None), *(checks.steps(1) for _ in range(2))
-        for row in (most, some):
-            for name in ("limb", "before", "after", "pivot", "wanted"):
-                row[name][0] = step[name]
+        world, most = checks.world(None), checks.steps(1)
+        for name in ("limb", "before", "after", "pivot", "wanted"):
+            most[name][0] = step[name]
         checks.may_keep(most, stances, world)
         plain = PlainChecks(graph, stances)
         released = None
@@ -35,8 +34,6 @@ def test_steps_keep_at_most_what_the_plain_definition_says(small_map, robot, set
         of_step = PlainStep(plain, limb, 0, 1, step["pivot"], [*map(members, every)], False)
         found = {i: members(most["kept"][0, i]) for i in of_step.held}
         assert found == of_step.most(released)
-        assert bool(checks.may_step(some, stances, world)[0]) == any(found.values())
-        assert (some["kept"] & ~most["kept"] == 0).all()
         for wanted in (every, *(some_masks(graph, rng) for _ in range(8))):
             _, kept, _ = asked(graph, limb, before, after, wanted, False)
             assert (kept["kept"] & ~most["kept"][0] == 0).all()
