@@ -32,9 +32,6 @@ CELL = 0.15
 TRIED = 24
 """Most neighbours tried of those on the roadmap, and of the most likely ones."""
 
-EXPANDED = 2000
-"""Most states that are expanded to join the roadmap."""
-
 FACTORS = (1.1, 1.5, 3.0)
 """Weights of what is left in the search over the roadmap."""
 
@@ -65,6 +62,7 @@ class Joining:
         roadmap: A roadmap of it.
         goal: Where to go.
         until: When to give up, on the clock of `time.perf_counter`.
+        most: Most states that are expanded.
         reached: What the start leads to.
         expanded: States expanded.
     """
@@ -73,6 +71,7 @@ class Joining:
     roadmap: Roadmap
     goal: Goal
     until: float
+    most: int
     reached: list[_Reached] = field(default_factory=list)
     expanded: int = 0
 
@@ -113,7 +112,7 @@ class Joining:
         row = int(self.roadmap.find(np.array([start.stance]))[0]) if start.pose is None else -1
         self._add(start, posture, -1, 0.0, row)
         tried = 0
-        while time.perf_counter() < self.until and self.expanded < EXPANDED:
+        while time.perf_counter() < self.until and self.expanded < self.most:
             last = self.reached[-1]
             if self.goal.reached(last.posture.base_position[0], last.state.stance):
                 return self._chain(len(self.reached) - 1)

@@ -36,6 +36,7 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_files import node_table
+from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.transitions.state import State
 
 POSTURES, SHARE, STEPS = 128, 8, 32
@@ -50,6 +51,10 @@ PROVING = 5
 
 JOINING = 0.8
 """Most of the time that goes into a first walk over the roadmap."""
+
+EXPANDED, SOON = 2000, 30
+"""Most states that are expanded to join the roadmap; and where there is a table of all nodes, over
+which a walk is looked for next."""
 
 ROUNDING = 1e-9
 """Costs that differ by this share are equal."""
@@ -67,10 +72,11 @@ def lazy_search(
         roadmap: What leads to a first plan, where that is wanted.
     """
     running = _LazySearch(graph, start, search)
+    table = node_table(graph) if search.guided and not graph.obstacles else None
     if roadmap is not None:
-        running.join(roadmap, start)
-    if search.guided and not graph.obstacles:
-        running.improve(start)
+        running.join(roadmap, start, EXPANDED if table is None else SOON)
+    if table is not None:
+        running.improve(table, start)
     return running.run()
 
 
@@ -94,21 +100,19 @@ class _LazySearch:
             entry.low = float(self._low(stance, first.base_position, np.zeros(1))[0])
         self._push(entry)
 
-    def join(self, roadmap: Roadmap, start: State) -> None:
-        """Begin with the walk that a roadmap leads to, if there is one."""
+    def join(self, roadmap: Roadmap, start: State, most: int) -> None:
+        """Begin with the walk that a roadmap leads to, if at most so many states are expanded."""
         until = self.began + JOINING * self.search.time_limit
-        joining = Joining(self.graph, roadmap, self.goal, until)
+        joining = Joining(self.graph, roadmap, self.goal, until, most)
         walk = joining.walk(start)
         self.found.generated += len(joining.reached)
         if walk is not None:
             self._take(walk)
 
-    def improve(self, start: State) -> None:
-        """Go on over the table of all nodes, if there is one."""
-        table = node_table(self.graph) if self._goes_on() else None
-        if table is None or self.goal.reached(
-            self.graph.posture_of(start).base_position[0], start.stance
-        ):
+    def improve(self, table: NodeTable, start: State) -> None:
+        """Go on over the table of all nodes."""
+        here = self.graph.posture_of(start).base_position[0]
+        if not self._goes_on() or self.goal.reached(here, start.stance):
             return
         nodes = NodeSearch(self.graph, table, self.goal, start)
         for walk in nodes.walks(self.began + self.search.time_limit, self.best):

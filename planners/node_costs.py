@@ -8,22 +8,22 @@ reached then, less what leads to them from the start.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import has_bit
-from mlivr_gym.compiled.records import Record
-from mlivr_gym.planners.node_queue import NodeQueue, drop, put
+from mlivr_gym.compiled.records import Record, Rows
+from mlivr_gym.planners.node_queue import NOTHING, NodeQueue, least_left, put, take
 from mlivr_gym.planners.pair_search import Weights
 from mlivr_gym.stances.node_pairs import row_of
 from mlivr_gym.stances.node_table import NodeTable
 
-ROOM = 1 << 20
+ROOM = 1 << 21
 """Entries of the queue to begin with, beside the goals."""
+
+WIDTH = 0.01
+"""Base displacement that the lists of the queue span [m], where it is charged."""
 
 LEAST = 1e-12
 """Least cost to the goal from a node that is not there."""
@@ -34,8 +34,6 @@ class Progress(Record):
 
     seeded: bool
     """Whether the goals are in the queue."""
-    size: int
-    """Nodes that wait."""
     wanted: int
     """Starts that it has not reached."""
     limit: float
@@ -48,13 +46,15 @@ class Progress(Record):
     """Estimate at which it ended; infinite if nothing is left."""
 
 
-class NodeCosts(NamedTuple):
-    """Costs from n nodes."""
+class Mark(Record):
+    """What a search knows of a node, kept together as it is read together."""
 
-    value: NDArray[np.float64]
-    """The least found, shape (n,)."""
-    closed: BoolArray
-    """Which nodes were expanded: for those it is exact, shape (n,)."""
+    value: float
+    """The least cost found."""
+    toward: float
+    """Lower bound of the cost from the start, infinite for what need not be looked at."""
+    closed: bool
+    """Whether it was expanded since that was found."""
 
 
 def costs_to_goal(
@@ -80,56 +80,61 @@ def costs_to_goal(
     """
     count, wanted = len(goals), np.zeros(len(goals), dtype=np.bool_)
     wanted[starts] = True
-    costs = NodeCosts(np.full(count, np.inf), np.zeros(count, dtype=np.bool_))
-    waiting, progress = NodeQueue.of(ROOM + int(goals.sum())), Progress.row()
+    marks = Mark.rows(count)
+    marks["value"], marks["toward"] = np.inf, toward
+    width = WIDTH * float(weights["base"]) or float(weights["step"])
+    waiting = NodeQueue.of(ROOM + int(goals.sum()), float(toward[goals].min(initial=np.inf)), width)
+    progress = Progress.row()
     progress["wanted"], progress["limit"] = int(wanted.sum()), np.inf
     progress["share"], progress["amount"] = farther_by
-    nodes = table, goals, wanted, toward
-    while not _search(nodes, weights, costs, waiting, progress):
+    nodes = table, goals, wanted
+    while not _search(nodes, weights, marks, waiting, progress):
         waiting = waiting.wider()
     outside, some = np.full(count, np.inf), np.isfinite(toward)
     outside[some] = np.maximum(progress["reached"] - toward[some], LEAST)
-    bounds: Array = np.where(costs.closed, costs.value, outside)
+    # What was found beyond is not the least for certain.
+    bounds: Array = np.minimum(marks["value"], outside)
     bounds[(bounds < LEAST) & ~goals] = LEAST
     return bounds
 
 
 @entry
 def _search(
-    nodes: tuple[NodeTable, BoolArray, BoolArray, Array],
+    nodes: tuple[NodeTable, BoolArray, BoolArray],
     weights: Weights,
-    costs: NodeCosts,
+    marks: Rows[Mark],
     waiting: NodeQueue,
     progress: Progress,
 ) -> bool:
     """Go on with a search; False if its queue is full."""
-    table, goals, wanted, toward = nodes
+    table, goals, wanted = nodes
     if not progress.seeded:
         progress.seeded = True
         for s in range(len(goals)):
-            if goals[s] and toward[s] < np.inf:
-                costs.value[s] = 0.0
-                put(waiting, progress.size, toward[s], s)
-                progress.size += 1
-    while progress.size > 0:
-        s, f = waiting.node[0], waiting.f[0]
-        if f > progress.limit:
-            progress.reached = f
+            if goals[s] and marks[s].toward < np.inf:
+                marks[s].value = 0.0
+                put(waiting, marks[s].toward, s)
+    while True:
+        s = take(waiting)
+        if s == NOTHING:
+            progress.reached = np.inf
             return True
-        if progress.size + degree(table, s) > len(waiting.f):
-            return False
-        progress.size -= 1
-        drop(waiting, progress.size)
-        if costs.closed[s]:
+        if least_left(waiting) > progress.limit:
+            progress.reached = least_left(waiting)
+            return True
+        if marks[s].closed:
             continue
-        costs.closed[s] = True
+        if waiting.filled.used + degree(table, s) + 1 > len(waiting.node):
+            put(waiting, marks[s].value + marks[s].toward, s)
+            return False
+        marks[s].closed = True
         if wanted[s]:
+            wanted[s] = False
             progress.wanted -= 1
             if progress.wanted == 0:
+                f = marks[s].value + marks[s].toward
                 progress.limit = f * (1.0 + progress.share) + progress.amount
-        _open(nodes, s, weights, costs, waiting, progress)
-    progress.reached = np.inf
-    return True
+        _open(table, s, weights, marks, waiting)
 
 
 @kernel
@@ -144,16 +149,14 @@ def degree(table: NodeTable, s: int) -> int:
 
 @kernel
 def _open(
-    nodes: tuple[NodeTable, BoolArray, BoolArray, Array],
+    table: NodeTable,
     s: int,
     weights: Weights,
-    costs: NodeCosts,
+    marks: Rows[Mark],
     waiting: NodeQueue,
-    progress: Progress,
 ) -> None:
     """Note what leads to a node."""
-    table, _, _, toward = nodes
-    limbs, g = table.points.shape[1], costs.value[s]
+    limbs, g = table.points.shape[1], marks[s].value
     for limb in range(limbs):
         row = row_of(table, s, limb)
         if row < 0:
@@ -164,13 +167,11 @@ def _open(
             if not has_bit(table.bits, row + k):
                 continue
             other = int(table.members[begin + k]) // limbs
-            if costs.closed[other]:
-                continue
+            mark = marks[other]
             cost = g + least_cost(table, s, other, weights)
-            if cost < costs.value[other] and toward[other] < np.inf:
-                costs.value[other] = cost
-                put(waiting, progress.size, cost + toward[other], other)
-                progress.size += 1
+            if cost < mark.value and mark.toward < np.inf:
+                mark.value, mark.closed = cost, False
+                put(waiting, cost + mark.toward, other)
 
 
 @kernel

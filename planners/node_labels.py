@@ -52,6 +52,8 @@ class Manner(Record):
     """Weight of what is left, at least 1."""
     most: int
     """Most labels of a node."""
+    room: int
+    """Labels after which it gives up."""
     below: float
     """Cost that a walk must not reach."""
     pause: int
@@ -114,7 +116,7 @@ def cheapest_walk(
     h: Array,
     origins: NodeOrigins,
     labels: Labels,
-    manner: tuple[float, int],
+    manner: tuple[float, int, int],
     *,
     below: float = np.inf,
     until: float = np.inf,
@@ -128,7 +130,7 @@ def cheapest_walk(
         h: Consistent lower bounds of the cost from each node, shape (n,).
         origins: Where it may begin.
         labels: Room.
-        manner: The first two that `Manner` lists.
+        manner: The first three that `Manner` lists.
         below: Cost that it must not reach.
         until: When to give up, on the clock of `time.perf_counter`.
 
@@ -137,7 +139,7 @@ def cheapest_walk(
         with factor 1: infinite if there is none.
     """
     how = Manner.row()
-    how["factor"], how["most"] = manner
+    how["factor"], how["most"], how["room"] = manner
     how["below"], how["pause"] = below, PAUSE
     entries = labels.entries
     entries.filled["used"], entries.filled["size"] = 0, 0
@@ -188,7 +190,7 @@ def _cheapest(
         s = entries.node[here]
         if h[s] == 0.0:
             return int(here)
-        if not has_room(entries, degree(table, s)):
+        if entries.filled.used >= manner.room or not has_room(entries, degree(table, s)):
             return NO_ROOM
         pop(entries)
         if not _covered(labels, s, labels.masks[here], entries.g[here], here, manner.most):

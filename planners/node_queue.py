@@ -1,4 +1,8 @@
-"""The queue of a search over millions of nodes, kept small: a binary heap (compiled)."""
+"""The queue of a search over millions of nodes: lists of about equal estimates (compiled).
+
+To put one in and to take one out takes the same time however many wait, and hardly leaves what the
+processor has at hand. Of those in one list any may come first.
+"""
 
 from __future__ import annotations
 
@@ -8,51 +12,80 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.records import Record
+
+LISTS = 1 << 16
+"""Number of lists; what is farther yet is in the last."""
+
+NOTHING = -1
+"""In place of an entry or a node."""
+
+
+class Filled(Record):
+    """How full a queue is."""
+
+    low: float
+    """Estimate with which the first list begins."""
+    width: float
+    """How many estimates a list spans."""
+    used: int
+    """Entries ever made."""
+    list: int
+    """The first list that may hold something."""
 
 
 class NodeQueue(NamedTuple):
-    """Nodes that wait, those of the smallest estimate first."""
+    """Nodes that wait."""
 
-    f: NDArray[np.float64]
-    """Estimates, in the order of the heap, shape (room,)."""
+    first: NDArray[np.int32]
+    """First entry of each list, shape (LISTS,)."""
     node: NDArray[np.int32]
-    """Nodes, shape (room,)."""
+    """Nodes of the entries, shape (room,)."""
+    following: NDArray[np.int32]
+    """Entry that follows each in its list, shape (room,)."""
+    filled: Filled
+    """How full it is."""
 
     @classmethod
-    def of(cls, room: int) -> NodeQueue:
+    def of(cls, room: int, low: float, width: float) -> NodeQueue:
         """Room for some entries."""
-        return cls(np.empty(room), np.empty(room, dtype=np.int32))
+        filled = Filled.row()
+        filled["low"], filled["width"] = low, width
+        first = np.full(LISTS, NOTHING, dtype=np.int32)
+        node, following = (np.empty(room, dtype=np.int32) for _ in range(2))
+        return cls(first, node, following, filled)
 
     def wider(self) -> NodeQueue:
         """The same with twice as much room."""
-        return NodeQueue(*(np.concatenate([one, np.empty_like(one)]) for one in self))
+        node, following = (np.resize(one, 2 * len(one)) for one in (self.node, self.following))
+        return NodeQueue(self.first, node, following, self.filled)
 
 
 @kernel
-def put(waiting: NodeQueue, size: int, f: float, node: int) -> None:
-    """Add an entry to a queue of some size; there must be room."""
-    place = size
-    while place > 0:
-        parent = (place - 1) // 2
-        if waiting.f[parent] <= f:
-            break
-        waiting.f[place], waiting.node[place] = waiting.f[parent], waiting.node[parent]
-        place = parent
-    waiting.f[place], waiting.node[place] = f, node
+def put(waiting: NodeQueue, f: float, node: int) -> None:
+    """Add a node; there must be room. It comes no sooner than what was taken last."""
+    filled = waiting.filled
+    place = max(int(min((f - filled.low) / filled.width, LISTS - 1)), filled.list)
+    entry = filled.used
+    waiting.node[entry], waiting.following[entry] = node, waiting.first[place]
+    waiting.first[place] = entry
+    filled.used = entry + 1
 
 
 @kernel
-def drop(waiting: NodeQueue, size: int) -> None:
-    """Remove the first entry of a queue, of which `size` are left then."""
-    f, node, place = waiting.f[size], waiting.node[size], 0
-    while True:
-        child = 2 * place + 1
-        if child >= size:
-            break
-        if child + 1 < size and waiting.f[child + 1] < waiting.f[child]:
-            child += 1
-        if f <= waiting.f[child]:
-            break
-        waiting.f[place], waiting.node[place] = waiting.f[child], waiting.node[child]
-        place = child
-    waiting.f[place], waiting.node[place] = f, node
+def take(waiting: NodeQueue) -> int:
+    """Remove a node of the first list that holds one; `NOTHING` if none does."""
+    filled = waiting.filled
+    while filled.list < LISTS:
+        entry = waiting.first[filled.list]
+        if entry != NOTHING:
+            waiting.first[filled.list] = waiting.following[entry]
+            return int(waiting.node[entry])
+        filled.list += 1
+    return NOTHING
+
+
+@kernel
+def least_left(waiting: NodeQueue) -> float:
+    """What the estimates of all that wait are not less than, once a list was looked at."""
+    return waiting.filled.low + waiting.filled.width * waiting.filled.list

@@ -19,7 +19,7 @@ from mlivr_gym.compiled.limb_masks import packed, unpacked
 from mlivr_gym.planners.first_walk import masks_along
 from mlivr_gym.planners.known_steps import KnownSteps
 from mlivr_gym.planners.node_costs import LEAST, costs_to_goal
-from mlivr_gym.planners.node_labels import Labels, NodeOrigins, NodeWalk, cheapest_walk
+from mlivr_gym.planners.node_labels import ROOM, Labels, NodeOrigins, NodeWalk, cheapest_walk
 from mlivr_gym.planners.pair_search import weights_of
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.set_bounds import fewest_moves
@@ -40,21 +40,18 @@ class Manner(NamedTuple):
     """Weight of what is left."""
     most: int
     """Most labels of a node."""
+    room: int = ROOM
+    """Labels after which a search gives up."""
     bounds: bool = False
     """Whether steps keep what they may at most, so that no plan costs less than the walk."""
-    seconds: float = np.inf
-    """How long one walk is looked for [s]."""
 
-
-EVERY_LABEL = 1 << 30
-"""More labels than a node has."""
 
 ROUNDS = (
-    Manner(1.0, EVERY_LABEL, bounds=True, seconds=0.3),
+    Manner(1.0, ROOM, 500_000, bounds=True),
     Manner(2.0, 4),
     Manner(1.2, 8),
-    Manner(1.0, EVERY_LABEL, bounds=True),
-    Manner(1.0, EVERY_LABEL),
+    Manner(1.0, ROOM, bounds=True),
+    Manner(1.0, ROOM),
 )
 """One round after the other."""
 
@@ -147,9 +144,8 @@ class NodeSearch:
         """The cheapest walk, see `cheapest_walk`."""
         steps = self.table, self._nothing if manner.bounds else self._known, self._weights
         found, low = cheapest_walk(
-            steps, self._h, self._origins, self._labels, (manner.factor, manner.most),
-            below=below, until=min(until, time.perf_counter() + manner.seconds),
-        )  # fmt: skip
+            steps, self._h, self._origins, self._labels, manner[:3], below=below, until=until
+        )
         if manner.bounds:
             self.low = max(self.low, low)
         self.generated += int(self._labels.entries.filled["used"])

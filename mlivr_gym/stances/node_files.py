@@ -35,6 +35,9 @@ FORMAT = 3
 SHIPPED = ("mlivr4",)
 """Robots whose tables on the JEM ship with the package."""
 
+ALIGNED = 64
+"""What the place of an array in an unpacked file is a multiple of [bytes], for compiled code."""
+
 KEPT = 2
 """Tables that are kept in memory."""
 
@@ -131,8 +134,7 @@ def _found(graph: LazyGraph, key: str) -> NodeTable | None:
         return None
     if path.is_file():
         try:
-            with path.open("rb") as stream:
-                return NodeTable(*_arrays(stream, len(NodeTable._fields)))
+            return NodeTable(*_mapped(path, len(NodeTable._fields)))
         except (OSError, ValueError, EOFError):
             log.warning("%r holds no table of nodes: it is passed over", str(path))
     sets = graph.sets(work_out=False)
@@ -174,8 +176,24 @@ def write_unpacked(table: NodeTable, path: Path) -> None:
     """
     stream = io.BytesIO()
     for one in table:
+        stream.write(bytes(-stream.tell() % ALIGNED))
         np.save(stream, one)
     write_whole(path, stream.getvalue())
+
+
+def _mapped(path: Path, count: int) -> list[NDArray[Any]]:
+    """Arrays of a file that `write_unpacked` wrote; what is not looked at is not read."""
+    whole, found = np.memmap(path, np.uint8, mode="c"), []
+    with path.open("rb") as stream:
+        for _ in range(count):
+            stream.seek(-stream.tell() % ALIGNED, io.SEEK_CUR)
+            np.lib.format.read_magic(stream)
+            shape, _, kind = np.lib.format.read_array_header_1_0(stream)
+            begin = stream.tell()
+            end = begin + int(np.prod(shape)) * kind.itemsize
+            found.append(np.asarray(whole[begin:end].view(kind).reshape(shape)))
+            stream.seek(end)
+    return found
 
 
 def _arrays(stream: IO[bytes], count: int) -> list[NDArray[Any]]:

@@ -1,26 +1,32 @@
-"""The queue of nodes against the heap of Python's library."""
-
-import heapq
+"""The queue of nodes against lists of Python."""
 
 from compiled import called
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlivr_gym.planners.node_queue import NodeQueue, drop, put
+from mlivr_gym.planners.node_queue import LISTS, NOTHING, NodeQueue, least_left, put, take
+
+LOW, WIDTH = 0.5, 0.25
+FAR = LOW + WIDTH * (LISTS + 4)
 
 
-@given(st.lists(st.none() | st.floats(-2.0, 2.0).map(lambda f: round(f, 1))))
-def test_the_smallest_comes_first(actions):
-    """Nothing takes the first entry; a number is put in, and there is always room."""
-    waiting, plain, made, node = NodeQueue.of(1), [], {}, 0
-    for action in (*actions, *[None] * len(actions)):
+@given(st.lists(st.none() | st.integers(0, 24).map(lambda k: LOW + k / 8) | st.just(FAR)))
+def test_what_is_taken_is_of_the_first_list_that_holds_something(actions):
+    """Nothing takes a node; a number is put in, and there is always room."""
+    waiting, plain, last, node = NodeQueue.of(1, LOW, WIDTH), {}, 0, 0
+    for action in (*actions, *[None] * len(actions), None):
         if action is not None:
-            if len(plain) == len(waiting.f):
+            if waiting.filled["used"] == len(waiting.node):
                 waiting = waiting.wider()
-            called(put)(waiting, len(plain), action, node)
-            made[node], node = action, node + 1
-            heapq.heappush(plain, action)
+            called(put)(waiting, action, node)
+            plain[node] = max(min(int((action - LOW) / WIDTH), LISTS - 1), last)
+            node += 1
         elif plain:
-            assert made.pop(int(waiting.node[0]), None) == waiting.f[0] == heapq.heappop(plain)
-            called(drop)(waiting, len(plain))
+            first, taken = min(plain.values()), int(called(take)(waiting))
+            assert plain.pop(taken) == first
+            assert called(least_left)(waiting) == LOW + WIDTH * first
+            last = first
+        else:
+            assert called(take)(waiting) == NOTHING
+            return
     assert not plain

@@ -30,7 +30,7 @@ from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_sets import key_of
 
 COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
-EXACT = 1.0, 1 << 30
+EXACT = 1.0, 1 << 30, 1 << 30
 
 
 @pytest.fixture(scope="module", params=[3, 4])
@@ -173,6 +173,12 @@ def test_too_many_labels_leave_a_bound(known, monkeypatch):
     walk, low = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
     assert walk is None
     assert h[far] - 1e-9 <= low <= least
+    monkeypatch.undo()
+    labels = Labels.of(count)
+    walk, low = cheapest_walk(world, h, origins, labels, (1.0, 1 << 30, 2))
+    assert walk is None
+    assert h[far] - 1e-9 <= low <= least
+    assert 2 <= labels.entries.filled["used"] < 200
 
 
 def optimum(graph, goal, start):
@@ -285,7 +291,7 @@ def test_what_is_proved_while_walks_are_looked_for_bounds_plans(known, monkeypat
         goal = goal_at(graph, table, int(rng.integers(len(table.points))), COSTS[1], 0.08)
         options = SearchOptions(inflation=1.0, time_limit=60.0)
         running = _LazySearch(graph, start, Search.checked(graph, goal, options))
-        running.improve(start)
+        running.improve(table, start)
         if np.isfinite(running.best):
             proved += 0.0 < running.best <= running.least * (1.0 + 1e-6)
     assert proved > 1

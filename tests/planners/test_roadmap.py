@@ -142,7 +142,7 @@ def ends(roadmap):
 
 def first_walk(graph, roadmap, start, goal, cost="steps", seconds=4.0):
     target = Goal.checked(graph, np.clip(goal, *graph.grasp_map.cabin), cost, None, 0.2)
-    return Joining(graph, roadmap, target, time.perf_counter() + seconds).walk(start)
+    return Joining(graph, roadmap, target, time.perf_counter() + seconds, 2000).walk(start)
 
 
 def test_a_first_walk_leads_over_steps_of_the_graph_to_the_goal(graph, roadmap):
