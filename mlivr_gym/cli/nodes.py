@@ -24,9 +24,8 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         parents=[world_arguments(), output_arguments()],
         help="work out for a robot of three or four limbs what improves and bounds its plans",
         description="Work out every node of the stance graph of a robot with three or four limbs, "
-        "and which of them a step may join: with a time limit its plans are then improved more, "
-        "and bounded closer. On the JEM that takes two processes about an hour for four limbs, "
-        "and less for three.",
+        "and what each step between them keeps at most: its plans are then improved more, and "
+        "bounded closer. On the JEM that takes two processes more than an hour for four limbs.",
     )
     parser.add_argument(
         "--out",
