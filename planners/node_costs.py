@@ -14,16 +14,13 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import has_bit
 from mlivr_gym.compiled.records import Record, Rows
-from mlivr_gym.planners.node_queue import NOTHING, NodeQueue, least_left, put, take
+from mlivr_gym.planners.node_queue import NOTHING, NodeQueue, least_left, put, take, width_for
 from mlivr_gym.planners.pair_search import Weights
 from mlivr_gym.stances.node_pairs import row_of
 from mlivr_gym.stances.node_table import NodeTable
 
 ROOM = 1 << 21
 """Entries of the queue to begin with, beside the goals."""
-
-WIDTH = 0.01
-"""Base displacement that the lists of the queue span [m], where it is charged."""
 
 LEAST = 1e-12
 """Least cost to the goal from a node that is not there."""
@@ -82,8 +79,8 @@ def costs_to_goal(
     wanted[starts] = True
     marks = Mark.rows(count)
     marks["value"], marks["toward"] = np.inf, toward
-    width = WIDTH * float(weights["base"]) or float(weights["step"])
-    waiting = NodeQueue.of(ROOM + int(goals.sum()), float(toward[goals].min(initial=np.inf)), width)
+    low = float(toward[goals].min(initial=np.inf))
+    waiting = NodeQueue.of(ROOM + int(goals.sum()), low, width_for(weights))
     progress = Progress.row()
     progress["wanted"], progress["limit"] = int(wanted.sum()), np.inf
     progress["share"], progress["amount"] = farther_by
@@ -115,13 +112,14 @@ def _search(
                 marks[s].value = 0.0
                 put(waiting, marks[s].toward, s)
     while True:
-        s = take(waiting)
-        if s == NOTHING:
+        entry = take(waiting)
+        if entry == NOTHING:
             progress.reached = np.inf
             return True
         if least_left(waiting) > progress.limit:
             progress.reached = least_left(waiting)
             return True
+        s = int(waiting.node[entry])
         if marks[s].closed:
             continue
         if waiting.filled.used + degree(table, s) + 1 > len(waiting.node):

@@ -7,7 +7,7 @@ keep at most. Without the former the least cost of such a walk never exceeds tha
 from __future__ import annotations
 
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +26,21 @@ from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners.known_steps import KnownSteps, place_of
 from mlivr_gym.planners.label_search import NO_LABEL, NO_ROOM
 from mlivr_gym.planners.node_costs import degree, least_cost
+from mlivr_gym.planners.node_queue import (
+    NOTHING,
+    NodeQueue,
+    least_left,
+    put,
+    put_back,
+    take,
+    width_for,
+)
 from mlivr_gym.planners.pair_search import Weights
-from mlivr_gym.planners.queue import Queue, first, has_room, pop, push, queue
 from mlivr_gym.stances.node_pairs import lost_on, row_of
 from mlivr_gym.stances.node_table import NodeTable
 
-ROOM = 1 << 20
+ROOM = 1 << 22
 """Most labels of a search."""
-
 
 PAUSE = 1 << 14
 """Labels that are taken before a search looks at the clock."""
@@ -55,18 +62,26 @@ class Manner(Record):
     room: int
     """Labels after which it gives up."""
     below: float
-    """Cost that a walk must not reach."""
+    """Cost that a walk must not reach; once one was found its own."""
     pause: int
     """Labels that are taken before the search looks at the clock."""
     seeded: bool
     """Whether the origins are in the queue."""
+    found: int
+    """Label of the cheapest walk found, `NO_LABEL` without one."""
 
 
 class Labels(NamedTuple):
-    """Labels of a search, with its queue: which nodes are reached on which branches."""
+    """Labels of a search, each an entry of its queue: which nodes are reached on which branches."""
 
-    entries: Queue
-    """Cost, node, label before and bit of the step of each, see `node_pairs`."""
+    waiting: NodeQueue
+    """The queue, with the node of each label."""
+    cost: NDArray[np.float64]
+    """Cost of each, shape (room,)."""
+    link: NDArray[np.int32]
+    """Label before on the walk, or -1 less the origin, shape (room,)."""
+    bits: NDArray[np.int64]
+    """Bit of the step from there, see `node_pairs`, shape (room,)."""
     masks: NDArray[np.uint64]
     """Branches that the limbs may be on, see `limb_masks`, shape (room,)."""
     previous: NDArray[np.int32]
@@ -77,12 +92,26 @@ class Labels(NamedTuple):
     @classmethod
     def of(cls, nodes: int) -> Labels:
         """Room for the labels of some number of nodes."""
-        return cls(
-            queue(ROOM),
-            np.empty(ROOM, dtype=np.uint64),
-            np.empty(ROOM, dtype=np.int32),
-            np.empty(nodes, dtype=np.int32),
-        )
+        link, previous = (np.empty(ROOM, dtype=np.int32) for _ in range(2))
+        bits, masks = np.empty(ROOM, dtype=np.int64), np.empty(ROOM, dtype=np.uint64)
+        last = np.empty(nodes, dtype=np.int32)
+        return cls(NodeQueue.of(ROOM), np.empty(ROOM), link, bits, masks, previous, last)
+
+    @property
+    def used(self) -> int:
+        """Labels made by the last search."""
+        filled: Any = self.waiting.filled
+        return int(filled["used"])
+
+    def walk_to(self, label: int) -> NodeWalk:
+        """The walk that leads to a label."""
+        chain = [label]
+        while self.link[chain[-1]] >= 0:
+            chain.append(int(self.link[chain[-1]]))
+        chain.reverse()
+        origin, cost = -1 - int(self.link[chain[0]]), float(self.cost[label])
+        nodes = self.waiting.node[chain].astype(np.int64)
+        return NodeWalk(cost, origin, nodes, self.bits[chain[1:]], self.masks[chain])
 
 
 class NodeWalk(NamedTuple):
@@ -135,31 +164,26 @@ def cheapest_walk(
         until: When to give up, on the clock of `time.perf_counter`.
 
     Returns:
-        The walk, None if none is found; and the least cost of any, as far as it was looked for
-        with factor 1: infinite if there is none.
+        The walk, None if none is found; and with factor 1 what no walk costs less than, `below`
+        if none costs less than that.
     """
     how = Manner.row()
     how["factor"], how["most"], how["room"] = manner
-    how["below"], how["pause"] = below, PAUSE
-    entries = labels.entries
-    entries.filled["used"], entries.filled["size"] = 0, 0
+    how["below"], how["pause"], how["found"] = below, PAUSE, NO_LABEL
+    estimates = origins.cost + how["factor"] * h[origins.nodes]
+    labels.waiting.empty(float(estimates.min(initial=np.inf)), width_for(steps[2]))
     labels.last[:] = NO_LABEL
-    item = PAUSED
-    while item == PAUSED and time.perf_counter() < until:
-        item = int(_cheapest(steps, h, how, origins, labels))
-    if item == PAUSED and not how["seeded"]:
+    end = PAUSED
+    while end == PAUSED and time.perf_counter() < until:
+        end = int(_cheapest(steps, h, how, origins, labels))
+    if not how["seeded"]:
         return None, 0.0
-    if item in (NO_ROOM, PAUSED):
-        return None, float(entries.f[entries.heap[0]])
-    if item == NO_LABEL:
-        return None, below
-    chain = [item]
-    while entries.link[chain[-1]] >= 0:
-        chain.append(int(entries.link[chain[-1]]))
-    chain.reverse()
-    origin, cost = -1 - int(entries.link[chain[0]]), float(entries.f[item])
-    nodes, bits = entries.node[chain], entries.bits[chain[1:]]
-    return NodeWalk(cost, origin, nodes, bits, labels.masks[chain]), cost
+    low = float(how["below"])
+    if end in (NO_ROOM, PAUSED):
+        low = min(low, labels.waiting.least)
+    if how["found"] == NO_LABEL:
+        return None, low
+    return labels.walk_to(int(how["found"])), low
 
 
 @entry
@@ -170,32 +194,44 @@ def _cheapest(
     origins: NodeOrigins,
     labels: Labels,
 ) -> int:
-    """The first label taken of a node of which `h` is 0, see `cheapest_walk`; or `PAUSED`."""
+    """Go on until the cheapest label of a node of which `h` is 0 is found, see `cheapest_walk`.
+
+    Returns:
+        `NO_LABEL` at the end, or why it stopped: `NO_ROOM` or `PAUSED`.
+    """
     table, _, _ = steps
-    entries, count = labels.entries, 0
+    waiting, count = labels.waiting, 0
     if not manner.seeded:
         manner.seeded = True
         for k in range(len(origins.nodes)):
             s, cost = origins.nodes[k], origins.cost[k]
             if h[s] < np.inf:
-                if not has_room(entries, 1):
+                if waiting.filled.used >= len(waiting.node):
                     return NO_ROOM
-                _note(labels, s, origins.masks[k])
-                push(entries, cost + manner.factor * h[s], cost, cost, s, -1 - k, -1)
-    while entries.filled.size > 0:
+                _note(labels, s, origins.masks[k], cost, -1 - k, -1)
+                put(waiting, cost + manner.factor * h[s], s)
+    while True:
         if count == manner.pause:
             return PAUSED
         count += 1
-        here = first(entries)
-        s = entries.node[here]
+        here = take(waiting)
+        if here == NOTHING:
+            return NO_LABEL
+        s, cost = int(waiting.node[here]), labels.cost[here]
+        if manner.found != NO_LABEL and least_left(waiting) >= manner.below:
+            return NO_LABEL
+        if not cost + h[s] < manner.below:
+            continue
         if h[s] == 0.0:
-            return int(here)
-        if entries.filled.used >= manner.room or not has_room(entries, degree(table, s)):
+            manner.found, manner.below = here, cost
+            if manner.factor > 1.0:
+                return NO_LABEL
+            continue
+        if waiting.filled.used + degree(table, s) > min(len(waiting.node), manner.room):
+            put_back(waiting, here)
             return NO_ROOM
-        pop(entries)
-        if not _covered(labels, s, labels.masks[here], entries.g[here], here, manner.most):
+        if not _covered(labels, s, labels.masks[here], cost, here, manner.most):
             _expand(steps, h, manner, here, labels)
-    return NO_LABEL
 
 
 @kernel
@@ -208,8 +244,8 @@ def _expand(
 ) -> None:
     """Note what steps lead to from a label."""
     table, known, weights = steps
-    entries, limbs = labels.entries, table.points.shape[1]
-    s, masks = entries.node[here], labels.masks[here]
+    limbs = table.points.shape[1]
+    s, masks = int(labels.waiting.node[here]), labels.masks[here]
     for limb in range(limbs):
         row = row_of(table, s, limb)
         if row < 0 or mask_of(masks & table.released[s], limb) == NO_LIMB:
@@ -229,20 +265,22 @@ def _expand(
                     kept &= known.kept[place]
             if not all_keep_one(kept, limbs):
                 continue
-            g = entries.g[here] + least_cost(table, s, other, weights)
-            if not g + h[other] < manner.below:
+            cost = labels.cost[here] + least_cost(table, s, other, weights)
+            if not cost + h[other] < manner.below:
                 continue
             after = beside(kept, mask_of(table.released[other], moved), moved, limbs)
-            if not _covered(labels, other, after, g, -1, manner.most):
-                _note(labels, other, after)
-                push(entries, g + manner.factor * h[other], g, g, other, here, row + k)
+            if not _covered(labels, other, after, cost, -1, manner.most):
+                _note(labels, other, after, cost, here, row + k)
+                put(labels.waiting, cost + manner.factor * h[other], other)
 
 
 @kernel
-def _note(labels: Labels, s: int, masks: np.uint64) -> None:
-    """Note a label as the last of its node; its entry is made next."""
-    item = labels.entries.filled.used
-    labels.masks[item], labels.previous[item], labels.last[s] = masks, labels.last[s], item
+def _note(labels: Labels, s: int, masks: np.uint64, cost: float, link: int, bit: int) -> None:
+    """Note a label as the last of its node; it is put into the queue next."""
+    item = labels.waiting.filled.used
+    labels.masks[item], labels.cost[item] = masks, cost
+    labels.link[item], labels.bits[item] = link, bit
+    labels.previous[item], labels.last[s] = labels.last[s], item
 
 
 @kernel
@@ -254,7 +292,7 @@ def _covered(labels: Labels, s: int, masks: np.uint64, g: float, item: int, most
     """
     other, count = labels.last[s], 0
     while other >= 0:
-        cost = labels.entries.g[other]
+        cost = labels.cost[other]
         earlier = item < 0 or cost < g or masks != labels.masks[other] or other < item
         if other != item and cost <= g and masks & ~labels.masks[other] == NO_LIMB and earlier:
             return True

@@ -1,4 +1,4 @@
-"""The queue of a search over millions of nodes: lists of about equal estimates (compiled).
+"""The queue of searches over millions of nodes: lists of about equal estimates (compiled).
 
 To put one in and to take one out takes the same time however many wait, and hardly leaves what the
 processor has at hand. Of those in one list any may come first.
@@ -6,7 +6,7 @@ processor has at hand. Of those in one list any may come first.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,10 @@ LISTS = 1 << 16
 """Number of lists; what is farther yet is in the last."""
 
 NOTHING = -1
-"""In place of an entry or a node."""
+"""In place of an entry."""
+
+WIDTH = 0.01
+"""Base displacement that a list spans [m], where that is charged."""
 
 
 class Filled(Record):
@@ -47,18 +50,34 @@ class NodeQueue(NamedTuple):
     """How full it is."""
 
     @classmethod
-    def of(cls, room: int, low: float, width: float) -> NodeQueue:
-        """Room for some entries."""
-        filled = Filled.row()
-        filled["low"], filled["width"] = low, width
-        first = np.full(LISTS, NOTHING, dtype=np.int32)
+    def of(cls, room: int, low: float = 0.0, width: float = 1.0) -> NodeQueue:
+        """Room for some entries; the first list begins at an estimate, each spans some."""
         node, following = (np.empty(room, dtype=np.int32) for _ in range(2))
-        return cls(first, node, following, filled)
+        new = cls(np.empty(LISTS, dtype=np.int32), node, following, Filled.row())
+        new.empty(low, width)
+        return new
+
+    def empty(self, low: float, width: float) -> None:
+        """Begin anew."""
+        self.first[:] = NOTHING
+        filled: Any = self.filled
+        filled["low"], filled["width"], filled["used"], filled["list"] = low, width, 0, 0
+
+    @property
+    def least(self) -> float:
+        """See `least_left`."""
+        filled: Any = self.filled
+        return float(filled["low"] + filled["width"] * filled["list"])
 
     def wider(self) -> NodeQueue:
         """The same with twice as much room."""
         node, following = (np.resize(one, 2 * len(one)) for one in (self.node, self.following))
         return NodeQueue(self.first, node, following, self.filled)
+
+
+def width_for(weights: Any) -> float:
+    """What lists span of a cost: a step, where nothing else is charged."""
+    return WIDTH * float(weights["base"]) or float(weights["step"])
 
 
 @kernel
@@ -74,15 +93,22 @@ def put(waiting: NodeQueue, f: float, node: int) -> None:
 
 @kernel
 def take(waiting: NodeQueue) -> int:
-    """Remove a node of the first list that holds one; `NOTHING` if none does."""
+    """Remove an entry of the first list that holds one; `NOTHING` if none does."""
     filled = waiting.filled
     while filled.list < LISTS:
         entry = waiting.first[filled.list]
         if entry != NOTHING:
             waiting.first[filled.list] = waiting.following[entry]
-            return int(waiting.node[entry])
+            return int(entry)
         filled.list += 1
     return NOTHING
+
+
+@kernel
+def put_back(waiting: NodeQueue, entry: int) -> None:
+    """Put an entry that was taken last in its place again."""
+    waiting.following[entry] = waiting.first[waiting.filled.list]
+    waiting.first[waiting.filled.list] = entry
 
 
 @kernel

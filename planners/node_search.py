@@ -148,7 +148,7 @@ class NodeSearch:
         )
         if manner.bounds:
             self.low = max(self.low, low)
-        self.generated += int(self._labels.entries.filled["used"])
+        self.generated += self._labels.used
         return found
 
     def walks(self, until: float, below: float = np.inf) -> Iterator[list[At]]:

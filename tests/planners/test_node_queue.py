@@ -4,7 +4,7 @@ from compiled import called
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlivr_gym.planners.node_queue import LISTS, NOTHING, NodeQueue, least_left, put, take
+from mlivr_gym.planners.node_queue import LISTS, NOTHING, NodeQueue, least_left, put, put_back, take
 
 LOW, WIDTH = 0.5, 0.25
 FAR = LOW + WIDTH * (LISTS + 4)
@@ -22,9 +22,11 @@ def test_what_is_taken_is_of_the_first_list_that_holds_something(actions):
             plain[node] = max(min(int((action - LOW) / WIDTH), LISTS - 1), last)
             node += 1
         elif plain:
-            first, taken = min(plain.values()), int(called(take)(waiting))
-            assert plain.pop(taken) == first
-            assert called(least_left)(waiting) == LOW + WIDTH * first
+            first, entry = min(plain.values()), int(called(take)(waiting))
+            called(put_back)(waiting, entry)
+            assert called(take)(waiting) == entry
+            assert plain.pop(int(waiting.node[entry])) == first
+            assert called(least_left)(waiting) == waiting.least == LOW + WIDTH * first
             last = first
         else:
             assert called(take)(waiting) == NOTHING
