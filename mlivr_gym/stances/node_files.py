@@ -188,10 +188,11 @@ def _mapped(path: Path, count: int) -> list[NDArray[Any]]:
         for _ in range(count):
             stream.seek(-stream.tell() % ALIGNED, io.SEEK_CUR)
             np.lib.format.read_magic(stream)
-            shape, _, kind = np.lib.format.read_array_header_1_0(stream)
+            shape, columns, kind = np.lib.format.read_array_header_1_0(stream)
             begin = stream.tell()
             end = begin + int(np.prod(shape)) * kind.itemsize
-            found.append(np.asarray(whole[begin:end].view(kind).reshape(shape)))
+            one = whole[begin:end].view(kind).reshape(shape, order="F" if columns else "C")
+            found.append(np.asarray(one))
             stream.seek(end)
     return found
 
