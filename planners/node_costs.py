@@ -14,7 +14,7 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import has_bit
 from mlivr_gym.compiled.records import Record, Rows
-from mlivr_gym.planners.node_queue import NOTHING, NodeQueue, least_left, put, take, width_for
+from mlivr_gym.planners.node_queue import NOTHING, NodeQueue, least_waiting, put, take, width_for
 from mlivr_gym.planners.pair_search import Weights
 from mlivr_gym.stances.node_pairs import row_of
 from mlivr_gym.stances.node_table import NodeTable
@@ -116,8 +116,8 @@ def _search(
         if entry == NOTHING:
             progress.reached = np.inf
             return True
-        if least_left(waiting) > progress.limit:
-            progress.reached = least_left(waiting)
+        if least_waiting(waiting) > progress.limit:
+            progress.reached = least_waiting(waiting)
             return True
         s = int(waiting.node[entry])
         if marks[s].closed:

@@ -29,7 +29,7 @@ from mlivr_gym.planners.node_costs import degree, least_cost
 from mlivr_gym.planners.node_queue import (
     NOTHING,
     NodeQueue,
-    least_left,
+    least_waiting,
     put,
     put_back,
     take,
@@ -218,7 +218,7 @@ def _cheapest(
         if here == NOTHING:
             return NO_LABEL
         s, cost = int(waiting.node[here]), labels.cost[here]
-        if manner.found != NO_LABEL and least_left(waiting) >= manner.below:
+        if manner.found != NO_LABEL and least_waiting(waiting) >= manner.below:
             return NO_LABEL
         if not cost + h[s] < manner.below:
             continue

@@ -65,7 +65,7 @@ class NodeQueue(NamedTuple):
 
     @property
     def least(self) -> float:
-        """See `least_left`."""
+        """See `least_waiting`."""
         filled: Any = self.filled
         return float(filled["low"] + filled["width"] * filled["list"])
 
@@ -112,6 +112,6 @@ def put_back(waiting: NodeQueue, entry: int) -> None:
 
 
 @kernel
-def least_left(waiting: NodeQueue) -> float:
+def least_waiting(waiting: NodeQueue) -> float:
     """What the estimates of all that wait are not less than, once a list was looked at."""
     return waiting.filled.low + waiting.filled.width * waiting.filled.list

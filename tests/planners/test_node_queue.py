@@ -4,7 +4,15 @@ from compiled import called
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlivr_gym.planners.node_queue import LISTS, NOTHING, NodeQueue, least_left, put, put_back, take
+from mlivr_gym.planners.node_queue import (
+    LISTS,
+    NOTHING,
+    NodeQueue,
+    least_waiting,
+    put,
+    put_back,
+    take,
+)
 
 LOW, WIDTH = 0.5, 0.25
 FAR = LOW + WIDTH * (LISTS + 4)
@@ -26,7 +34,7 @@ def test_what_is_taken_is_of_the_first_list_that_holds_something(actions):
             called(put_back)(waiting, entry)
             assert called(take)(waiting) == entry
             assert plain.pop(int(waiting.node[entry])) == first
-            assert called(least_left)(waiting) == waiting.least == LOW + WIDTH * first
+            assert called(least_waiting)(waiting) == waiting.least == LOW + WIDTH * first
             last = first
         else:
             assert called(take)(waiting) == NOTHING
