@@ -302,6 +302,10 @@ def main() -> None:
     parser.add_argument(
         "--steps-only", action="store_true", help="measure steps next to stances anew, no tasks"
     )
+    parser.add_argument(
+        "--robots", nargs="+", choices=ROBOTS, default=ROBOTS,
+        help="those to measure anew; the figures of the others stay, asked in the same way",
+    )  # fmt: skip
     args = parser.parse_args()
     tasks = Processes(args.workers)
     data: dict[str, Any] = {
@@ -311,9 +315,14 @@ def main() -> None:
         "built": {},
         "tasks": {},
     }
-    if args.steps_only:
-        data = json.loads((args.out / "many_limbs.json").read_text())
-    for robot in ROBOTS:
+    if args.steps_only or set(args.robots) != set(ROBOTS):
+        old = json.loads((args.out / "many_limbs.json").read_text())
+        if not args.steps_only and any(old[name] != data[name] for name in ("workers", "seconds")):
+            parser.error(
+                f"the others were asked for {old['seconds']:g} s, {old['workers']} at once"
+            )
+        data = old
+    for robot in args.robots:
         stance_graph(robot=robot).sets()
         data["fan"][robot] = fan(robot)
         if args.steps_only:
