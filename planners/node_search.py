@@ -47,8 +47,8 @@ class Manner(NamedTuple):
 
 
 ROUNDS = (
-    Manner(1.0, ROOM, 500_000, bounds=True),
     Manner(2.0, 4),
+    Manner(1.0, ROOM, 500_000, bounds=True),
     Manner(1.2, 8),
     Manner(1.0, ROOM, bounds=True),
     Manner(1.0, ROOM),
