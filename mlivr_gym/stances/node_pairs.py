@@ -52,7 +52,7 @@ class Joined(NamedTuple):
 
 
 class Pair(Record):
-    """A pair of members of a rest, and how many were come to before that share branches."""
+    """A pair of members of a rest, for going from one pair to the next."""
 
     rest: int
     """The rest."""
