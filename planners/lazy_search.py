@@ -11,14 +11,15 @@ Every entry has a lower bound of the cost of the plans through it, from the tria
 cost of every plan, so a plan is told with the factor within which it is proved. A search for the
 least cost takes entries by their bound. Others take them by turns in an order of promise, which may
 lead into a pocket, and by their bound with what is left inflated, which leads out again; once there
-is a plan now and then also by bound alone, to prove it good. Where there is a roadmap the first
-plan comes from that, see `first_walk`. Where there is a table of all nodes plans are improved over
-that and bounded by it before an entry is taken, see `node_search`.
+is a plan now and then also by bound alone, to prove it good. Where there is a table of all nodes
+plans come from that and are bounded by it before an entry is taken, see `node_search`. Where there
+is a roadmap instead the first plan comes from there, see `first_walk`.
 """
 
 from __future__ import annotations
 
 import time
+from functools import cached_property
 
 import numpy as np
 
@@ -26,17 +27,16 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.first_walk import At, Joining
 from mlivr_gym.planners.found import Found, Improvement
 from mlivr_gym.planners.move_bounds import MoveBounds
+from mlivr_gym.planners.node_bounds import NodeBounds
 from mlivr_gym.planners.node_search import NodeSearch
 from mlivr_gym.planners.pair_search import FOUND, LIMIT
-from mlivr_gym.planners.query import Goal, Search
+from mlivr_gym.planners.query import Search
 from mlivr_gym.planners.queues import Block, Entry, Queue
 from mlivr_gym.planners.roadmap import Roadmap
 from mlivr_gym.planners.set_bounds import SetBounds
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_files import node_table
-from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.transitions.state import State
 
 POSTURES, SHARE, STEPS = 128, 8, 32
@@ -52,16 +52,19 @@ PROVING = 5
 JOINING = 0.8
 """Most of the time that goes into a first walk over the roadmap."""
 
-EXPANDED, SOON = 2000, 30
-"""Most states that are expanded to join the roadmap; and where there is a table of all nodes, over
-which a walk is looked for next."""
+EXPANDED = 2000
+"""Most states that are expanded to join the roadmap."""
 
 ROUNDING = 1e-9
 """Costs that differ by this share are equal."""
 
 
 def lazy_search(
-    graph: LazyGraph, start: State, search: Search, roadmap: Roadmap | None = None
+    graph: LazyGraph,
+    start: State,
+    search: Search,
+    roadmap: Roadmap | None = None,
+    bounds: NodeBounds | None = None,
 ) -> Found:
     """Best-first search from a state to any stance whose base lies in the goal region.
 
@@ -70,13 +73,13 @@ def lazy_search(
         start: Where to start.
         search: What to look for, and how.
         roadmap: What leads to a first plan, where that is wanted.
+        bounds: What is left from all nodes, to plan over these first.
     """
     running = _LazySearch(graph, start, search)
-    table = node_table(graph) if search.guided and not graph.obstacles else None
+    if bounds is not None:
+        running.over_nodes(bounds)
     if roadmap is not None:
-        running.join(roadmap, start, EXPANDED if table is None else SOON)
-    if table is not None:
-        running.improve(table, start)
+        running.join(roadmap)
     return running.run()
 
 
@@ -85,45 +88,59 @@ class _LazySearch:
 
     def __init__(self, graph: LazyGraph, start: State, search: Search) -> None:
         self.graph, self.search, self.began = graph, search, time.perf_counter()
-        self.goal, self.cost = search.goal, search.goal.cost
-        self.max_step, self.moves = graph.max_step, _bounds_of(graph, search.goal)
-        self.found, self.turn, self.least, self.over = Found(), 0, 0.0, False
+        self.start, self.goal, self.cost = start, search.goal, search.goal.cost
+        self.max_step = graph.max_step
+        self.found, self.turn, self.least, self.begun, self.over = Found(), 0, 0.0, False, False
         self.by_bound, self.by_promise, self.inflated = Queue(), Queue(), Queue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
         """Masks and costs with which each stance was expanded."""
         self.complete: dict[tuple[int, ...], float] = {}
         """Least cost with which each stance was expanded with all its branches."""
-        first = graph.posture_of(start)
+
+    @cached_property
+    def moves(self) -> MoveBounds | SetBounds:
+        """Lower bounds of the steps to the goal."""
+        graph, goal, sets = self.graph, self.goal, self.graph.sets(work_out=False)
+        return MoveBounds(graph, goal) if sets is None else SetBounds(graph, sets, goal)
+
+    def _begin(self) -> None:
+        """Put the start into the queues."""
+        start, first = self.start, self.graph.posture_of(self.start)
         entry = Entry(start.stance, -1, 0.0, 0.0, 0.0, first, start)
         if start.pose is None:  # from another pose limbs may reach farther
             stance = np.array([start.stance])
             entry.low = float(self._low(stance, first.base_position, np.zeros(1))[0])
         self._push(entry)
+        self.begun = True
 
-    def join(self, roadmap: Roadmap, start: State, most: int) -> None:
-        """Begin with the walk that a roadmap leads to, if at most so many states are expanded."""
+    def join(self, roadmap: Roadmap) -> None:
+        """Begin with the walk that a roadmap leads to."""
+        self._begin()
         until = self.began + JOINING * self.search.time_limit
-        joining = Joining(self.graph, roadmap, self.goal, until, most)
-        walk = joining.walk(start)
+        joining = Joining(self.graph, roadmap, self.goal, until, EXPANDED)
+        walk = joining.walk(self.start)
         self.found.generated += len(joining.reached)
         if walk is not None:
             self._take(walk)
 
-    def improve(self, table: NodeTable, start: State) -> None:
-        """Go on over the table of all nodes."""
-        here = self.graph.posture_of(start).base_position[0]
-        if not self._goes_on() or self.goal.reached(here, start.stance):
+    def over_nodes(self, bounds: NodeBounds) -> None:
+        """Begin with walks over the table of all nodes."""
+        posture = self.graph.posture_of(self.start)
+        if self.goal.reached(posture.base_position[0], self.start.stance):
             return
-        nodes = NodeSearch(self.graph, table, self.goal, start)
-        for walk in nodes.walks(self.began + self.search.time_limit, self.best):
-            self.least = nodes.low
+        nodes = NodeSearch(bounds, self.goal, self.start)
+        if self.start.pose is None:  # from another pose limbs may reach farther
+            away = self.goal.distance(posture.base_position[0])
+            self.least = float(self.search.estimate(away, self.max_step))
+        for walk in nodes.walks(self.began + self.search.time_limit):
+            self.least = max(self.least, nodes.low)
             self._take(walk)
             if not self._goes_on():
                 break
-        self.least = nodes.low
+        self.least = max(self.least, nodes.low)
         self.found.generated += nodes.generated
         if nodes.low == np.inf and self.found.goal < 0:
-            self._note(start, self.graph.posture_of(start), -1, 0.0)
+            self._note(self.start, posture, -1, 0.0)
             self.over = True
 
     def _take(self, walk: list[At]) -> None:
@@ -155,6 +172,8 @@ class _LazySearch:
     def run(self) -> Found:
         """Work entries out until a plan is as good as is asked for."""
         found = self.found
+        if not self.begun and self._goes_on():
+            self._begin()
         while self._goes_on():
             queue = self._queue()
             item = queue.pop()
@@ -180,7 +199,8 @@ class _LazySearch:
     def _bound(self) -> float:
         """Factor of the least cost within which the best plan is proved."""
         top = self.by_bound.top()
-        low = min(self.best, max(self.least, top.low if top is not None else np.inf))
+        others = top.low if top is not None else np.inf if self.begun else 0.0
+        low = min(self.best, max(self.least, others))
         if self.best <= low * (1.0 + ROUNDING):
             return 1.0
         return self.best / low if low > 0.0 else np.inf
@@ -379,9 +399,3 @@ class _LazySearch:
         lows = np.minimum.accumulate(low[kept][::-1])[::-1]
         self._push(Block(here, float(costs[0]), stances[kept], lows, promise[kept]))
         self.found.generated += len(kept)
-
-
-def _bounds_of(graph: LazyGraph, goal: Goal) -> MoveBounds | SetBounds:
-    """Lower bounds of the steps to a goal."""
-    sets = graph.sets(work_out=False)
-    return MoveBounds(graph, goal) if sets is None else SetBounds(graph, sets, goal)

@@ -61,10 +61,8 @@ def costs_to_goal(
     starts: IntArray,
     toward: Array,
     farther_by: tuple[float, float],
-) -> Array:
-    """Lower bounds of the cost from every node to the goal, shape (n,).
-
-    They are 0 at goals alone, infinite where nothing leads there, and consistent.
+) -> tuple[Array, BoolArray]:
+    """Lower bounds of the cost from every node to the goal.
 
     Args:
         table: The nodes.
@@ -74,6 +72,10 @@ def costs_to_goal(
         toward: Lower bounds of the cost from the start to each node, consistent, infinite for what
             need not be looked at; shape (n,).
         farther_by: How much farther than to the starts it goes: share and amount of the cost.
+
+    Returns:
+        The bounds, 0 at goals alone, infinite where nothing leads there, and consistent; and where
+        they are the least cost. Each of shape (n,).
     """
     count, wanted = len(goals), np.zeros(len(goals), dtype=np.bool_)
     wanted[starts] = True
@@ -92,7 +94,9 @@ def costs_to_goal(
     # What was found beyond is not the least for certain.
     bounds: Array = np.minimum(marks["value"], outside)
     bounds[(bounds < LEAST) & ~goals] = LEAST
-    return bounds
+    exact: BoolArray = np.isfinite(marks["value"])
+    exact[exact] = (marks["value"] + toward)[exact] < progress["reached"]
+    return bounds, exact
 
 
 @entry

@@ -4,32 +4,34 @@ The table tells what every step keeps at most, see `relaxed_steps`. The cheapest
 bounds the cost of all plans. Nearly all steps keep that much, so the steps of a walk are checked,
 and if one keeps less the next walk is looked for, until one is found whose steps are all known.
 Before the cheapest others are looked for, of which what is left weighs more: they are found sooner.
+What is left at least comes from `node_bounds`.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.limb_masks import packed, unpacked
+from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.first_walk import masks_along
 from mlivr_gym.planners.known_steps import KnownSteps
-from mlivr_gym.planners.node_costs import LEAST, costs_to_goal
+from mlivr_gym.planners.node_bounds import Bounds, NodeBounds
+from mlivr_gym.planners.node_costs import LEAST
 from mlivr_gym.planners.node_labels import ROOM, Labels, NodeOrigins, NodeWalk, cheapest_walk
 from mlivr_gym.planners.pair_search import weights_of
 from mlivr_gym.planners.query import Goal
-from mlivr_gym.planners.set_bounds import fewest_moves
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.turns import turned
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import ends_of
 from mlivr_gym.stances.node_steps import node_stances
-from mlivr_gym.stances.node_table import ROUNDED, NodeTable
 from mlivr_gym.transitions.state import State
 
 
@@ -46,17 +48,11 @@ class Manner(NamedTuple):
     """Whether steps keep what they may at most, so that no plan costs less than the walk."""
 
 
-ROUNDS = (
-    Manner(2.0, 4),
-    Manner(1.0, ROOM, 500_000, bounds=True),
-    Manner(1.2, 8),
-    Manner(1.0, ROOM, bounds=True),
-    Manner(1.0, ROOM),
-)
-"""One round after the other."""
+FIRST, SOON = Manner(2.0, 4), Manner(1.0, ROOM, 500_000, bounds=True)
+"""What finds a walk at once; and the cheapest of all, if that is soon."""
 
-FARTHER_BY = (0.03, 2.0)
-"""How much farther than to the start costs are worked out: a share, and a number of steps."""
+ROUNDS = FIRST, SOON, Manner(1.2, 8), Manner(1.0, ROOM, bounds=True), Manner(1.0, ROOM)
+"""One round after the other."""
 
 SAME = 1e-9
 """A walk whose cost is less by no more than this share is no better."""
@@ -72,29 +68,19 @@ class NodeSearch:
         generated: Nodes reached on some branches, of all searches.
     """
 
-    def __init__(self, graph: LazyGraph, table: NodeTable, goal: Goal, start: State) -> None:
-        """Work out what is left at least from each node.
+    def __init__(self, bounds: NodeBounds, goal: Goal, start: State) -> None:
+        """Look up where walks may begin.
 
         Args:
-            graph: The stance graph, without obstacles.
-            table: All its nodes.
+            bounds: What is left at least, of a graph without obstacles.
             goal: Where to go.
             start: Where to start, no goal.
         """
-        self.graph, self.table, self.goal = graph, table, goal
+        self.graph, self.table, self.goal, self._bounds = bounds.graph, bounds.table, goal, bounds
         self.low, self.generated = 0.0, 0
-        self._weights = weights_of(goal.cost)
-        self._known, self._nothing = (KnownSteps.none(len(table.points)) for _ in range(2))
-        self._labels = Labels.of(len(table.points))
+        self._known, self._nothing = (KnownSteps.none(len(self.table.points)) for _ in range(2))
+        self._labels = Labels.of(len(self.table.points))
         self._begun, self._origins, self._turns = self._begin(start)
-        if not len(self._origins.nodes):
-            self.low = np.inf
-            return
-        shift, step = goal.cost.base_weight, goal.cost.step_weight
-        self._h = costs_to_goal(
-            table, self._goals(), self._weights, self._origins.nodes, self._toward(),
-            (FARTHER_BY[0] * (shift > 0.0), FARTHER_BY[1] * step),
-        )  # fmt: skip
 
     def _begin(self, start: State) -> tuple[list[list[At]], NodeOrigins, IntArray]:
         """Ways to the nodes at which walks may begin, these, and the turns that lead to them."""
@@ -113,71 +99,78 @@ class NodeSearch:
         origins = NodeOrigins(rows, packed(turned(masks, turns)), np.array(costs))
         return begun, origins, turns
 
-    def _goals(self) -> BoolArray:
-        """Nodes that may be at the goal, shape (n,)."""
-        table, goal = self.table, self.goal
-        away = table.base_position - goal.target
-        close = np.einsum("ij,ij->i", away, away) <= (goal.tolerance + 2.0 * ROUNDED) ** 2
-        close[close] = goal.held(table.points[close])
-        return np.asarray(close)
+    def _guides(self, until: float) -> Iterator[tuple[Bounds, tuple[Manner, ...]]]:
+        """What is left at least, and the rounds of searches that it serves.
 
-    def _toward(self) -> Array:
-        """Lower bounds of the cost from where walks begin, infinite for what is occupied."""
-        graph, table, cost = self.graph, self.table, self.goal.cost
-        toward: Array = np.full(len(table.points), np.inf)
-        for place in table.base_position[self._origins.nodes]:
-            away = table.base_position - place
-            np.minimum(toward, np.einsum("ij,ij->i", away, away), out=toward)
-        toward = cost.base_weight * np.sqrt(toward)
-        sets = graph.sets(work_out=False)
-        if cost.step_weight and sets is not None:
-            moves, rows = np.full(len(sets), -1, dtype=np.int16), table.sets
-            moves[rows[self._origins.nodes]] = 0
-            fewest_moves(sets.rests, moves, np.zeros(sets.rest_count, dtype=np.bool_))
-            least = moves[rows].astype(np.float64)
-            toward += cost.step_weight * np.where(least < 0, np.inf, least)
-        if graph.occupied:
-            toward[np.isin(table.points, list(graph.occupied)).any(axis=1)] = np.inf
-        return toward
+        What is known from plans before comes first; without that the fewest steps, which are known
+        sooner than what else is charged.
+        """
+        goal, starts = self.goal, self._origins.nodes
+        known = self._bounds.known(goal, starts)
+        if known is not None:
+            again = known.occupied == self.graph.occupied
+            yield known, ROUNDS if again else (FIRST, SOON)
+            if again:
+                return
+        elif goal.cost.base_weight:
+            steps = replace(goal, cost=Cost.named("steps"))
+            yield self._bounds.known(steps, starts) or self._bounds.to(steps, starts), (FIRST,)
+        if time.perf_counter() < until:
+            yield self._bounds.to(goal, starts), ROUNDS
 
-    def _cheapest(self, manner: Manner, until: float, below: float) -> NodeWalk | None:
-        """The cheapest walk, see `cheapest_walk`."""
-        steps = self.table, self._nothing if manner.bounds else self._known, self._weights
-        found, low = cheapest_walk(
-            steps, self._h, self._origins, self._labels, manner[:3], below=below, until=until
-        )
-        if manner.bounds:
-            self.low = max(self.low, low)
-        self.generated += self._labels.used
-        return found
-
-    def walks(self, until: float, below: float = np.inf) -> Iterator[list[At]]:
+    def walks(self, until: float) -> Iterator[list[At]]:
         """Walks to the goal, each cheaper than the last, as long as more are found.
 
         Args:
             until: When to give up, on the clock of `time.perf_counter`.
-            below: Cost that the first must not reach.
         """
-        for manner in ROUNDS:
-            while time.perf_counter() < until and self.low < below * (1.0 - SAME):
-                walk = self._cheapest(manner, until, below * (1.0 - SAME))
-                if walk is None:
-                    break
-                self._learn(walk.bits)
-                states = self._states(walk) if self._stands(walk) else None
-                if states is not None:
-                    last, posture = states[-1]
-                    if not self.goal.reached(posture.base_position[0], last.stance):
-                        # It lies beside the goal by less than positions are kept.
-                        self._h[walk.nodes[-1]] = LEAST
-                        continue
-                    cost = self._cost(states)
-                    if cost < below * (1.0 - SAME):
-                        below = cost
-                        yield states
-                    break
-                if manner.bounds:
-                    break
+        if not len(self._origins.nodes):
+            self.low = np.inf
+            return
+        below = np.inf
+        for guide, manners in self._guides(until):
+            self._look_at(guide)
+            for manner in manners:
+                walk = self._next(guide, manner, until, below)
+                if walk is not None:
+                    below = self._cost(walk)
+                    yield walk
+                if self.low >= below * (1.0 - SAME):
+                    return
+
+    def _look_at(self, guide: Bounds) -> None:
+        """Note what no plan costs less than."""
+        origins = self._origins
+        least = float((origins.cost + guide.h[origins.nodes]).min())
+        if guide.cost == self.goal.cost or least == np.inf:
+            self.low = max(self.low, least)
+
+    def _next(self, guide: Bounds, manner: Manner, until: float, below: float) -> list[At] | None:
+        """A walk that costs less than the last; None if a round finds none."""
+        most = below * (1.0 - SAME) if guide.cost == self.goal.cost else np.inf
+        while time.perf_counter() < until and self.low < below * (1.0 - SAME):
+            known = self._nothing if manner.bounds else self._known
+            steps = self.table, known, weights_of(guide.cost)
+            walk, low = cheapest_walk(
+                steps, guide.h, self._origins, self._labels, manner[:3], below=most, until=until
+            )
+            self.generated += self._labels.used
+            if manner.bounds:
+                self.low = max(self.low, low)
+            if walk is None:
+                return None
+            self._learn(walk.bits)
+            states = self._states(walk) if self._stands(walk) else None
+            if states is not None:
+                last, posture = states[-1]
+                if not self.goal.reached(posture.base_position[0], last.stance):
+                    # It lies beside the goal by less than positions are kept.
+                    guide.h[walk.nodes[-1]] = LEAST
+                    continue
+                return states if self._cost(states) < below * (1.0 - SAME) else None
+            if manner.bounds:
+                return None
+        return None
 
     def _cost(self, states: list[At]) -> float:
         """What a walk costs."""

@@ -14,6 +14,7 @@ from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.estimates import Estimates
 from mlivr_gym.planners.found import Improvement
 from mlivr_gym.planners.lazy_search import lazy_search
+from mlivr_gym.planners.node_bounds import NodeBounds
 from mlivr_gym.planners.pair_search import (
     EXHAUSTED,
     FOUND,
@@ -207,14 +208,22 @@ class LazySearcher:
             work_out: Whether its sets of points are worked out first where they are not known.
         """
         self.graph, self.work_out = graph, work_out
+        self._bounds: NodeBounds | None = None
+
+    def _node_bounds(self) -> NodeBounds | None:
+        """What is left over all nodes; None where these are not known, or there are obstacles."""
+        table = None if self.graph.obstacles else node_table(self.graph)
+        if table is None:
+            return None
+        self._bounds = self._bounds or NodeBounds(self.graph, table)
+        return self._bounds
 
     def find(self, search: Search, first: State) -> Path | None:
         """See `Searcher.find`."""
-        roadmap = Roadmap.of(self.graph) if search.guided else None
         self.graph.sets(work_out=self.work_out)  # no part of the time that is given
-        if search.guided and search.time_limit < math.inf:
-            node_table(self.graph)
-        found = lazy_search(self.graph, first, search, roadmap)
+        bounds = self._node_bounds() if search.guided else None
+        roadmap = Roadmap.of(self.graph) if search.guided and bounds is None else None
+        found = lazy_search(self.graph, first, search, roadmap, bounds)
         if not found.states:  # no moves lead to the goal, whatever steps there are
             return None
         position = np.concatenate([p.base_position for p in found.postures])

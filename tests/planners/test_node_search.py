@@ -9,7 +9,7 @@ import pytest
 from compiled import called
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
-from small_tables import small_table
+from small_tables import every_pair, small_table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.limb_masks import packed, unpacked
@@ -17,6 +17,7 @@ from mlivr_gym.planners import Planner, node_costs, node_labels, node_queue, nod
 from mlivr_gym.planners.known_steps import KnownSteps
 from mlivr_gym.planners.label_search import NO_LABEL
 from mlivr_gym.planners.lazy_search import _LazySearch, lazy_search
+from mlivr_gym.planners.node_bounds import NodeBounds
 from mlivr_gym.planners.node_costs import LEAST, costs_to_goal
 from mlivr_gym.planners.node_labels import Labels, NodeOrigins, _covered, _note, cheapest_walk
 from mlivr_gym.planners.node_queue import put
@@ -47,20 +48,6 @@ def known(request):
     return small_table(request.param)
 
 
-def every_pair(table):
-    """Nodes that a step may join, and the limb of each that moves, by bits."""
-    rows = []
-    for rest in range(len(table.offset) - 1):
-        begin, end = int(table.start[rest]), int(table.start[rest + 1])
-        for k in range(end - begin):
-            for m in range(end - begin):
-                bit = int(table.offset[rest]) + k * (end - begin) + m
-                if int(table.bits[bit // 64]) >> bit % 64 & 1:
-                    a, b = (divmod(int(table.members[begin + x]), table.limbs) for x in (k, m))
-                    rows.append((*a, *b, bit))
-    return np.array(rows)
-
-
 def losing_some(table, rng):
     """The table with random branches lost between the pairs that share some."""
     rests, limbs = len(table.offset) - 1, table.limbs
@@ -81,6 +68,12 @@ def price(table, rows, cost):
     return cost.base_weight * away + cost.step_weight
 
 
+def exact_costs(table, goals, weights, start):
+    """Least costs to the goals over pairs of nodes."""
+    toward = np.zeros(len(goals))
+    return costs_to_goal(table, goals, weights, np.array([start]), toward, (0.0, np.inf))[0]
+
+
 def goal_at(graph, table, row, cost, tolerance=0.05):
     return Goal.checked(graph, table.base_position[row].astype(float), *cost, tolerance)
 
@@ -96,16 +89,19 @@ def test_costs_to_a_goal_are_those_of_another_library(known, cost, monkeypatch):
     expected = dijkstra(matrix, indices=np.flatnonzero(goals), min_only=True)
     start = int(np.flatnonzero(np.isfinite(expected))[expected[np.isfinite(expected)].argmax()])
     toward = np.zeros(count)
-    h = costs_to_goal(table, goals, weights, np.array([start]), toward, (0.0, np.inf))
+    h, exact = costs_to_goal(table, goals, weights, np.array([start]), toward, (0.0, np.inf))
+    np.testing.assert_array_equal(exact, np.isfinite(expected))
     np.testing.assert_allclose(h, np.where(goals, 0.0, np.maximum(expected, LEAST)), atol=1e-9)
     # Two starts are both reached, with no potential that leads to either.
     others = np.flatnonzero(np.isfinite(expected))[[0, -1]]
-    h = costs_to_goal(table, goals, weights, others, toward, (0.0, 0.0))
+    h, exact = costs_to_goal(table, goals, weights, others, toward, (0.0, 0.0))
+    np.testing.assert_allclose(h[exact], np.maximum(expected, LEAST * ~goals)[exact], atol=1e-9)
     np.testing.assert_allclose(h[others], np.maximum(expected[others], h[others].min()), atol=1e-9)
     # On the way to a start alone all are lower bounds, its own is exact, and they are consistent.
     part = dijkstra(matrix.T, indices=[start], min_only=True)
     part[~np.isfinite(part)] = np.inf
-    h = costs_to_goal(table, goals, weights, np.array([start]), part, (0.0, 0.0))
+    h, exact = costs_to_goal(table, goals, weights, np.array([start]), part, (0.0, 0.0))
+    np.testing.assert_allclose(h[exact], np.maximum(expected, LEAST * ~goals)[exact], atol=1e-9)
     assert h[start] == pytest.approx(expected[start])
     finite = np.isfinite(part)
     assert (h[finite] <= expected[finite] + 1e-9).all()
@@ -166,7 +162,7 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
             states, (start, tuple(masks[start].tolist())), weight="cost"
         )
         least = min((c for (s, _), c in costs.items() if goals[s]), default=np.inf)
-        h = costs_to_goal(table, goals, weights, np.array([start]), np.zeros(count), (0.0, np.inf))
+        h = exact_costs(table, goals, weights, start)
         origins = NodeOrigins(np.array([start]), table.masks[[start]], np.zeros(1))
         world = table, steps, weights
         walk, low = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
@@ -191,9 +187,7 @@ def test_too_many_labels_leave_a_bound(known, monkeypatch):
     graph, table = known
     count, goal = len(table.points), goal_at(graph, table, 0, COSTS[0])
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
-    h = costs_to_goal(
-        table, goals, weights_of(goal.cost), np.array([9]), np.zeros(count), (0.0, np.inf)
-    )
+    h = exact_costs(table, goals, weights_of(goal.cost), 9)
     far = int(np.where(np.isfinite(h), h, -1.0).argmax())
     origins = NodeOrigins(np.array([far]), table.masks[[far]], np.zeros(1))
     world = table, KnownSteps.none(count), weights_of(goal.cost)
@@ -238,10 +232,7 @@ def test_the_last_walk_is_the_cheapest_of_all(known, cost):
         here = graph.posture_of(start)
         if goal.reached(here.base_position[0], start.stance):
             continue
-        search = NodeSearch(graph, table, goal, start)
-        held = np.isin(table.points, list(graph.occupied)).any(axis=1)
-        low, found = search.low, []
-        assert low == np.inf or np.isinf(search._h[held]).all()
+        search, found = NodeSearch(NodeBounds(graph, table), goal, start), []
         for walk in search.walks(time.perf_counter() + 60.0):
             assert goal.reached(walk[-1][1].base_position[0], walk[-1][0].stance)
             places = np.concatenate([posture.base_position for _, posture in walk])
@@ -250,7 +241,7 @@ def test_the_last_walk_is_the_cheapest_of_all(known, cost):
             for (before, _), (after, _) in itertools.pairwise(walk):
                 assert graph.step_to(before, after.stance) == after
         least = optimum(graph, goal, start)
-        assert low <= search.low <= least + 1e-9
+        assert search.low <= least + 1e-9
         proved += search.low >= min(least - 1e-9, 1e9)
         if found:
             assert found == sorted(found, reverse=True)
@@ -272,7 +263,7 @@ def test_bounds_rest_on_what_steps_may_keep_at_most(known):
         goal = goal_at(graph, table, int(rng.integers(len(table.points))), COSTS[1], 0.08)
         if goal.reached(graph.posture_of(start).base_position[0], start.stance):
             continue
-        search = NodeSearch(graph, table, goal, start)
+        search = NodeSearch(NodeBounds(graph, table), goal, start)
         nodes = ends_of(table, bits)[0][0]
         none = np.zeros(len(bits), dtype=np.uint64)
         search._known = search._known.with_steps(nodes, bits, none)
@@ -314,7 +305,7 @@ def test_planners_improve_plans_over_the_table_and_know_where_there_is_none(know
 def test_what_is_proved_while_walks_are_looked_for_bounds_plans(known, monkeypatch):
     first, table = known
     monkeypatch.setattr(node_files, "_kept", {key_of(first): table})
-    monkeypatch.setattr(node_search, "ROUNDS", node_search.ROUNDS[1:])  # no bound at first
+    monkeypatch.setattr(node_search, "ROUNDS", node_search.ROUNDS[1:])
     rng, proved = np.random.default_rng(3), 0
     for _ in range(8):
         graph = stance_graph(first.grasp_map, first.robot)
@@ -322,7 +313,7 @@ def test_what_is_proved_while_walks_are_looked_for_bounds_plans(known, monkeypat
         goal = goal_at(graph, table, int(rng.integers(len(table.points))), COSTS[1], 0.08)
         options = SearchOptions(inflation=1.0, time_limit=60.0)
         running = _LazySearch(graph, start, Search.checked(graph, goal, options))
-        running.improve(table, start)
+        running.over_nodes(NodeBounds(graph, table))
         if np.isfinite(running.best):
             proved += 0.0 < running.best <= running.least * (1.0 + 1e-6)
     assert proved > 1

@@ -21,3 +21,17 @@ def small_table(limbs):
     """A graph on these points, and the table of its nodes."""
     graph = stance_graph(small_map(), f"mlivr{limbs}")
     return graph, build(graph)
+
+
+def every_pair(table):
+    """Nodes that a step may join, and the limb of each that moves, by bits."""
+    rows = []
+    for rest in range(len(table.offset) - 1):
+        begin, end = int(table.start[rest]), int(table.start[rest + 1])
+        for k in range(end - begin):
+            for m in range(end - begin):
+                bit = int(table.offset[rest]) + k * (end - begin) + m
+                if int(table.bits[bit // 64]) >> bit % 64 & 1:
+                    a, b = (divmod(int(table.members[begin + x]), table.limbs) for x in (k, m))
+                    rows.append((*a, *b, bit))
+    return np.array(rows)

@@ -1,0 +1,198 @@
+"""What is left at least over all nodes: against networkx, and kept for further plans."""
+
+import time
+
+import networkx as nx
+import numpy as np
+import pytest
+from small_tables import every_pair, small_table
+
+from mlivr_gym import stance_graph
+from mlivr_gym.planners import Planner, node_bounds, node_search
+from mlivr_gym.planners.node_bounds import KEPT, NodeBounds
+from mlivr_gym.planners.node_levels import TAKEN, fewest_steps
+from mlivr_gym.planners.node_search import NodeSearch
+from mlivr_gym.planners.query import Goal
+from mlivr_gym.stances import node_files
+from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.stance_sets import key_of
+
+COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
+
+
+@pytest.fixture(scope="module", params=[3, 4])
+def known(request):
+    graph, table = small_table(request.param)
+    return graph, table, every_pair(table)
+
+
+def fresh(known):
+    """A graph of its own, to take points of."""
+    return stance_graph(known[0].grasp_map, known[0].robot)
+
+
+def away(graph, table, cost, row, tolerance=0.06):
+    return Goal.checked(graph, table.base_position[row].astype(float), *cost, tolerance)
+
+
+def lengths(known, goal, taken, ends=None):
+    """Least costs to a goal, or some nodes, by networkx; infinite where nothing leads there."""
+    _, table, pairs = known
+    places, joined = table.base_position.astype(float), nx.DiGraph()
+    joined.add_nodes_from(np.flatnonzero(~taken).tolist())
+    for a, _, b, _, _ in pairs[~taken[pairs[:, [0, 2]]].any(axis=1)].tolist():
+        shift = float(np.linalg.norm(places[a] - places[b]))
+        joined.add_edge(b, a, cost=goal.cost.base_weight * shift + goal.cost.step_weight)
+    goals = ends
+    if ends is None:
+        goals = np.flatnonzero((goal.distance(places) <= goal.tolerance) & ~taken)
+    found = np.full(len(places), np.inf)
+    if len(goals):
+        ways = nx.multi_source_dijkstra_path_length(joined, set(goals.tolist()), weight="cost")
+        found[list(ways)] = list(ways.values())
+    return found
+
+
+@pytest.mark.parametrize("farther", [0, 1, 1000])
+@pytest.mark.parametrize("seed", range(4))
+def test_fewest_steps_are_those_of_networkx(known, seed, farther):
+    graph, table, _ = known
+    rng, count = np.random.default_rng(seed), len(table.points)
+    taken, goal = rng.random(count) < 0.2 * seed / 3.0, away(graph, table, COSTS[0], 5 + seed)
+    goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
+    expected = lengths(known, goal, taken)
+    starts = rng.choice(np.flatnonzero(~taken), 2)
+    steps, least = fewest_steps(table, goals, taken, starts, farther)
+    assert (steps[taken] == TAKEN).all()
+    reached = steps >= 0
+    np.testing.assert_array_equal(steps[reached], expected[reached])
+    others = expected[~reached & ~taken]
+    assert (others >= least).all()
+    if np.isfinite(expected[starts]).all():
+        assert reached[starts].all()
+        last = expected[starts].max() + farther
+        assert steps.max() <= max(last, 1)
+        assert farther == 1000 or least <= last + 1
+    else:
+        assert least == np.inf
+
+
+@pytest.mark.parametrize("cost", COSTS)
+def test_bounds_never_exceed_the_least_cost_whatever_is_taken(known, cost):
+    graph, rng, compared = fresh(known), np.random.default_rng(1), 0
+    table = known[1]
+    for _ in range(12):
+        free = rng.choice(len(graph.grasp_map), 1)
+        graph.vacate()
+        graph.occupy(free.tolist())
+        taken = np.isin(table.points, free).any(axis=1)
+        goal = away(graph, table, cost, int(rng.integers(len(taken))))
+        expected = lengths(known, goal, taken)
+        starts = rng.choice(np.flatnonzero(~taken), 1)
+        found = NodeBounds(graph, table).to(goal, starts)
+        assert np.isinf(found.h[taken]).all()
+        met = np.isfinite(lengths(known, goal, taken, starts))
+        assert (found.h[met] <= np.maximum(expected[met], 1e-12) + 1e-9).all()
+        assert ((found.h[met] == 0.0) == (expected[met] == 0.0)).all()
+        np.testing.assert_allclose(found.h[found.exact], expected[found.exact], atol=1e-9)
+        if np.isfinite(expected[starts]).all():
+            assert found.exact[starts].all()
+            compared += 1
+    assert compared
+
+
+@pytest.mark.parametrize("cost", COSTS)
+def test_bounds_serve_again_with_more_points_taken_but_not_with_fewer(known, cost):
+    graph, table = fresh(known), known[1]
+    rng, none = np.random.default_rng(3), np.zeros(len(table.points), dtype=bool)
+    goal = away(graph, table, cost, 7)
+    joined = np.flatnonzero(np.isfinite(lengths(known, goal, none)))
+    start = rng.choice(joined, 1)
+    bounds = NodeBounds(graph, table)
+    assert bounds.known(goal, start) is None
+    first = bounds.to(goal, start)
+    assert bounds.known(goal, start) is first
+    assert bounds.known(away(graph, table, cost, 8), start) is None
+    assert bounds.known(away(graph, table, cost, 7, 0.07), start) is None
+    some = np.flatnonzero(~first.exact)
+    assert not len(some) or bounds.known(goal, some[:1]) is None
+    point = int(np.setdiff1d(table.points, table.points[start])[0])
+    graph.occupy([point])
+    again, taken = bounds.known(goal, start), (table.points == point).any(axis=1)
+    assert np.isinf(again.h[taken]).all()
+    np.testing.assert_array_equal(again.h[~taken], first.h[~taken])
+    assert not np.isinf(first.h[taken]).all()
+    bounds.to(goal, start)
+    graph.vacate()
+    assert bounds.known(goal, start) is None
+    for row in range(10, 10 + KEPT):
+        bounds.to(away(graph, table, cost, row), start)
+    assert len(bounds._kept) == KEPT
+
+
+def at(end):
+    """Base position and stance at the end of a walk."""
+    state, posture = end
+    return posture.base_position[0], state.stance
+
+
+def stopped(*_args):
+    """In place of what must not be asked."""
+    raise AssertionError
+
+
+@pytest.mark.parametrize("cost", COSTS)
+def test_a_first_walk_waits_for_no_costs_and_a_further_one_for_nothing(known, cost, monkeypatch):
+    """With a point occupied that the first walk grasps."""
+    graph, table = fresh(known), known[1]
+    rng, again = np.random.default_rng(4), 0
+    for _ in range(10):
+        graph.vacate()
+        bounds, until = NodeBounds(graph, table), time.perf_counter() + 60.0
+        start = random_state(graph, rng)
+        goal = away(graph, table, cost, int(rng.integers(len(table.points))), 0.08)
+        if goal.reached(graph.posture_of(start).base_position[0], start.stance):
+            continue
+        every = list(NodeSearch(bounds, goal, start).walks(until))
+        if not every:
+            continue
+        with monkeypatch.context() as patched:
+            patched.setattr(node_bounds, "costs_to_goal", stopped)
+            alone = NodeSearch(NodeBounds(graph, table), goal, start)
+            assert goal.reached(*at(next(alone.walks(until))[-1]))
+        grasped = {p for state, _ in every[-1] for p in state.stance} - set(start.stance)
+        graph.occupy(sorted(grasped)[:1])
+        anew = NodeSearch(NodeBounds(graph, table), goal, start).walks(until)
+        if next(anew, None) is None:
+            continue
+        with monkeypatch.context() as patched:
+            patched.setattr(NodeBounds, "to", stopped)
+            walk = next(NodeSearch(bounds, goal, start).walks(until))
+        assert not {p for state, _ in walk for p in state.stance} & graph.occupied
+        again += 1
+    assert again
+
+
+@pytest.mark.parametrize("cost", COSTS)
+def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
+    """They cost the same: both are proved to cost the least."""
+    table = known[1]
+    monkeypatch.setattr(node_files, "_kept", {key_of(known[0]): table})
+    monkeypatch.setattr(node_search, "ROUNDS", (*node_search.ROUNDS[:1], node_search.ROUNDS[-2]))
+    graph, rng, plans = fresh(known), np.random.default_rng(6), 0
+    planner, goals = Planner(graph), rng.integers(len(table.points), size=2)
+    for k in range(16):
+        graph.vacate()
+        start = random_state(graph, rng)
+        free = np.setdiff1d(np.arange(len(graph.grasp_map)), start.stance)
+        graph.occupy(rng.choice(free, k % 3, replace=False).tolist())
+        goal = np.clip(table.base_position[goals[k % 2]], *graph.grasp_map.cabin)
+        asked = (start, goal, *cost[:1])
+        more = {"regrasp_price": cost[1], "goal_tolerance": 0.08, "time_limit": 60.0}
+        found, alone = (one.plan(*asked, **more) for one in (planner, Planner(graph)))
+        assert found.reason == alone.reason
+        if found.plan is not None:
+            costs = [one.plan.statistics.cost for one in (found, alone)]
+            assert costs[0] == pytest.approx(costs[1], rel=1e-9)
+            plans += 1
+    assert plans > 1
