@@ -73,12 +73,12 @@ def lazy_search(
         start: Where to start.
         search: What to look for, and how.
         roadmap: What leads to a first plan, where that is wanted.
-        bounds: What is left from all nodes, to plan over these first.
+        bounds: What is left from all nodes, to plan over these.
     """
     running = _LazySearch(graph, start, search)
     if bounds is not None:
         running.over_nodes(bounds)
-    if roadmap is not None:
+    elif roadmap is not None:
         running.join(roadmap)
     return running.run()
 
@@ -105,13 +105,12 @@ class _LazySearch:
 
     def _begin(self) -> None:
         """Put the start into the queues."""
-        start, first = self.start, self.graph.posture_of(self.start)
+        start, first, self.begun = self.start, self.graph.posture_of(self.start), True
         entry = Entry(start.stance, -1, 0.0, 0.0, 0.0, first, start)
         if start.pose is None:  # from another pose limbs may reach farther
             stance = np.array([start.stance])
             entry.low = float(self._low(stance, first.base_position, np.zeros(1))[0])
         self._push(entry)
-        self.begun = True
 
     def join(self, roadmap: Roadmap) -> None:
         """Begin with the walk that a roadmap leads to."""

@@ -220,9 +220,10 @@ class LazySearcher:
 
     def find(self, search: Search, first: State) -> Path | None:
         """See `Searcher.find`."""
-        self.graph.sets(work_out=self.work_out)  # no part of the time that is given
-        bounds = self._node_bounds() if search.guided else None
-        roadmap = Roadmap.of(self.graph) if search.guided and bounds is None else None
+        bounds, roadmap = self._node_bounds() if search.guided else None, None
+        if bounds is None:
+            self.graph.sets(work_out=self.work_out)  # no part of the time that is given
+            roadmap = Roadmap.of(self.graph) if search.guided else None
         found = lazy_search(self.graph, first, search, roadmap, bounds)
         if not found.states:  # no moves lead to the goal, whatever steps there are
             return None

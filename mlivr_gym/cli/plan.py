@@ -147,11 +147,12 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
     with Progress("choosing start and goal", quiet=args.quiet):
         start, goal = chosen_task(graph, args)
     if isinstance(graph, LazyGraph):
-        with Progress("sets of points within reach [%]", PER_CENT, quiet=args.quiet) as progress:
-            graph.sets(progress.show_share)
-        if args.time_limit is not None:
-            with Progress("table of all nodes", quiet=args.quiet):
-                node_table(graph)
+        with Progress("table of all nodes", quiet=args.quiet):
+            table = None if graph.obstacles else node_table(graph)
+        if table is None:
+            name = "sets of points within reach [%]"
+            with Progress(name, PER_CENT, quiet=args.quiet) as progress:
+                graph.sets(progress.show_share)
     planner, cost, price = Planner(graph), args.cost, args.regrasp_price
     if cost == "time":
         cost, price = fastest_cost(planner, start, goal, args)

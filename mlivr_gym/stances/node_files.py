@@ -26,10 +26,10 @@ from mlivr_gym.stances.node_table import (
     NodeTableError,
     table_of,
 )
-from mlivr_gym.stances.stance_sets import StanceSets, key_of
+from mlivr_gym.stances.stance_sets import key_of
 from mlivr_gym.world.grasp_map import GraspMap
 
-FORMAT = 3
+FORMAT = 4
 """Format of the files."""
 
 SHIPPED = ("mlivr4",)
@@ -96,7 +96,7 @@ def _coded(rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint32]]:
     return different, which.reshape(-1).astype(np.uint32)
 
 
-def read_table(path: str | Path, graph: LazyGraph, sets: StanceSets) -> NodeTable | None:
+def read_table(path: str | Path, graph: LazyGraph) -> NodeTable | None:
     """The table in a file; None if it is one of another graph.
 
     Raises:
@@ -114,7 +114,7 @@ def read_table(path: str | Path, graph: LazyGraph, sets: StanceSets) -> NodeTabl
         points = np.cumsum(apart.T, axis=0, dtype=np.int64)
         base = _centroids(graph.grasp_map, points) + places[place] * RESOLUTION
         masks, released, folds = threes[three].reshape(*points.shape, 3).transpose(2, 0, 1)
-        table = table_of(Nodes(points, base, masks, released, folds, tried), sets)
+        table = table_of(Nodes(points, base, masks, released, folds, tried))
         joined, losing = (
             np.unpackbits(one, count=count).view(np.bool_)
             for one, count in zip(steps, counts.tolist(), strict=True)
@@ -137,12 +137,9 @@ def _found(graph: LazyGraph, key: str) -> NodeTable | None:
             return NodeTable(*_mapped(path, len(NodeTable._fields)))
         except (OSError, ValueError, EOFError):
             log.warning("%r holds no table of nodes: it is passed over", str(path))
-    sets = graph.sets(work_out=False)
-    if sets is None:
-        return None
     for small in _small_files(graph, path.parent / small_name(key)):
         try:
-            table = read_table(small, graph, sets)
+            table = read_table(small, graph)
             if table is not None:
                 write_unpacked(table, path)
                 return table

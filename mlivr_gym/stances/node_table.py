@@ -18,7 +18,6 @@ from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import packed
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.postures.turns import lowest_first, same_after_turns, turned
-from mlivr_gym.stances.stance_sets import StanceSets
 
 RESOLUTION = 1e-12
 """Base positions are kept from the grasps' centroid as whole multiples of it [m]."""
@@ -64,8 +63,6 @@ class NodeTable(NamedTuple):
     """Folds among which they can change, shape (n,)."""
     tried: NDArray[np.uint16]
     """Which of the base poses tried it is, shape (n,)."""
-    sets: NDArray[np.int32]
-    """Row of the set of points of each, see `StanceSets`, shape (n,)."""
     rests: NDArray[np.int32]
     """What the others hold beside each limb, in turn from it on, by number, shape (n, N).
 
@@ -147,7 +144,7 @@ def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
     return code
 
 
-def table_of(nodes: Nodes, sets: StanceSets) -> NodeTable:
+def table_of(nodes: Nodes) -> NodeTable:
     """The table of some nodes, of which no steps are known yet, see `node_pairs.spread`."""
     points, released = nodes.points, nodes.released
     limbs = points.shape[1]
@@ -164,7 +161,19 @@ def table_of(nodes: Nodes, sets: StanceSets) -> NodeTable:
     sizes = np.diff(start).astype(np.int64)
     offset = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(sizes * sizes)])
     none = np.zeros(int(offset[-1]) // 64 + 1, dtype=np.uint64)
-    of_nodes = points.astype(np.uint16), nodes.base_position, packed(nodes.masks), packed(released)
-    more = packed(nodes.folds), nodes.tried.astype(np.uint16), sets.find(points).astype(np.int32)
-    of_pairs = numbers.reshape(points.shape), start, members, offset
-    return NodeTable(*of_nodes, *more, *of_pairs, none, none, none[:0].astype(np.int32), none[:0])
+    return NodeTable(
+        points=points.astype(np.uint16),
+        base_position=nodes.base_position,
+        masks=packed(nodes.masks),
+        released=packed(released),
+        folds=packed(nodes.folds),
+        tried=nodes.tried.astype(np.uint16),
+        rests=numbers.reshape(points.shape),
+        start=start,
+        members=members,
+        offset=offset,
+        bits=none,
+        losing=none,
+        ranks=none[:0].astype(np.int32),
+        lost=none[:0],
+    )

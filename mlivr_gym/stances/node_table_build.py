@@ -65,7 +65,7 @@ def build(graph: LazyGraph, progress: Progress | None = None) -> NodeTable:
         *found, rotation = map(np.concatenate, zip(*found, strict=True))
         order = np.argsort(codes(found[0]))
         nodes = Nodes(*(one[order] for one in found))
-        table = table_of(nodes, sets)
+        table = table_of(nodes)
         joined = workers.run(_joined, _shared(world, nodes, rotation[order], table))
     return spread(table, Joined.joint(joined))
 

@@ -32,7 +32,7 @@ def test_a_small_file_is_written_where_it_is_wanted(run, part, tmp_path):
     code, *_ = run("nodes", "--robot", "mlivr3", "--map", part, "--out", str(path))
     assert code == 0
     graph = stance_graph(part, "mlivr3")
-    assert len(read_table(path, graph, graph.sets()).points)
+    assert len(read_table(path, graph).points)
 
 
 @pytest.mark.parametrize(

@@ -255,13 +255,13 @@ def test_what_is_known_of_pairs_is_spread_as_it_was_gathered(table):
 def test_a_table_is_read_as_it_was_written(graph, table, tmp_path):
     path = tmp_path / "nodes.xz"
     write_table(table, graph, path)
-    again = read_table(path, graph, graph.sets())
+    again = read_table(path, graph)
     for name in table._fields:
         mine, other = getattr(table, name), getattr(again, name)
         assert mine.dtype == other.dtype
         np.testing.assert_allclose(mine, other, atol=ROUNDED, rtol=0)
     other = stance_graph(graph.grasp_map, graph.robot, Settings(collisions=False))
-    assert read_table(path, other, graph.sets()) is None
+    assert read_table(path, other) is None
 
 
 def test_what_was_unpacked_is_found_again(graph, table, tmp_path, monkeypatch, caplog):
@@ -302,7 +302,7 @@ def test_what_is_no_table_is_refused(graph, tmp_path, content):
     path = tmp_path / "nodes.xz"
     path.write_bytes(content)
     with pytest.raises(NodeTableError, match="no table of nodes of format"):
-        read_table(path, graph, graph.sets())
+        read_table(path, graph)
 
 
 def test_what_has_no_table_is_refused(jem):
