@@ -27,11 +27,9 @@ def same_after_turns(limbs: int) -> bool:
 
 def turned(values: NDArray[Any], turns: NDArray[Any]) -> NDArray[Any]:
     """Values of the limbs after turns, shape (k, N, ...) and (k,) -> (k, N, ...)."""
-    limbs, taken = values.shape[1], values.copy()
-    places = turns % limbs
-    for turn in range(1, limbs):
-        rows = np.flatnonzero(places == turn)
-        taken[rows] = np.roll(values[rows], -turn, axis=1)
+    limbs = np.arange(values.shape[1])
+    places = (limbs + turns[:, None]) % len(limbs)
+    taken: NDArray[Any] = values[np.arange(len(values))[:, None], places]
     return taken
 
 
