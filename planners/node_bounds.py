@@ -26,7 +26,7 @@ FARTHER_BY = (0.03, 2)
 FARTHEST = 1 << 14
 """More steps than any node is away."""
 
-KEPT = 2
+KEPT = 4
 """Goals, or costs to one, that are kept."""
 
 

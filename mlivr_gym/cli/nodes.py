@@ -22,10 +22,10 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     parser = commands.add_parser(
         "nodes",
         parents=[world_arguments(), output_arguments()],
-        help="work out for a robot of three or four limbs what improves and bounds its plans",
+        help="work out for a robot of three or four limbs what its plans come from",
         description="Work out every node of the stance graph of a robot with three or four limbs, "
-        "and what each step between them keeps at most: its plans are then improved more, and "
-        "bounded closer. On the JEM that takes two processes more than an hour for four limbs.",
+        "and what each step between them keeps at most: its plans are then found over these, and "
+        "bounded. On the JEM that takes two processes most of an hour or more.",
     )
     parser.add_argument(
         "--out",
