@@ -24,9 +24,10 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         help="work out for a robot of three or four limbs what makes its first plans quick",
         description="Explore the stance graph of a robot with three or four limbs, and keep the "
         "stances and steps found: first plans of that robot, map and settings then come from "
-        "there among obstacles, or where there is no table of nodes. Those of mlivr3 and mlivr4 on the JEM ship with the package. The more stances are "
-        "expanded, the more starts can be joined, and the fewer steps plans take; 10,000 take "
-        "minutes. Of those found the ones are kept through which most short walks pass.",
+        "there among obstacles, or where there is no table of nodes. Those of mlivr3 and mlivr4 on "
+        "the JEM ship with the package. The more stances are expanded, the more starts can be "
+        "joined, and the fewer steps plans take; 10,000 take minutes. Of those found the ones are "
+        "kept through which most short walks pass.",
     )
     parser.add_argument(
         "--expansions",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.kernels import workers
 from mlivr_gym.compiled.limb_masks import packed
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.tried_poses import numbers_of
@@ -22,8 +23,8 @@ from mlivr_gym.stances.node_table import Nodes, NodeTable, NodeTableError, codes
 from mlivr_gym.stances.workers import Progress, Workers, tell
 from mlivr_gym.world.grasp_map import GraspMap
 
-WORKERS = 2
-"""Processes that share the work."""
+FEW = 1000
+"""Sets of points for which it is not worth while to start processes."""
 
 AT_ONCE = 4000
 """Stances that are worked out at once; what a graph remembers of them takes memory."""
@@ -60,20 +61,23 @@ def build(graph: LazyGraph, progress: Progress | None = None) -> NodeTable:
             f"nodes are worked out for three or four limbs and at most 40 million sets of points"
         )
     world = graph.grasp_map, graph.robot, graph.settings
-    with Workers(WORKERS, STAGES, progress) as workers:
-        found = workers.run(_nodes, [(world, sets.points[k::WORKERS]) for k in range(WORKERS)])
+    count = workers(len(sets), FEW)
+    with Workers(count, STAGES, progress) as processes:
+        found = processes.run(_nodes, [(world, sets.points[k::count]) for k in range(count)])
         *found, rotation = map(np.concatenate, zip(*found, strict=True))
         order = np.argsort(codes(found[0]))
         nodes = Nodes(*(one[order] for one in found))
         table = table_of(nodes)
-        joined = workers.run(_joined, _shared(world, nodes, rotation[order], table))
+        joined = processes.run(_joined, _shared(world, nodes, rotation[order], table, count))
     return spread(table, Joined.joint(joined))
 
 
-def _shared(world: World, nodes: Nodes, rotation: Array, table: NodeTable) -> list[tuple[Any, ...]]:
-    """What each worker checks: rests with about as many pairs."""
-    cuts = np.searchsorted(table.offset, table.offset[-1] * np.arange(WORKERS + 1) // WORKERS)
-    return [(world, nodes, rotation, table, cuts[k], cuts[k + 1]) for k in range(WORKERS)]
+def _shared(
+    world: World, nodes: Nodes, rotation: Array, table: NodeTable, count: int
+) -> list[tuple[Any, ...]]:
+    """What each of some workers checks: rests with about as many pairs."""
+    cuts = np.searchsorted(table.offset, table.offset[-1] * np.arange(count + 1) // count)
+    return [(world, nodes, rotation, table, cuts[k], cuts[k + 1]) for k in range(count)]
 
 
 def _nodes(worker: int, world: World, sets: NDArray[np.uint16]) -> tuple[Any, ...]:

@@ -15,10 +15,21 @@ class Workers:
     """Processes that tell how far they are."""
 
     def __init__(self, count: int, stages: int, progress: Progress | None) -> None:
-        """Start some; `progress` is called with the share of all stages that is done."""
-        context = get_context("spawn")
+        """Start some, of one none: it does the work where it is asked for.
+
+        Args:
+            count: Number of processes.
+            stages: How often they are run.
+            progress: Called with the share of all stages that is done.
+        """
         self.count, self.stages, self.progress, self.stage = count, stages, progress, 0
-        self.shares: Any = context.Array("d", count)
+        self.pool: ProcessPoolExecutor | None = None
+        if count == 1:
+            self.shares: Any = [0.0]
+            _start_worker(self.shares)
+            return
+        context = get_context("spawn")
+        self.shares = context.Array("d", count)
         self.pool = ProcessPoolExecutor(
             count, mp_context=context, initializer=_start_worker, initargs=(self.shares,)
         )
@@ -29,10 +40,15 @@ class Workers:
 
     def __exit__(self, *_: object) -> None:
         """End them."""
-        self.pool.shutdown(cancel_futures=True)
+        if self.pool is not None:
+            self.pool.shutdown(cancel_futures=True)
 
     def run(self, work: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         """What `work` returns for each of some arguments: one stage."""
+        if self.pool is None:
+            found = [work(k, *given) for k, given in enumerate(arguments)]
+            self.skip()
+            return found
         for k in range(self.count):
             self.shares[k] = 0.0
         jobs = [self.pool.submit(work, k, *given) for k, given in enumerate(arguments)]

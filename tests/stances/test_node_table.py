@@ -8,10 +8,11 @@ from compiled import called
 from small_tables import small_table
 
 from mlivr_gym import Settings, stance_graph
+from mlivr_gym.compiled import kernels
 from mlivr_gym.compiled.limb_masks import unpacked
 from mlivr_gym.postures.tried_poses import bases_at
 from mlivr_gym.postures.turns import same_after_turns, turned
-from mlivr_gym.stances import node_files
+from mlivr_gym.stances import node_files, node_table_build
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.node_files import (
     SHIPPED,
@@ -353,3 +354,14 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
         steps += len(found.limb)
     assert steps > 100
     assert_kept(graph, table, rng.integers(0, int(table.offset[-1]), 600))
+
+
+def test_processes_find_what_one_does(monkeypatch):
+    graph, table = small_table(3)
+    monkeypatch.setattr(node_table_build, "FEW", 1)
+    monkeypatch.setattr(kernels, "_cores", lambda: 2)
+    shares = []
+    for one, other in zip(build(graph, shares.append), table, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)
