@@ -130,7 +130,7 @@ def measure(seconds: float) -> list[Measured]:
             "collisions": False,
         },
         "MLIVR-JEM-v0, four limbs, table of nodes": {"robot": "mlivr4"},
-        "MLIVR-JEM-v0, three limbs": {"robot": "mlivr3"},
+        "MLIVR-JEM-v0, three limbs, table of nodes": {"robot": "mlivr3"},
         "MLIVR-JEM-v0, MuJoCo": {"dynamics": "mujoco"},
     }
     for what, arguments in variants.items():
