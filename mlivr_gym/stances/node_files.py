@@ -32,7 +32,7 @@ from mlivr_gym.world.grasp_map import GraspMap
 FORMAT = 4
 """Format of the files."""
 
-SHIPPED = ("mlivr4",)
+SHIPPED = ("mlivr3", "mlivr4")
 """Robots whose tables on the JEM ship with the package."""
 
 ALIGNED = 64
