@@ -48,10 +48,10 @@ class Manner(NamedTuple):
     """Whether steps keep what they may at most, so that no plan costs less than the walk."""
 
 
-FIRST, SOON = Manner(2.0, 4), Manner(1.0, ROOM, 500_000, bounds=True)
+FIRST, SOON = Manner(1.3, 8), Manner(1.0, ROOM, 500_000, bounds=True)
 """What finds a walk at once; and the cheapest of all, if that is soon."""
 
-ROUNDS = FIRST, SOON, Manner(1.2, 8), Manner(1.0, ROOM, bounds=True), Manner(1.0, ROOM)
+ROUNDS = FIRST, SOON, Manner(1.1, 8), Manner(1.0, ROOM, bounds=True), Manner(1.0, ROOM)
 """One round after the other."""
 
 SAME = 1e-9
