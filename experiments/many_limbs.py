@@ -51,8 +51,8 @@ STANCES = 40
 REPLANNING = 2.0
 """How long a plan around an occupied point is looked for [s]."""
 
-MOST_SHOWN = 5.0
-"""Largest factor that the plot shows."""
+SOONEST_SHOWN, MOST_SHOWN = 0.02, 2.5
+"""Shortest time [s] and largest factor that the plot shows."""
 
 WELL_PROVED = 1.5
 """Factor of the least cost within which plans are to be proved."""
@@ -268,8 +268,13 @@ def curves(data: dict[str, Any], path: Path) -> None:
                 share = np.arange(1, len(values) + 1) / len(found)
                 axis.step([0.0, *values, end], [0.0, *share, share[-1] if values else 0.0],
                           where="post", color=colour, label=f"cost {cost}")  # fmt: skip
+            none = sum(one["reason"] in NO_PLAN for one in found) / len(found)
+        for axis in (above, below):
+            axis.axhspan(1.0 - none, 1.0, color="#dddddd", linewidth=0.0, label="have no plan")
         above.set_title(robot)
-        above.set_xlabel("time [s]")
+        above.set_xscale("log")
+        above.set_xlim(SOONEST_SHOWN, data["seconds"])
+        above.set_xlabel("time of the first plan [s]")
         below.set_xlabel("last plan proved within this factor of the least cost")
         below.set_xlim(1.0, MOST_SHOWN)
         below.axvline(WELL_PROVED, color="#666666", linewidth=0.8, linestyle=":")

@@ -66,6 +66,7 @@ class NodeSearch:
     Attributes:
         low: No plan costs less; infinite if there is none.
         generated: Nodes reached on some branches, of all searches.
+        found: Whether there was a walk.
     """
 
     def __init__(self, bounds: NodeBounds, goal: Goal, start: State) -> None:
@@ -77,7 +78,7 @@ class NodeSearch:
             start: Where to start, no goal.
         """
         self.graph, self.table, self.goal, self._bounds = bounds.graph, bounds.table, goal, bounds
-        self.low, self.generated = 0.0, 0
+        self.low, self.generated, self.found = 0.0, 0, False
         self._known, self._nothing = (KnownSteps.none(len(self.table.points)) for _ in range(2))
         self._labels = Labels.of(len(self.table.points))
         self._begun, self._origins, self._turns = self._begin(start)
@@ -102,8 +103,8 @@ class NodeSearch:
     def _guides(self, until: float) -> Iterator[tuple[Bounds, tuple[Manner, ...]]]:
         """What is left at least, and the rounds of searches that it serves.
 
-        What is known from plans before comes first; without that the fewest steps, which are known
-        sooner than what else is charged.
+        What is known from plans before comes first; as long as there is no walk then the fewest
+        steps, which are known sooner than what else is charged.
         """
         goal, starts = self.goal, self._origins.nodes
         known = self._bounds.known(goal, starts)
@@ -112,7 +113,7 @@ class NodeSearch:
             yield known, ROUNDS if again else (FIRST, SOON)
             if again:
                 return
-        elif goal.cost.base_weight:
+        if goal.cost.base_weight and not self.found:
             steps = replace(goal, cost=Cost.named("steps"))
             yield self._bounds.known(steps, starts) or self._bounds.to(steps, starts), (FIRST,)
         if time.perf_counter() < until:
@@ -133,7 +134,7 @@ class NodeSearch:
             for manner in manners:
                 walk = self._next(guide, manner, until, below)
                 if walk is not None:
-                    below = self._cost(walk)
+                    self.found, below = True, self._cost(walk)
                     yield walk
                 if self.low >= below * (1.0 - SAME):
                     return
