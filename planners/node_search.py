@@ -48,8 +48,11 @@ class Manner(NamedTuple):
     """Whether steps keep what they may at most, so that no plan costs less than the walk."""
 
 
-FIRST, SOON = Manner(1.3, 8), Manner(1.0, ROOM, 500_000, bounds=True)
-"""What finds a walk at once; and the cheapest of all, if that is soon."""
+FIRST, AT_ONCE = Manner(1.3, 8), Manner(1.3, 8, 100_000)
+"""What finds a first walk; and the same where there is another way to look for one."""
+
+SOON = Manner(1.0, ROOM, 500_000, bounds=True)
+"""What finds the cheapest walk if that is soon."""
 
 ROUNDS = FIRST, SOON, Manner(1.1, 8), Manner(1.0, ROOM, bounds=True), Manner(1.0, ROOM)
 """One round after the other."""
@@ -108,14 +111,16 @@ class NodeSearch:
         """
         goal, starts = self.goal, self._origins.nodes
         known = self._bounds.known(goal, starts)
+        if known is not None and known.occupied == self.graph.occupied:
+            yield known, ROUNDS
+            return
         if known is not None:
-            again = known.occupied == self.graph.occupied
-            yield known, ROUNDS if again else (FIRST, SOON)
-            if again:
-                return
+            yield known, (AT_ONCE if goal.cost.base_weight else FIRST,)
         if goal.cost.base_weight and not self.found:
             steps = replace(goal, cost=Cost.named("steps"))
             yield self._bounds.known(steps, starts) or self._bounds.to(steps, starts), (FIRST,)
+        if known is not None and self.found:
+            yield known, (SOON,)
         if time.perf_counter() < until:
             yield self._bounds.to(goal, starts), ROUNDS
 
