@@ -153,8 +153,8 @@ class NodeSearch:
 
     def _next(self, guide: Bounds, manner: Manner, until: float, below: float) -> list[At] | None:
         """A walk that costs less than the last; None if a round finds none."""
-        most = below * (1.0 - SAME) if guide.cost == self.goal.cost else np.inf
-        while time.perf_counter() < until and self.low < below * (1.0 - SAME):
+        most = below * (1.0 - SAME)
+        while time.perf_counter() < until and self.low < most:
             known = self._nothing if manner.bounds else self._known
             steps = self.table, known, weights_of(guide.cost)
             walk, low = cheapest_walk(
@@ -173,7 +173,7 @@ class NodeSearch:
                     # It lies beside the goal by less than positions are kept.
                     guide.h[walk.nodes[-1]] = LEAST
                     continue
-                return states if self._cost(states) < below * (1.0 - SAME) else None
+                return states if self._cost(states) < most else None
             if manner.bounds:
                 return None
         return None

@@ -122,7 +122,8 @@ def test_bounds_serve_again_with_more_points_taken_but_not_with_fewer(known, cos
     assert np.isinf(again.h[taken]).all()
     np.testing.assert_array_equal(again.h[~taken], first.h[~taken])
     assert not np.isinf(first.h[taken]).all()
-    bounds.to(goal, start)
+    assert any(bounds.to(goal, start).exact[start] for _ in taking(graph, table.points[start[0]]))
+    assert bounds.known(goal, start) is not None
     graph.vacate()
     assert bounds.known(goal, start) is None
     for row in range(10, 10 + KEPT):
@@ -134,6 +135,14 @@ def at(end):
     """Base position and stance at the end of a walk."""
     state, posture = end
     return posture.base_position[0], state.stance
+
+
+def taking(graph, held):
+    """With each point taken that a stance does not hold, one after the other."""
+    for point in np.setdiff1d(np.arange(len(graph.grasp_map)), held).tolist():
+        graph.vacate()
+        graph.occupy([point])
+        yield point
 
 
 def stopped(*_args):
@@ -195,4 +204,27 @@ def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
             costs = [one.plan.statistics.cost for one in (found, alone)]
             assert costs[0] == pytest.approx(costs[1], rel=1e-9)
             plans += 1
+    assert plans > 1
+
+
+@pytest.mark.parametrize("cost", COSTS)
+def test_what_is_told_of_each_plan_is_a_bound(known, cost, monkeypatch):
+    table = known[1]
+    monkeypatch.setattr(node_files, "_kept", {key_of(known[0]): table})
+    graph, rng, plans = fresh(known), np.random.default_rng(7), 0
+    planner = Planner(graph)
+    for _ in range(16):
+        row = rng.integers(len(table.points))
+        goal = np.clip(table.base_position[row], *graph.grasp_map.cabin)
+        found = planner.plan(
+            random_state(graph, rng), goal, cost[0], regrasp_price=cost[1], goal_tolerance=0.03,
+            time_limit=60.0,
+        )  # fmt: skip
+        if found.plan is None or not found.improvements:
+            continue
+        assert found.plan.statistics.bound == pytest.approx(1.0, abs=1e-6)
+        least = found.plan.statistics.cost
+        for one in found.improvements:
+            assert one.cost <= one.bound * least * (1.0 + 1e-9)
+        plans += least > 0.0
     assert plans > 1
