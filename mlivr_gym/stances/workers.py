@@ -15,7 +15,7 @@ class Workers:
     """Processes that tell how far they are."""
 
     def __init__(self, count: int, stages: int, progress: Progress | None) -> None:
-        """Start some, of one none: it does the work where it is asked for.
+        """Start some; of one none: the work is done where it is asked for, and nothing told of it.
 
         Args:
             count: Number of processes.
@@ -46,9 +46,7 @@ class Workers:
     def run(self, work: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         """What `work` returns for each of some arguments: one stage."""
         if self.pool is None:
-            found = [work(k, *given) for k, given in enumerate(arguments)]
-            self.skip()
-            return found
+            return [work(k, *given) for k, given in enumerate(arguments)]
         for k in range(self.count):
             self.shares[k] = 0.0
         jobs = [self.pool.submit(work, k, *given) for k, given in enumerate(arguments)]
