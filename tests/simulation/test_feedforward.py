@@ -30,9 +30,9 @@ def test_limbs_that_hold_share_the_wrench_that_moves_the_base(jem, limbs):
     holding = np.flatnonzero(walk.grasps[1] != FREE)
     assert len(holding) == limbs - 1
     turns = Rotation.from_quat(walk.base_quaternions, scalar_first=True)
-    times, near = walk.times, 2
+    times = walk.times
 
-    def state(k):
+    def state(k, near):
         """Configuration and velocity in Pinocchio's order, from central differences."""
         q = [walk.base_positions[k], turns[k].as_quat(), walk.joint_positions[k].ravel()]
         span = times[k + near] - times[k - near]
@@ -41,11 +41,17 @@ def test_limbs_that_hold_share_the_wrench_that_moves_the_base(jem, limbs):
         rates = (walk.joint_positions[k + near] - walk.joint_positions[k - near]).ravel() / span
         return np.concatenate(q), np.concatenate([turns[k].inv().apply(speed), spin, rates])
 
+    def acceleration(k, near):
+        """The same from central differences."""
+        before, after = (state(n, near)[1] for n in (k - near, k + near))
+        return (after - before) / (times[k + near] - times[k - near])
+
     shares = []
     for k in np.linspace(0.2, 0.8, 13) * len(times):
         k = int(k)
-        (q, v), (_, before), (_, after) = state(k), state(k - near), state(k + near)
-        a = (after - before) / (times[k + near] - times[k - near])
+        (q, v), a = state(k, 2), acceleration(k, 2)
+        if np.abs(a - acceleration(k, 1)).max() > 0.02 * np.abs(a).max() + 1e-4:
+            continue  # a ramp of the acceleration begins or ends: differences do not tell it
         needed = pin.rnea(other, data, q, v, a)
         pin.computeJointJacobians(other, data, q)
         pin.updateFramePlacements(other, data)
@@ -63,6 +69,7 @@ def test_limbs_that_hold_share_the_wrench_that_moves_the_base(jem, limbs):
             torques[k].ravel(), expected, atol=0.03 * np.abs(expected).max() + 0.01
         )
         shares.append(np.linalg.norm(wrench.reshape(-1, 6)[:, :3], axis=1))
+    assert len(shares) >= 11
     assert np.mean(shares, axis=0).min() > 0.1 * np.mean(shares)
 
 
