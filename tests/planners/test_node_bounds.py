@@ -145,6 +145,13 @@ def taking(graph, held):
         yield point
 
 
+def price(walk, goal):
+    """What a walk costs."""
+    places = np.concatenate([posture.base_position for _, posture in walk])
+    shift = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
+    return goal.cost.base_weight * shift + goal.cost.step_weight * (len(walk) - 1)
+
+
 def stopped(*_args):
     """In place of what must not be asked."""
     raise AssertionError
@@ -169,6 +176,12 @@ def test_a_first_walk_waits_for_no_costs_and_a_further_one_for_nothing(known, co
             patched.setattr(node_bounds, "costs_to_goal", stopped)
             alone = NodeSearch(NodeBounds(graph, table), goal, start)
             assert goal.reached(*at(next(alone.walks(until))[-1]))
+        with monkeypatch.context() as patched:
+            patched.setattr(NodeBounds, "to", stopped)
+            search = NodeSearch(bounds, goal, start)
+            assert price(list(search.walks(until))[-1], goal) == pytest.approx(
+                price(every[-1], goal)
+            )
         grasped = {p for state, _ in every[-1] for p in state.stance} - set(start.stance)
         graph.occupy(sorted(grasped)[:1])
         anew = NodeSearch(NodeBounds(graph, table), goal, start).walks(until)
