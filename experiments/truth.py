@@ -158,7 +158,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--executed", type=int, default=300, help="walks carried out")
     parser.add_argument("--steps", type=int, default=2000, help="steps carried out")
     parser.add_argument("--queries", type=int, default=1000, help="queries of two limbs")
-    parser.add_argument("--maps", type=int, default=500, help="small maps")
+    parser.add_argument("--maps", type=int, default=540, help="small maps")
     parser.add_argument("--past", type=int, default=1500, help="steps past obstacles")
     parser.add_argument("--stances", type=int, default=2000, help="random free stances")
     parser.add_argument("--free", type=int, default=300, help="random free steps, sampled")
