@@ -19,7 +19,7 @@ import numpy as np
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.limb_masks import packed, unpacked
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.first_walk import masks_along
+from mlivr_gym.planners.first_walk import At, masks_along
 from mlivr_gym.planners.known_steps import KnownSteps
 from mlivr_gym.planners.node_bounds import Bounds, NodeBounds
 from mlivr_gym.planners.node_costs import LEAST
@@ -59,8 +59,6 @@ ROUNDS = FIRST, SOON, Manner(1.1, 8), Manner(1.0, ROOM, bounds=True), Manner(1.0
 
 SAME = 1e-9
 """A walk whose cost is less by no more than this share is no better."""
-
-At = tuple[State, Postures]
 
 
 class NodeSearch:
