@@ -47,6 +47,7 @@ class PlainSolver(PostureSolver):
             w_b=np.ones(count),
             branch=np.zeros((count, 2), dtype=np.int64),
             mask=np.full((count, 2), ALL, dtype=np.int64),
+            tried=np.full(count, -1),
             cause=np.zeros(count, dtype=np.int64),
         )
 

@@ -43,6 +43,13 @@ HALF_TURN = 1e-6
 LEANING = (0.2673, 0.5345, 0.8018)
 """A direction across no symmetry of a module."""
 
+SAME_PLACE = 1e-6
+"""Coordinates of two base positions that differ by less count as equal [m].
+
+Many postures of a regular map are mirror images, whose coordinates are equal but for rounding: what
+rounding leaves must not decide which way the base turns.
+"""
+
 CLOSEST_PIVOT = 1e-3
 """An arc whose pivot lies nearer to one of its ends than this is not taken [m]."""
 
@@ -114,8 +121,9 @@ def _half_turn_axis(first: Pose, last: Pose, axis: Triple) -> Triple:
     in_world = minus(out_of(first, axis), vector(first.position))
     sense = 1.0 if dot(in_world, LEANING) > 0.0 else -1.0
     for k in range(3):
-        if first.position[k] != last.position[k]:
-            sense *= 1.0 if first.position[k] < last.position[k] else -1.0
+        ahead = last.position[k] - first.position[k]
+        if abs(ahead) > SAME_PLACE:
+            sense *= 1.0 if ahead > 0.0 else -1.0
             break
     return sense * axis[0], sense * axis[1], sense * axis[2]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.kinematics.batches import dots, mean_of_limbs, unit
 from mlivr_gym.postures.rule import TIE
 
 OPPOSED = 0.2
@@ -31,35 +32,53 @@ def base_frames(
     """
     count = grasps.shape[1]
     line = grasps[:, 0].copy()
-    degenerate = (line**2).sum(axis=1) < 1e-12
+    degenerate = dots(line, line) < 1e-12
     line[degenerate] = rails[degenerate]
-    line /= np.linalg.norm(line, axis=1, keepdims=True)
-    out = normals.mean(axis=1)
+    line = unit(line)
+    out = mean_of_limbs(normals)
     if count == 2:
         out = _across(out, line)
-    opposed = (out**2).sum(axis=1) < OPPOSED**2
+    opposed = dots(out, out) < OPPOSED**2
     sides = np.cross(normals[:, 0], rails)
     around = _across(rails, line)
-    along_rail = (around**2).sum(axis=1) < 1e-6
+    along_rail = dots(around, around) < 1e-6
     around[along_rail] = _across(sides, line)[along_rail]
     out[opposed] = around[opposed]
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    out = unit(out)
     e1 = _across(rails, out)
-    upright = (e1**2).sum(axis=1) < 1e-6
+    upright = dots(e1, e1) < 1e-6
     e1[upright] = _across(sides, out)[upright]
-    e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
+    e1 = unit(e1)
     e2 = np.cross(out, e1)
-    mounts = np.exp(-2j * np.pi * np.arange(count) / count)
-    grasp = np.einsum("kni,ki->kn", grasps, e1) + 1j * np.einsum("kni,ki->kn", grasps, e2)
-    fit, mirrored = grasp @ mounts, grasp.conj() @ mounts
-    other = np.abs(mirrored) > np.abs(fit) * (1.0 + TIE) + TIE
-    yaw = np.angle(np.where(other, mirrored.conj(), fit))[:, None]
-    x = np.cos(yaw) * e1 + np.sin(yaw) * e2
+    (cosine, sine), other = _best_yaw(grasps, e1, e2)
+    x = cosine[:, None] * e1 + sine[:, None] * e2
     z = np.where(other[:, None], -out, out)
     return np.stack([x, np.cross(z, x), z], axis=2), out, line, opposed
 
 
+def _best_yaw(grasps: Array, e1: Array, e2: Array) -> tuple[tuple[Array, Array], BoolArray]:
+    """The Procrustes fit of the mounts' azimuths to the grasps, seen in axes across the body's z.
+
+    Returns:
+        Cosine and sine of the yaw, each (k,), and whether the order of the mounts fits better the
+        other way round, shape (k,).
+    """
+    limbs = grasps.shape[1]
+    angles = 2.0 * np.pi * np.arange(limbs) / limbs
+    fit, mirrored = np.zeros((2, len(grasps))), np.zeros((2, len(grasps)))
+    for limb, (c, s) in enumerate(zip(np.cos(angles), np.sin(angles), strict=True)):
+        u, v = dots(grasps[:, limb], e1), dots(grasps[:, limb], e2)
+        fit += u * c + v * s, v * c - u * s
+        mirrored += u * c - v * s, v * c + u * s
+    size, other_size = (np.sqrt(a * a + b * b) for a, b in (fit, mirrored))
+    other = other_size > size * (1.0 + TIE) + TIE
+    chosen, length = np.where(other, mirrored, fit), np.where(other, other_size, size)
+    none = length == 0.0
+    length[none], chosen[0, none] = 1.0, 1.0
+    return (chosen[0] / length, chosen[1] / length), other
+
+
 def _across(vectors: Array, axes: Array) -> Array:
     """Parts of `vectors` at right angles to the unit `axes`, both (k, 3)."""
-    across: Array = vectors - axes * (vectors * axes).sum(axis=1, keepdims=True)
+    across: Array = vectors - axes * dots(vectors, axes)[:, None]
     return across

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.kinematics.batches import chain, mean_of_limbs, rotate, unit
 from mlivr_gym.world.grasp_map import GraspMap
 
 RESOLUTION = 1e-7
@@ -43,11 +44,11 @@ def relative_geometries(
     """
     positions, rotations = grasp_map.positions, grasp_map.rotations
     first = stances[:, :1]
-    frames = rotations[stances[:, 0]]
-    moved = np.einsum("kij,kni->knj", frames, positions[stances[:, 1:]] - positions[first])
-    normals = np.einsum("kij,kni->knj", frames, rotations[stances[:, 1:], :, 2])
-    rails = np.einsum("kij,kni->knj", frames, rotations[stances[:, 1:], :, 0])
-    rows = np.rint(np.concatenate([moved, normals, rails], axis=2) / RESOLUTION).astype(np.int64)
+    into_first = np.swapaxes(rotations[stances[:, :1]], 2, 3)
+    others = stances[:, 1:]
+    seen = positions[others] - positions[first], rotations[others, :, 2], rotations[others, :, 0]
+    parts = [rotate(into_first, part) for part in seen]
+    rows = np.rint(np.concatenate(parts, axis=2) / RESOLUTION).astype(np.int64)
     rows = np.ascontiguousarray(rows.reshape(len(stances), 9 * (stances.shape[1] - 1)))
     rng = np.random.default_rng(0)
     mix = rng.integers(1, 2**62, rows.shape[1], dtype=np.int64) | 1
@@ -75,7 +76,21 @@ def grasps_of_geometries(rows: IntArray, count: int) -> tuple[Grasps, Array]:
     normals, rails = np.zeros((k, count, 3)), np.zeros((k, count, 3))
     normals[:, 0, 2] = rails[:, 0, 0] = 1.0
     grasps[:, 1:] = blocks[:, :, :3]
-    normals[:, 1:] = blocks[:, :, 3:6] / np.linalg.norm(blocks[:, :, 3:6], axis=2, keepdims=True)
-    rails[:, 1:] = blocks[:, :, 6:] / np.linalg.norm(blocks[:, :, 6:], axis=2, keepdims=True)
-    centroid = grasps.mean(axis=1, keepdims=True)
-    return Grasps(grasps - centroid, normals, rails, np.zeros((k, 3))), centroid[:, 0]
+    normals[:, 1:], rails[:, 1:] = unit(blocks[:, :, 3:6]), unit(blocks[:, :, 6:])
+    centroid = mean_of_limbs(grasps)
+    return Grasps(grasps - centroid[:, None], normals, rails, np.zeros((k, 3))), centroid
+
+
+def in_world(
+    grasp_map: GraspMap, first: IntArray, positions: Array, rotations: Array
+) -> tuple[Array, Array]:
+    """Base poses in the world, from what they are in the frames of first grasps.
+
+    Args:
+        grasp_map: The map.
+        first: The first point of each stance, shape (k,).
+        positions: Base positions in the frames of those grasps [m], shape (k, 3).
+        rotations: Base rotations there, shape (k, 3, 3).
+    """
+    frames = grasp_map.rotations[first]
+    return grasp_map.positions[first] + rotate(frames, positions), chain(frames, rotations)

@@ -24,6 +24,8 @@ class Postures:
         w_b: Base manipulability, shape (k,).
         branch: Branch of each limb that gives the margin, shape (k, N).
         mask: Branches and flips each limb may hold on, 16-bit masks, shape (k, N).
+        tried: Which of the base poses tried it is, see `tried_poses`; -1 for one that was given and
+            where there is none, shape (k,).
         cause: What the best posture touches where that alone keeps the stance from being held,
             shape (k,); one of the causes in `distances`.
     """
@@ -34,6 +36,7 @@ class Postures:
     w_b: Array
     branch: IntArray
     mask: IntArray
+    tried: IntArray
     cause: IntArray
 
     @property
@@ -62,6 +65,7 @@ class Postures:
             self.w_b,
             turned(self.branch, turns),
             turned(self.mask, turns),
+            self.tried,
             self.cause,
         )
 
@@ -82,6 +86,7 @@ class PostureTable:
             ((), float),
             ((limbs,), np.int64),
             ((limbs,), np.int64),
+            ((), np.int64),
             ((), np.int64),
         ]
         self._arrays: list[NDArray[Any]] = [

@@ -143,6 +143,8 @@ class Posture(Record):
 
     base: Pose
     """The base, in the frame of the stance's grasps."""
+    tried: int
+    """Which of the base poses tried it is; -1 for none."""
     w_m: Annotated[Array, (MOST_LIMBS,)]
     """Limb manipulability; 0 where the stance cannot be held."""
     w_b: float

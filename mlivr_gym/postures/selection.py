@@ -201,7 +201,7 @@ def set_poses(stances: Any, rules: Any, numbers: IntArray, out: Any) -> None:
 
     Args:
         stances: Rows of `HeldStance`, shape (k,).
-        rules: Rows of `PostureRule`, the first of which tells what is tried.
+        rules: A row of `PostureRule`, which tells what is tried.
         numbers: Which of those of the stance, shape (k,); what is none is passed over.
         out: Rows of `Pose`, shape (k,), filled.
     """
@@ -220,7 +220,7 @@ def _take(
 ) -> bool:
     """Make base pose `chosen` the posture; whether it meets the thresholds. -1: there is none."""
     node = chosen >= 0 and w_b >= rule.thresholds.w_b
-    out.w_b = w_b
+    out.w_b, out.tried = w_b, chosen
     for i in range(robot.limb_count):
         out.w_m[i] = 0.0
         if chosen >= 0:

@@ -45,7 +45,12 @@ from mlivr_gym.collisions.queries import (
 )
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.grasps import grasp_rows
-from mlivr_gym.postures.geometries import Grasps, grasps_of_geometries, relative_geometries
+from mlivr_gym.postures.geometries import (
+    Grasps,
+    grasps_of_geometries,
+    in_world,
+    relative_geometries,
+)
 from mlivr_gym.postures.in_reach import ReachRoom, orders_of, reach_queries, sets_in_reach
 from mlivr_gym.postures.postures import FIELDS, Postures, PostureTable
 from mlivr_gym.postures.records import (
@@ -57,7 +62,7 @@ from mlivr_gym.postures.records import (
 )
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_postures
-from mlivr_gym.postures.tried_poses import Candidates, held_in_world
+from mlivr_gym.postures.tried_poses import Candidates, bases_of, held_in_world, rounded_in_world
 from mlivr_gym.postures.turns import first_limbs, turned, turned_frames
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
@@ -169,13 +174,9 @@ class PostureSolver:
         if new:
             self._solve_new(rows[np.array(new)], nodes_only)
         local = self._solved.take(where[inverse])
-        frames = self.grasp_map.rotations[stances[:, 0]]
-        postures = replace(
-            local,
-            base_position=self.grasp_map.positions[stances[:, 0]]
-            + np.einsum("kij,kj->ki", frames, local.base_position),
-            base_rotation=frames @ local.base_rotation,
-        )
+        first = np.ascontiguousarray(stances[:, 0])
+        bases = in_world(self.grasp_map, first, local.base_position, local.base_rotation)
+        postures = replace(local, base_position=bases[0], base_rotation=bases[1])
         if self.settings.collisions:
             self._avoid_boxes(stances, postures)
         return postures
@@ -194,14 +195,16 @@ class PostureSolver:
         again = nodes[postures.cause[nodes] > 0]
         if not len(again):
             return
-        held = held_in_world(self.grasp_map, stances[again])
-        centres = held.centres
+        held = rounded_in_world(self.grasp_map, stances[again])
         new = self._solve_in_place(held, self.boxes, avoid=True)
         better = np.all(new.mask > 0, axis=1)
         postures.mask[again] = 0
+        again, new = again[better], new.take(better)
+        # Equal but for rounding: a base pose has the same figures wherever it is worked out.
+        bases = bases_of(self.grasp_map, self.robot, stances[again], new.tried)
+        new = replace(new, base_position=bases[0], base_rotation=bases[1])
         for name in FIELDS:
-            getattr(postures, name)[again[better]] = getattr(new, name)[better]
-        postures.base_position[again[better]] += centres[better]
+            getattr(postures, name)[again] = getattr(new, name)
 
     def _solve_new(self, rows: IntArray, nodes_only: bool) -> None:
         grasps, centroid = grasps_of_geometries(rows, self.robot.limbs)
@@ -254,7 +257,7 @@ class PostureSolver:
             avoid=collisions,
             collisions=collisions,
         )
-        out.base_position[:], out.base_rotation[:] = positions, rotations
+        out.base_position[:], out.base_rotation[:], out.tried[:] = positions, rotations, -1
         if collisions:
             out.mask[self.point_cause[stances].any(axis=1)] = 0
         return out
@@ -355,5 +358,6 @@ class PostureSolver:
             out["w_b"].copy(),
             out["branch"][:, :count].copy(),
             out["mask"][:, :count].copy(),
+            out["tried"].copy(),
             out["cause"].copy(),
         )

@@ -11,13 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.kinematics.batches import mean_of_limbs, rotate
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.postures.base_frames import base_frames
-from mlivr_gym.postures.geometries import Grasps, grasps_of_geometries, relative_geometries
+from mlivr_gym.postures.geometries import (
+    Grasps,
+    grasps_of_geometries,
+    in_world,
+    relative_geometries,
+)
 from mlivr_gym.postures.records import HeldStance, PostureRule, list_tries
 from mlivr_gym.postures.selection import set_poses
 from mlivr_gym.postures.turns import first_limbs, turned, turned_frames
-from mlivr_gym.robot.specification import MOST_POSES, RobotSpec, geometric_order
+from mlivr_gym.robot.specification import RobotSpec, geometric_order
 from mlivr_gym.world.grasp_map import GraspMap
 
 OPPOSED_HEIGHTS = (0.15, 0.25, 0.35, 0.45)
@@ -25,15 +31,6 @@ OPPOSED_HEIGHTS = (0.15, 0.25, 0.35, 0.45)
 
 OPPOSED_ROLLS = 12
 """Rolls over the full circle tried there."""
-
-IN_PLACE = MOST_POSES * MOST_POSES
-"""What is added to the number of a base pose that was found among the surroundings."""
-
-SAME = 1e-12
-"""Base poses that differ by less are equal [m, and in axes]."""
-
-NO_POSE = 4 * IN_PLACE - 1
-"""Number of what is none of those tried."""
 
 
 class Candidates(NamedTuple):
@@ -76,7 +73,8 @@ class Candidates(NamedTuple):
 
     def poses(self, numbers: IntArray) -> Any:
         """One base pose of each stance, from the centroid of its grasps: rows of `Pose`, (k,)."""
-        stances, rules, out = (row.rows(len(numbers)) for row in (HeldStance, PostureRule, Pose))
+        count, rules = len(numbers), PostureRule.rows(1)
+        stances, out = HeldStance.rows(count), Pose.rows(count)
         self.write(stances, rules)
         set_poses(stances, rules, numbers, out)
         return out
@@ -85,8 +83,29 @@ class Candidates(NamedTuple):
 def held_in_world(grasp_map: GraspMap, stances: IntArray) -> Grasps:
     """Grasps of stances about their centroids, in the axes of the world."""
     points, rotations = grasp_map.positions[stances], grasp_map.rotations[stances]
-    centres = points.mean(axis=1)
+    centres = mean_of_limbs(points)
     return Grasps(points - centres[:, None], rotations[..., 2], rotations[..., 0], centres)
+
+
+def rounded_in_world(grasp_map: GraspMap, stances: IntArray) -> Grasps:
+    """As `held_in_world`, but on the rounded figures of the relative geometry."""
+    rows, inverse = relative_geometries(grasp_map, stances)
+    held, centroids = grasps_of_geometries(rows[inverse], stances.shape[1])
+    first = stances[:, 0]
+    frames = grasp_map.rotations[first]
+    grasps, normals, rails = (rotate(frames[:, None], part) for part in held[:3])
+    return Grasps(grasps, normals, rails, grasp_map.positions[first] + rotate(frames, centroids))
+
+
+def bases_of(
+    grasp_map: GraspMap, robot: RobotSpec, stances: IntArray, numbers: IntArray
+) -> tuple[Array, Array]:
+    """Base poses by their numbers of stances with whose limb 0 the rule begins, see `bases_at`."""
+    rows, inverse = relative_geometries(grasp_map, stances)
+    held, centroids = grasps_of_geometries(rows[inverse], robot.limbs)
+    found = Candidates.of(robot, held).poses(numbers)
+    local = found["position"] + centroids
+    return in_world(grasp_map, stances[:, 0], local, found["rotation"])
 
 
 def bases_at(
@@ -94,56 +113,17 @@ def bases_at(
 ) -> tuple[Array, Array]:
     """Base poses of stances in the world, by their numbers.
 
+    They are those of `Postures` to the last bit.
+
     Args:
         grasp_map: The map.
         robot: The robot.
         stances: Point indices, shape (k, N).
-        numbers: Which of those tried, `IN_PLACE` more if found among the surroundings, shape (k,).
+        numbers: Which of those tried, shape (k,).
 
     Returns:
         Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3).
     """
     turns = first_limbs(grasp_map, stances)
-    points, in_place = turned(stances, turns), numbers >= IN_PLACE
-    positions, rotations = np.empty((len(points), 3)), np.empty((len(points), 3, 3))
-    here = np.flatnonzero(in_place)
-    if len(here):
-        held = held_in_world(grasp_map, points[here])
-        found = Candidates.of(robot, held).poses(numbers[here] - IN_PLACE)
-        positions[here] = found["position"] + held.centres
-        rotations[here] = found["rotation"]
-    there = np.flatnonzero(~in_place)
-    if len(there):
-        rows, inverse = relative_geometries(grasp_map, points[there])
-        held, centroids = grasps_of_geometries(rows[inverse], robot.limbs)
-        found = Candidates.of(robot, held).poses(numbers[there])
-        first = points[there, 0]
-        frames, local = grasp_map.rotations[first], found["position"] + centroids
-        positions[there] = grasp_map.positions[first] + np.einsum("kij,kj->ki", frames, local)
-        rotations[there] = frames @ found["rotation"]
+    positions, rotations = bases_of(grasp_map, robot, turned(stances, turns), numbers)
     return positions, turned_frames(rotations, -turns, robot.limbs)
-
-
-def numbers_of(
-    grasp_map: GraspMap, robot: RobotSpec, stances: IntArray, positions: Array, rotations: Array
-) -> IntArray:
-    """Numbers of base poses in the world, shape (k,); `NO_POSE` for what is none of those tried.
-
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        stances: Point indices, shape (k, N).
-        positions: Base positions [m], shape (k, 3).
-        rotations: Base rotations, shape (k, 3, 3).
-    """
-    numbers: IntArray = np.full(len(stances), NO_POSE, dtype=np.int64)
-    most = Candidates.of(robot, held_in_world(grasp_map, stances[:0])).most
-    for number in (*range(most), *range(IN_PLACE, IN_PLACE + most)):
-        rest = np.flatnonzero(numbers == NO_POSE)
-        if not len(rest):
-            break
-        tried = bases_at(grasp_map, robot, stances[rest], np.full(len(rest), number))
-        same = np.abs(tried[0] - positions[rest]).max(axis=1) < SAME
-        same &= np.abs(tried[1] - rotations[rest]).max(axis=(1, 2)) < SAME
-        numbers[rest[same]] = number
-    return numbers

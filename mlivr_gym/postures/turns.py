@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.kinematics.batches import chain
 from mlivr_gym.postures.geometries import RESOLUTION
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -43,8 +44,7 @@ def turned_frames(rotations: Array, turns: IntArray, limbs: int) -> Array:
     yaw[:, 0, 0] = yaw[:, 1, 1] = np.cos(angles)
     yaw[:, 1, 0], yaw[:, 0, 1] = np.sin(angles), -np.sin(angles)
     yaw[:, 2, 2] = 1.0
-    frames: Array = rotations @ yaw[turns % limbs]
-    return frames
+    return chain(rotations, yaw[turns % limbs])
 
 
 def lowest_first(stances: IntArray) -> IntArray:

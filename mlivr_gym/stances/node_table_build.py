@@ -12,7 +12,6 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import workers
 from mlivr_gym.compiled.limb_masks import packed
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.tried_poses import numbers_of
 from mlivr_gym.postures.turns import same_after_turns, turned, turned_frames
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
@@ -97,10 +96,9 @@ def _nodes(worker: int, world: World, sets: NDArray[np.uint16]) -> tuple[Any, ..
         stances, postures = stances[nodes], postures.take(nodes)
         released = graph.all_released(stances, postures)
         base, rotation = postures.base_position, postures.base_rotation
-        tried = numbers_of(graph.grasp_map, graph.robot, stances, base, rotation)
         folds = released["folds"].astype(np.int64)
         branches = released["branches"].astype(np.int64)
-        found.append((stances, base, postures.mask, branches, folds, tried, rotation))
+        found.append((stances, base, postures.mask, branches, folds, postures.tried, rotation))
         tell(worker, min((at + each) / len(sets), 1.0))
     return tuple(map(np.concatenate, zip(*found, strict=True)))
 
@@ -138,7 +136,7 @@ def _kept(
     frames, none = turned_frames(rotation[rows], turns, limbs), np.zeros_like(points)
     postures = Postures(
         nodes.base_position[rows], frames, none.astype(float), none[:, 0].astype(float), none,
-        masks, none[:, 0],
+        masks, none[:, 0], none[:, 0],
     )  # fmt: skip
     stances, world = graph.checks.stances(points, postures), graph.checks.world(None)
     for name, values in (("branches", nodes.released), ("folds", nodes.folds)):

@@ -66,6 +66,7 @@ class PairGraph(StanceGraph):
         w_m: Limb manipulability, shape (n, 2).
         w_b: Base manipulability, shape (n,).
         mask: Branches and flips each limb may hold on, shape (n, 2).
+        tried: Which of the base poses tried each has, see `tried_poses`, shape (n,).
         rows: Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n).
         row_start: Where the row of each point begins in `rows`, shape (2, m + 1).
         considered: Ordered pairs of points that were tried.
@@ -100,7 +101,7 @@ class PairGraph(StanceGraph):
         chosen = postures.take(node)
         self.base_in_world, self.base_axes_in_world = chosen.base_position, chosen.base_rotation
         self.w_m, self.w_b = chosen.w_m, chosen.w_b
-        self.branch, self.mask = chosen.branch, chosen.mask
+        self.branch, self.mask, self.tried = chosen.branch, chosen.mask, chosen.tried
         m = len(grasp_map)
         rows = rows_of(self.points, m)
         self.rows, self.row_start, self.degree, self.offset, self.local = rows
@@ -229,6 +230,7 @@ class PairGraph(StanceGraph):
             self.w_b[chosen],
             self.branch[chosen],
             self.mask[chosen],
+            self.tried[chosen],
             np.zeros(len(position), dtype=np.int64),
         )
 

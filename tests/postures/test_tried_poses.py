@@ -6,45 +6,49 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Settings, stance_graph
-from mlivr_gym.postures.tried_poses import IN_PLACE, NO_POSE, bases_at, numbers_of
+from mlivr_gym.postures.tried_poses import bases_at
 from mlivr_gym.stances.random_states import random_state
 
 
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
-def test_a_number_tells_the_base_pose_of_a_node_as_it_was(jem, robot):
-    graph, rng = stance_graph(jem, robot, Settings()), np.random.default_rng(4)
-    stances = np.array([random_state(graph, rng).stance for _ in range(60)])
+@pytest.mark.parametrize("moved", [0.0, 4e-8])
+def test_a_number_tells_the_base_pose_of_a_node_to_the_last_bit(jem, robot, moved):
+    """With points moved by less than the rounded figures tell, too."""
+    rng = np.random.default_rng(4)
+    away = rng.uniform(-moved, moved, jem.positions.shape)
+    graph = stance_graph(replace(jem, positions=jem.positions + away), robot, Settings())
+    stances = np.array([random_state(graph, rng).stance for _ in range(80)])
     postures = graph.nodes(stances)
-    where = postures.base_position, postures.base_rotation
-    numbers = numbers_of(jem, graph.robot, stances, *where)
-    assert NO_POSE not in numbers
-    assert len(set(numbers.tolist())) > 3
-    for found, expected in zip(bases_at(jem, graph.robot, stances, numbers), where, strict=True):
-        np.testing.assert_allclose(found, expected, atol=1e-12, rtol=0)
-    for stance, number, position in zip(stances.tolist(), numbers.tolist(), where[0], strict=True):
+    assert len(set(postures.tried.tolist())) > 3
+    position, rotation = bases_at(graph.grasp_map, graph.robot, stances, postures.tried)
+    np.testing.assert_array_equal(position, postures.base_position)
+    np.testing.assert_array_equal(rotation, postures.base_rotation)
+    for stance, number, base in zip(
+        stances.tolist(), postures.tried.tolist(), postures.base_position, strict=True
+    ):
         tried, _ = graph.solver.poses_tried(stance)
-        apart = np.linalg.norm(tried - position, axis=1)
+        apart = np.linalg.norm(tried - base, axis=1)
         # Heights run fastest in numbers, rolls in the list of the solver.
-        rolls = len(graph.robot.rolls)
-        place = number % IN_PLACE
-        if len(tried) == rolls * len(graph.robot.heights):
-            heights = len(graph.robot.heights)
-            assert apart[place % heights * rolls + place // heights] < 1e-6
+        rolls, heights = len(graph.robot.rolls), len(graph.robot.heights)
+        if len(tried) == rolls * heights:
+            assert apart[number % heights * rolls + number // heights] < 1e-6
         assert apart.min() < 1e-6
 
 
-def test_poses_found_among_boxes_are_counted_apart(jem):
-    """They do not rest on rounded figures: points are moved here by less than those tell."""
-    rng = np.random.default_rng(0)
-    moved = replace(jem, positions=jem.positions + rng.uniform(-4e-8, 4e-8, jem.positions.shape))
-    graph = stance_graph(moved, "mlivr4")
-    stances = np.array([random_state(graph, rng).stance for _ in range(120)])
-    postures = graph.nodes(stances)
-    where = postures.base_position, postures.base_rotation
-    numbers = numbers_of(moved, graph.robot, stances, *where)
-    assert NO_POSE not in numbers
-    assert 0 < (numbers >= IN_PLACE).sum() < len(numbers)
-    for found, expected in zip(bases_at(moved, graph.robot, stances, numbers), where, strict=True):
-        np.testing.assert_allclose(found, expected, atol=1e-12, rtol=0)
-    off = where[0] + 1e-3
-    assert (numbers_of(moved, graph.robot, stances, off, where[1]) == NO_POSE).all()
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
+def test_postures_do_not_depend_on_what_they_are_worked_out_with(jem, robot):
+    graph, rng = stance_graph(jem, robot), np.random.default_rng(7)
+    stances = np.array([random_state(graph, rng).stance for _ in range(60)])
+    others = stance_graph(jem, robot).solver
+    whole = graph.solver.solve(stances)
+    for k in range(len(stances)):
+        alone = others.solve(stances[k : k + 1])
+        for name in ("base_position", "base_rotation", "w_m", "w_b", "mask", "tried"):
+            np.testing.assert_array_equal(getattr(alone, name)[0], getattr(whole, name)[k])
+
+
+def test_a_pose_that_is_given_has_no_number(jem):
+    graph = stance_graph(jem)
+    posture = graph.node_postures(slice(0, 1))
+    found = graph.solver.at(graph.points[:1], posture.base_position, posture.base_rotation)
+    assert found.tried.tolist() == [-1]

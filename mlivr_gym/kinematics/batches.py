@@ -1,0 +1,49 @@
+"""Products of many vectors and rotations, equal to the last bit whatever the number of rows.
+
+NumPy's products of matrices and its sums along an axis add in an order that depends on the shape
+and the layout of the whole array, so the last bit of a row depends on what it is worked out
+together with. A step that is legal by a hair would then be legal or not by what was asked before.
+Here each number is a sum of products taken in one written order.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+
+
+def dots(a: Array, b: Array) -> Array:
+    """Scalar products, shapes (..., 3) -> (...)."""
+    products: Array = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    return products
+
+
+def unit(vectors: Any) -> Array:
+    """Vectors scaled to length 1, shape (..., 3)."""
+    scaled: Array = vectors / np.sqrt(dots(vectors, vectors))[..., None]
+    return scaled
+
+
+def rotate(rotations: Array, vectors: Array) -> Array:
+    """Vectors turned by rotations, shapes (..., 3, 3) and (..., 3) -> (..., 3)."""
+    x, y, z = (vectors[..., k, None] for k in range(3))
+    turned: Array = rotations[..., 0] * x + rotations[..., 1] * y + rotations[..., 2] * z
+    return turned
+
+
+def chain(outer: Array, inner: Array) -> Array:
+    """Rotations one after the other, the inner ones first, shapes (..., 3, 3)."""
+    columns: Array = np.stack([rotate(outer, inner[..., k]) for k in range(3)], axis=-1)
+    return columns
+
+
+def mean_of_limbs(values: Array) -> Array:
+    """Mean over the limbs, shape (k, N, 3) -> (k, 3)."""
+    total = values[:, 0]
+    for limb in range(1, values.shape[1]):
+        total = total + values[:, limb]
+    mean: Array = total / values.shape[1]
+    return mean
