@@ -25,19 +25,13 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import choice
+from mlivr_gym.kinematics.batches import distance, distances
 from mlivr_gym.planners.walks import Walk
 from mlivr_gym.stances.moves import Moves
 from mlivr_gym.transitions.state import State, Successors
 
 CORRIDORS = (0.3, 0.6, 1.2)
 """Half widths of the corridor that `two_level` tries one after the other [m]."""
-
-
-def _far(steps: Successors, goal: Array) -> Array:
-    """Distances of the bases after some steps from the goal [m], shape (k,)."""
-    away = steps.base_in_world - goal
-    distances: Array = np.sqrt(np.einsum("ij,ij->i", away, away))
-    return distances
 
 
 class _Task:
@@ -55,7 +49,7 @@ class _Task:
         return self.moves.successors(state)
 
     def distance(self, state: State) -> float:
-        return math.dist(self.moves.place(state).base_in_world, self.goal)
+        return distance(self.moves.place(state).base_in_world, self.goal)
 
     def done(self, state: State) -> bool:
         return self.distance(state) <= self.tolerance
@@ -80,7 +74,7 @@ def local_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     states, seen = [task.start], {task.start.stance}
     while not task.done(states[-1]) and len(states) <= task.longest:
         steps = task.steps(states[-1])
-        for k in np.argsort(_far(steps, task.goal), kind="stable"):
+        for k in np.argsort(distances(steps.base_in_world, task.goal), kind="stable"):
             after = steps.after(states[-1], int(k))
             if after.stance not in seen:
                 states.append(after)
@@ -99,7 +93,9 @@ class _Node:
     def __init__(self, task: _Task, state: State) -> None:
         self.state = state
         self.steps = task.steps(state)
-        self.order = np.argsort(_far(self.steps, task.goal), kind="stable").tolist()
+        self.order = np.argsort(
+            distances(self.steps.base_in_world, task.goal), kind="stable"
+        ).tolist()
         self.children: list[_Node] = []
         self.visits, self.total = 0, 0.0
 
@@ -151,7 +147,7 @@ def _simulate(
         steps = node.steps if state == node.state else task.steps(state)
         if not len(steps.limb):
             break
-        far = _far(steps, task.goal)
+        far = distances(steps.base_in_world, task.goal)
         k = int(np.argmin(far + 0.1 * rng.random(len(far))))
         state = steps.after(state, k)
         if state.stance in seen:
@@ -184,6 +180,7 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
             if depth[here] >= task.longest:
                 continue
             steps = task.steps(states[here])
+            far = distances(steps.base_in_world, task.goal)
             along = (steps.base_in_world - origin) @ direction
             aside = np.linalg.norm(
                 steps.base_in_world - origin - np.clip(along, 0.0, length)[:, None] * direction,
@@ -196,7 +193,7 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
                     states.append(after)
                     parents.append(here)
                     depth.append(depth[here] + 1)
-                    heapq.heappush(queue, (float(_far(steps, task.goal)[k]), len(states) - 1))
+                    heapq.heappush(queue, (float(far[k]), len(states) - 1))
     return task.walk([task.start])
 
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.planners.cost_to_go import backward
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.pair_search import weights_of
@@ -52,7 +53,7 @@ class Estimates:
         """The region of a goal; kept."""
         graph, key = self.graph, goal.key[:-1]
         if key not in self._regions:
-            distance = _distances(graph.base_in_world, goal.target)
+            distance = distances(graph.base_in_world, goal.target)
             reached = (distance <= goal.tolerance) & goal.held(graph.points)
             parts = frozenset(graph.components[1][reached].tolist())
             self._regions[key] = Region(distance, reached, parts)
@@ -74,7 +75,7 @@ class Estimates:
         region = self.region(goal)
         if cost.base_weight == 0.0 or start < 0:
             return self.keep(goal, self._counted(unchecked(graph, region.goal, cost)))
-        away = _distances(graph.base_in_world, graph.base_in_world[start])
+        away = distances(graph.base_in_world, graph.base_in_world[start])
         toward = cost.heuristic("consistent", away, 0.0, graph.max_step)
         table = self._counted(unchecked(graph, region.goal, cost, start, toward))
         # Stances that the backward search did not reach cost at least what it had got to.
@@ -116,7 +117,7 @@ class Estimates:
                 there is worked out.
         """
         graph, n, cost = self.graph, len(self.graph), goal.cost
-        away = _distances(graph.base_in_world, origin)
+        away = distances(graph.base_in_world, origin)
         if start < 0:
             toward = cost.base_weight * away
         elif learnt and cost.base_weight:
@@ -151,11 +152,3 @@ def unchecked(
         steps_to_goal(goal, graph.steps, table, opened, np.empty(n, dtype=np.int64))
         return table * cost.step_weight
     return distance_to_goal(graph, goal, weights_of(cost), start, toward)
-
-
-def _distances(positions: Array, point: Array) -> Array:
-    """Distances of positions, shape (n, 3), from a point [m]."""
-    away = positions - point
-    # Quicker than `np.linalg.norm` over an axis.
-    distances: Array = np.sqrt(np.einsum("ij,ij->i", away, away))
-    return distances

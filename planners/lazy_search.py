@@ -87,7 +87,7 @@ class _LazySearch:
     """A search in progress: its queues, and what was expanded."""
 
     def __init__(self, graph: LazyGraph, start: State, search: Search) -> None:
-        self.graph, self.search, self.began = graph, search, time.perf_counter()
+        self.graph, self.search, self.began = graph, search, search.began
         self.start, self.goal, self.cost = start, search.goal, search.goal.cost
         self.max_step = graph.max_step
         self.found, self.turn, self.least, self.begun, self.over = Found(), 0, 0.0, False, False
@@ -131,7 +131,7 @@ class _LazySearch:
         if self.start.pose is None:  # from another pose limbs may reach farther
             away = self.goal.distance(posture.base_position[0])
             self.least = float(self.search.estimate(away, self.max_step))
-        for walk in nodes.walks(self.began + self.search.time_limit):
+        for walk in nodes.walks(self.search.until):
             self.least = max(self.least, nodes.low)
             self._take(walk)
             if not self._goes_on():
@@ -211,7 +211,7 @@ class _LazySearch:
             return False
         if found.goal >= 0 and self._bound() <= search.inflation:
             return False
-        late = time.perf_counter() - self.began > search.time_limit
+        late = time.perf_counter() > search.until
         if found.states and (late or len(found.states) >= search.limit):
             found.status = LIMIT
             return False

@@ -269,7 +269,12 @@ class Planner:
         reason = "limit reached" if path.status == LIMIT else "search exhausted"
         start, goal = self.graph.ids(first.stance), search.goal.target.tolist()
         told = f" after {path.expanded} expansions, no path from {start} to {goal}"
-        if path.generated <= 1:
+        if reason == "limit reached" and not path.expanded:
+            told = (
+                f": {search.time_limit:g} s were over before all was worked out that is worked out "
+                "once for a robot on a map; that goes on, so ask again"
+            )
+        elif path.generated <= 1:
             told = f": no step leaves the start {start} on the branches that the limbs may be on"
         return _no_plan(reason, f"{reason}{told}", clock, path)
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -121,6 +122,7 @@ class Search:
         limit: Most expansions.
         progress: Called with the number of expansions now and then.
         time_limit: Longest that a plan is looked for and improved [s].
+        began: When it was asked, as `time.perf_counter` counts [s].
         guided: Whether a first plan is looked for by promise, see `lazy_search`.
     """
 
@@ -132,6 +134,7 @@ class Search:
     progress: Callable[[int], None] | None = None
     time_limit: float = math.inf
     guided: bool = False
+    began: float = field(default_factory=time.perf_counter)
 
     @classmethod
     def checked(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> Search:
@@ -179,6 +182,11 @@ class Search:
         if not (tables or plain) and (method == "greedy" or heuristic == "paper"):
             inflation = math.inf
         return cls(goal, method, heuristic, inflation, limit, options.progress, seconds, guided)
+
+    @property
+    def until(self) -> float:
+        """When its time is over, as `time.perf_counter` counts [s]."""
+        return self.began + self.time_limit
 
     @property
     def g_weight(self) -> float:

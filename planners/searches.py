@@ -11,6 +11,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.algorithm1 import algorithm1
+from mlivr_gym.planners.building import finished
 from mlivr_gym.planners.estimates import Estimates
 from mlivr_gym.planners.found import Improvement
 from mlivr_gym.planners.lazy_search import lazy_search
@@ -32,6 +33,7 @@ from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_files import node_table
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.stance_sets import key_of
 from mlivr_gym.transitions.state import State
 
 PATIENCE, SHARE = 40, 1 / 200
@@ -210,9 +212,21 @@ class LazySearcher:
         self.graph, self.work_out = graph, work_out
         self._bounds: NodeBounds | None = None
 
+    def _ready(self, search: Search) -> bool:
+        """Whether what is worked out once for the graph is there before the time is over."""
+        graph, key = self.graph, key_of(self.graph)
+        if search.guided:
+            if not finished(("nodes", key), lambda: node_table(graph), search.until):
+                return False
+            node_table(graph)
+        if graph.table is not None and not graph.obstacles:
+            return True
+        work_out = self.work_out
+        return finished(("sets", key), lambda: graph.sets(work_out=work_out), search.until)
+
     def _node_bounds(self) -> NodeBounds | None:
         """What is left over all nodes; None where these are not known, or there are obstacles."""
-        table = None if self.graph.obstacles else node_table(self.graph)
+        table = None if self.graph.obstacles else self.graph.table
         if table is None:
             return None
         self._bounds = self._bounds or NodeBounds(self.graph, table)
@@ -220,10 +234,10 @@ class LazySearcher:
 
     def find(self, search: Search, first: State) -> Path | None:
         """See `Searcher.find`."""
-        bounds, roadmap = self._node_bounds() if search.guided else None, None
-        if bounds is None:
-            self.graph.sets(work_out=self.work_out)  # no part of the time that is given
-            roadmap = Roadmap.of(self.graph) if search.guided else None
+        if not self._ready(search):
+            return Path(LIMIT, (first,), 0.0, 0, 0, np.zeros((0, 2, 3)))
+        bounds = self._node_bounds() if search.guided else None
+        roadmap = Roadmap.of(self.graph) if search.guided and bounds is None else None
         found = lazy_search(self.graph, first, search, roadmap, bounds)
         if not found.states:  # no moves lead to the goal, whatever steps there are
             return None

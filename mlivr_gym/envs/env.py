@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +24,7 @@ from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import TaskGenerator, draw_task, fixed_task, generator_of
 from mlivr_gym.envs.viewer import RENDER_FPS, Viewer
 from mlivr_gym.errors import StanceError, choice, nonnegative
+from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import CLEARANCE, Settings
 from mlivr_gym.stances.build import stance_graph
@@ -315,7 +315,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self.steps, simulated = self.steps + 1, None
         if legal:
             after = self.moves.take(state, action)
-            moved = math.dist(self.moves.place(after).base_in_world, self._place.base_in_world)
+            moved = distance(self.moves.place(after).base_in_world, self._place.base_in_world)
             risk = self.failure_probability[point]
             failed = bool(risk > 0.0 and self._stream.random() < risk)
             if failed:
@@ -358,7 +358,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def _enter(self, state: State) -> None:
         self._entered = self.graph.version
         self._state, self._place = state, self.moves.place(state)
-        self._distance = math.dist(self._place.base_in_world, self.goal)
+        self._distance = distance(self._place.base_in_world, self.goal)
         self._mask = self.moves.mask(state)
 
     def _observation(self) -> Observation:

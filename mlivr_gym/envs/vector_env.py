@@ -26,6 +26,7 @@ from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import WalkTasks, draw_task, fixed_task
 from mlivr_gym.errors import SettingError, StanceError, choice
+from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import legal_actions
 
@@ -325,9 +326,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self._away = self._distance()
 
     def _distance(self) -> Array:
-        away = self.tables.base_in_world[self.stances] - self.goals
-        distance: Array = np.sqrt(np.einsum("ij,ij->i", away, away))
-        return distance
+        return distances(self.tables.base_in_world[self.stances], self.goals)
 
     def _observation(self) -> Observation:
         return observations(self._rows_seen, self.stances, self.masks, self.goals)

@@ -8,6 +8,8 @@ Here each number is a sum of products taken in one written order.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,19 @@ def dots(a: Array, b: Array) -> Array:
     """Scalar products, shapes (..., 3) -> (...)."""
     products: Array = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
     return products
+
+
+def distances(a: Array, b: Array) -> Array:
+    """How far points are apart, shapes (..., 3) -> (...)."""
+    away = a - b
+    apart: Array = np.sqrt(dots(away, away))
+    return apart
+
+
+def distance(a: Iterable[float], b: Iterable[float]) -> float:
+    """How far two points are apart, as `distances` tells it."""
+    x, y, z = (one - other for one, other in zip(a, b, strict=True))
+    return math.sqrt(x * x + y * y + z * z)
 
 
 def unit(vectors: Any) -> Array:

@@ -36,7 +36,8 @@ class LazyGraph(StanceGraph):
     def sets(self, progress: Progress | None = None, *, work_out: bool = True) -> StanceSets | None:
         """The sets of points that limbs may hold at once; see `StanceSets.of`.
 
-        Where they are known only such neighbours are looked at.
+        Where all nodes are known they are those that some node holds. Where they are known only
+        such neighbours are looked at.
 
         Args:
             progress: Called with the share of the work that is done, where there is any.
@@ -46,7 +47,9 @@ class LazyGraph(StanceGraph):
             The sets; None where they are not known, for two or more than four limbs, and if there
             are too many.
         """
-        if self._sets is None:
+        if self._sets is None and self.table is not None:
+            self._sets = StanceSets.of_nodes(self, self.table.points)
+        elif self._sets is None:
             self._sets = StanceSets.of(self, progress, work_out=work_out)
         return self._sets
 

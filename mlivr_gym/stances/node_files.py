@@ -29,7 +29,7 @@ from mlivr_gym.stances.node_table import (
 from mlivr_gym.stances.stance_sets import key_of
 from mlivr_gym.world.grasp_map import GraspMap
 
-FORMAT = 4
+FORMAT = 5
 """Format of the files."""
 
 SHIPPED = ("mlivr3", "mlivr4")

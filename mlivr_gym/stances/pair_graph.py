@@ -18,6 +18,7 @@ from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
+from mlivr_gym.kinematics.batches import dots
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
@@ -159,7 +160,7 @@ class PairGraph(StanceGraph):
         for box in self.obstacles:
             low, high = box.bounds
             away = self.base_in_world - np.clip(self.base_in_world, low, high)
-            within |= np.einsum("ij,ij->i", away, away) <= reach**2
+            within |= dots(away, away) <= reach**2
         return within
 
     @property

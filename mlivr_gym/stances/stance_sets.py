@@ -80,6 +80,19 @@ class StanceSets:
         return found
 
     @classmethod
+    def of_nodes(cls, graph: StanceGraph, nodes: NDArray[np.uint16]) -> StanceSets:
+        """The sets of a graph all nodes of which are known, in points of shape (n, N)."""
+        key = f"{key_of(graph)}-nodes"
+        if key not in _kept:
+            code = np.unique(_codes(np.sort(nodes, axis=1)))
+            places = np.uint64(16) * np.arange(nodes.shape[1], dtype=np.uint64)[::-1]
+            points = (code[:, None] >> places) & np.uint64(0xFFFF)
+            _keep(key, _of_points(points.astype(np.uint16)))
+        found = _kept[key]
+        assert found is not None
+        return found
+
+    @classmethod
     def of(
         cls, graph: StanceGraph, progress: Progress | None = None, *, work_out: bool = True
     ) -> StanceSets | None:
@@ -109,14 +122,19 @@ class StanceSets:
                 found = _worked_out(graph, progress)
                 if found is not None and path is not None:
                     _write(found, path)
-            _kept[key] = found
-            if len(_kept) > KEPT:
-                _kept.popitem(last=False)
+            _keep(key, found)
         return _kept[key]
 
 
 _kept: OrderedDict[str, StanceSets | None] = OrderedDict()
 """The sets of the graphs used last."""
+
+
+def _keep(key: str, sets: StanceSets | None) -> None:
+    """Keep the sets of a graph in memory, in place of those that were kept first."""
+    _kept[key] = sets
+    if len(_kept) > KEPT:
+        _kept.popitem(last=False)
 
 
 def key_of(graph: StanceGraph) -> str:
@@ -143,7 +161,12 @@ def _worked_out(graph: StanceGraph, progress: Progress | None) -> StanceSets | N
         done += len(sets)
         if progress is not None:
             progress(done / every)
-    points = np.concatenate(found)
+    return _of_points(np.concatenate(found))
+
+
+def _of_points(points: NDArray[np.uint16]) -> StanceSets:
+    """Sets that are given by their points, with what is left of each."""
+    limbs = points.shape[1]
     rests = np.stack([_codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
     codes, numbers = np.unique(rests, return_inverse=True)
     return StanceSets(points, numbers.reshape(rests.shape).astype(np.int32), len(codes))

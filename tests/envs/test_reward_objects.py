@@ -66,7 +66,7 @@ def test_both_environments_pay_what_the_object_says(small_map, shaping):
         small_map, Toll(), shaping=shaping, success_bonus=2.0, goal_tolerance=0.4
     )
     ours, theirs = paired_steps(single, copies)
-    np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=0.0)
     assert len(set(np.round(ours, 9))) > 30
     assert (ours < -4.0).any()  # masked out
     assert (ours > 7.0).any()  # at the goal
@@ -95,7 +95,7 @@ def test_names_are_short_for_the_objects(small_map, name, reward):
     by_name, by_object = (paired_steps(*worlds(small_map, given)) for given in (name, reward))
     for ours, theirs in zip(by_name, by_object, strict=True):
         np.testing.assert_array_equal(ours, theirs)
-    np.testing.assert_allclose(*by_name, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(*by_name, rtol=0.0, atol=0.0)
     assert MlivrEnv(map=small_map, collisions=False, reward=name).reward.reward == reward
 
 
