@@ -19,7 +19,7 @@ class CurrentMoves:
     """
 
     def __init__(self, graph: StanceGraph, tabled: bool) -> None:
-        """Check every step beforehand if `tabled`.
+        """Check every step beforehand if `tabled`; where all are known the table is used anyhow.
 
         Of more than two limbs the table of all nodes is read, where it is known.
 
@@ -37,7 +37,9 @@ class CurrentMoves:
     def now(self) -> Moves:
         """What answers for the world as it is now."""
         if self._moves is None or self._version != self.graph.version:
-            self._moves = self._read() if self.tabled else GraphMoves(self.graph)
+            graph = self.graph
+            known = isinstance(graph, PairGraph) and graph.complete
+            self._moves = self._read() if self.tabled or known else GraphMoves(graph)
             self._version = self.graph.version
         return self._moves
 

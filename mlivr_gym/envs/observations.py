@@ -120,9 +120,7 @@ def stance_observations(graph: PairGraph) -> PlaceObservation:
         "stance": graph.points.astype(np.int64),
         "grasps": graph.grasp_map.positions[graph.points].reshape(-1, 6).astype(np.float32),
         "base_position": graph.base_in_world.astype(np.float32),
-        "base_quaternion": np.array(
-            [quaternion(r) for r in graph.base_axes_in_world], dtype=np.float32
-        ),
+        "base_quaternion": quaternion(graph.base_axes_in_world).astype(np.float32),
     }
 
 

@@ -122,6 +122,7 @@ class TableMoves:
         moving = np.repeat(np.tile([0, 1], len(tables.points)), np.diff(tables.start))
         self._action = moving * m + tables.points[tables.after, moving]
         self._start = tables.start.tolist()
+        self._quaternions = quaternion(graph.base_axes_in_world)
         self._places: dict[tuple[int, ...], Place] = {}
 
     def successors(self, state: State) -> Successors:
@@ -167,7 +168,9 @@ class TableMoves:
             return self._from_given_pose.place(state)
         found = self._places.get(state.stance)
         if found is None:
-            found = _place(self.graph, state.stance, self.graph.posture(state.stance))
+            graph, s = self.graph, int(self.stance_at[state.stance])
+            base, turn = tuple(self.tables.base_in_world[s].tolist()), self._quaternions[s]
+            found = Place(graph.ids(state.stance), base, turn, graph.w_m[s], float(graph.w_b[s]))
             self._places[state.stance] = found
         return found
 

@@ -20,8 +20,10 @@ from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.kinematics.batches import dots
 from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
+from mlivr_gym.stances.pair_files import COUNTS, PairStances, known_stances
 from mlivr_gym.stances.pair_rows import connected_parts, rows_of
 from mlivr_gym.stances.pair_steps import (
     PairTable,
@@ -46,6 +48,7 @@ def fill_rows(graph: PairGraph, progress: Callable[[int, int], None] | None = No
     if graph.complete:
         return
     m = len(graph.grasp_map)
+    graph.know_released(np.indices((len(graph), 2)).reshape(2, -1).T)
     chunk = max(1, m // 16)
     for held in range(2):
         for begin in range(0, m, chunk):
@@ -83,35 +86,65 @@ class PairGraph(StanceGraph):
     has_tables = True
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
-        """Work out every stance."""
+        """Take every stance, and every step, from a table where there is one, else work it out."""
         super().__init__(grasp_map, robot, settings)
-        postures = self.postures(self.pairs)
-        node = self.is_node(postures)
-        self.considered, self.reachable = len(self.pairs), int(postures.reachable.sum())
-        self.removed = {
-            name: int((postures.cause[~node] == cause).sum()) for name, cause in REMOVED.items()
-        }
-        stuck = (
-            ~node
-            & (postures.cause == CLEAR)
-            & (postures.w_b > 0.0)
-            & (postures.w_b >= self.base_threshold)
+        found = known_stances(self) if self.solver_class is PostureSolver else None
+        known = found or self._worked_out()
+        self.considered, self.reachable, self.no_departure, *removed = (
+            known.counts[name] for name in COUNTS
         )
-        self.no_departure = int((stuck & (postures.w_m >= self.limb_threshold).all(axis=1)).sum())
-        self.points = np.ascontiguousarray(self.pairs[node])
-        chosen = postures.take(node)
+        self.removed = dict(zip(REMOVED, removed, strict=True))
+        self.points, chosen = known.points, known.postures
         self.base_in_world, self.base_axes_in_world = chosen.base_position, chosen.base_rotation
         self.w_m, self.w_b = chosen.w_m, chosen.w_b
         self.branch, self.mask, self.tried = chosen.branch, chosen.mask, chosen.tried
         m = len(grasp_map)
         rows = rows_of(self.points, m)
         self.rows, self.row_start, self.degree, self.offset, self.local = rows
-        self.complete = False
-        """Whether every step is known."""
         self._keys = self.points[:, 0] * m + self.points[:, 1]
         stances = self.checks.stances(self.points, chosen)
-        self._free = KnownSteps(self.checks, stances, rows, self.base_in_world)
+        if known.released is not None:
+            stances = stances._replace(released=known.released)
+        self._free = KnownSteps(self.checks, stances, rows, self.base_in_world, known.edges)
         self._known = self._free
+
+    def _worked_out(self) -> PairStances:
+        """Every stance, no step."""
+        postures = self.postures(self.pairs)
+        node = self.is_node(postures)
+        stuck = (
+            ~node
+            & (postures.cause == CLEAR)
+            & (postures.w_b > 0.0)
+            & (postures.w_b >= self.base_threshold)
+        )
+        no_departure = (stuck & (postures.w_m >= self.limb_threshold).all(axis=1)).sum()
+        counts = [len(self.pairs), int(postures.reachable.sum()), int(no_departure)]
+        counts += [int((postures.cause[~node] == cause).sum()) for cause in REMOVED.values()]
+        points = np.ascontiguousarray(self.pairs[node])
+        return PairStances(points, postures.take(node), dict(zip(COUNTS, counts, strict=True)))
+
+    def kept(self) -> PairStances:
+        """All that is known without obstacles and occupied points, for a file."""
+        numbers = self.considered, self.reachable, self.no_departure, *self.removed.values()
+        free = self._free
+        checked = self.settings.transitions
+        return PairStances(
+            self.points,
+            self.node_postures(slice(None)),
+            dict(zip(COUNTS, numbers, strict=True)),
+            free.stances.released if checked else None,
+            free.table.edges if checked else None,
+        )
+
+    @property
+    def complete(self) -> bool:
+        """Whether every step is known, among the present obstacles and occupied points."""
+        return self._known.complete
+
+    @complete.setter
+    def complete(self, complete: bool) -> None:
+        self._known.complete = complete
 
     @property
     def steps(self) -> PairTable:
@@ -121,6 +154,10 @@ class PairGraph(StanceGraph):
     def know_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps between stances of a row, once: limb that holds and both stances (k,)."""
         self._known.know_steps(held, before, after)
+
+    def know_released(self, todo: IntArray) -> None:
+        """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""
+        self._known.know_released(todo)
 
     def know_step(self, held: int, before: int, after: int) -> None:
         """Check one step, once."""
@@ -134,7 +171,6 @@ class PairGraph(StanceGraph):
 
     def _obstacles_changed(self) -> None:
         """Start with what is known without obstacles."""
-        self.complete = False
         self._known, self.mask = self._free, self._free.table.mask
         if not (self.obstacles or self.occupied):
             return

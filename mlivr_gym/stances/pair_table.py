@@ -22,12 +22,28 @@ class KnownSteps:
         table: The steps.
     """
 
-    def __init__(self, checks: StepChecks, stances: StanceSet, rows: Rows, base: Array) -> None:
-        """Know nothing yet of the steps between stances in rows, at base positions (n, 3) [m]."""
+    complete: bool
+    """Whether every step is known."""
+
+    def __init__(
+        self, checks: StepChecks, stances: StanceSet, rows: Rows, base: Array, edges: Any = None
+    ) -> None:
+        """Know nothing yet of the steps between stances, or all of them.
+
+        Args:
+            checks: How steps are checked.
+            stances: The stances.
+            rows: Their rows.
+            base: Base positions [m], shape (n, 3).
+            edges: All steps, where they are known.
+        """
         self.checks, settings = checks, checks.solver.settings
         self.collisions, self.stances = settings.collisions, stances
         self._world = checks.world(None)
-        edges = PairEdge.rows(int((rows.degree**2).sum()) if settings.transitions else 1)
+        count = int((rows.degree**2).sum()) if settings.transitions else 1
+        self.complete = not settings.transitions or (edges is not None and len(edges) == count)
+        if edges is None or len(edges) != count:
+            edges = PairEdge.rows(count)
         self.table = PairTable(
             settings.transitions,
             stances.points,
@@ -170,6 +186,7 @@ class StepsAmongObstacles(KnownSteps):
         self.stances = free.stances._replace(mask=mask, released=released)
         # Where no obstacle is close only the masks tell a difference.
         edges = PairEdge.rows(len(free.table.edges)) if close.any() else free.table.edges
+        self.complete = free.complete and edges is free.table.edges
         self.table = free.table._replace(mask=mask, released=released, edges=edges)
 
     def know_step(self, held: int, before: int, after: int) -> None:

@@ -1,41 +1,22 @@
-"""Every step of a two-limb stance graph in plain arrays, for environments and experts.
-
-`step_tables(graph)` checks every step of the graph, once for a map: the entries go to the user's
-cache directory, from where later runs read them.
-"""
+"""Every step of a two-limb stance graph in plain arrays, for environments and experts."""
 
 from __future__ import annotations
 
-import hashlib
-import io
-import logging
-import zipfile
-import zlib
 from collections.abc import Callable
-from dataclasses import asdict
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym._version import __version__
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
-from mlivr_gym.compiled.cache import cache_folder, source_digest
 from mlivr_gym.errors import SettingError
-from mlivr_gym.files import FileError, write_whole
-from mlivr_gym.settings import GRAPH_RULES
-from mlivr_gym.stances import pair_graph
+from mlivr_gym.stances.pair_files import keep_stances
 from mlivr_gym.stances.pair_graph import PairGraph, fill_rows
 from mlivr_gym.stances.pair_steps import gather_steps
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_steps import steps_of_state
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.state import State, Successors
-
-FORMAT = 3
-"""Version of the file format; the files of version 0.1.0 have none."""
 
 
 class StepTables(NamedTuple):
@@ -92,7 +73,7 @@ def step_tables(
 ) -> StepTables:
     """The steps of a two-limb graph among the obstacles and occupied points that there are now.
 
-    Every step is checked, or the answers of an earlier run are read.
+    Steps that are not known are checked, and kept in the cache folder, see `pair_files`.
 
     Args:
         graph: The stance graph.
@@ -105,20 +86,17 @@ def step_tables(
         raise SettingError(
             f"exact tables need two limbs; robot {graph.robot.name!r} has {graph.limbs}"
         )
-    check = graph.settings.transitions
-    if check and not graph.complete:
-        path = None if graph.obstacles or graph.occupied else cache_file(graph)
-        if path is None or not _read(graph, path):
-            fill_rows(graph, progress)
-            if path is not None:
-                _write(graph, path)
+    if not graph.complete:
+        fill_rows(graph, progress)
+        if not (graph.obstacles or graph.occupied):
+            keep_stances(graph, graph.kept())
     start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
     nothing = np.zeros(0, dtype=np.int32)
     gather_steps(graph.steps, False, start, nothing, nothing)
     np.cumsum(start, out=start)
     after, kept = np.empty(start[-1], dtype=np.int32), np.empty(start[-1], dtype=np.int32)
     gather_steps(graph.steps, True, start, after, kept)
-    released = graph.releasable if check else graph.mask
+    released = graph.releasable if graph.settings.transitions else graph.mask
     masks, releasable = (mask.astype(np.int32) for mask in (graph.mask, released))
     return StepTables(
         graph.points.astype(np.int32), graph.base_in_world, masks, releasable, start, after, kept
@@ -153,82 +131,3 @@ def state_of(tables: StepTables, s: int, masks: NDArray[np.integer]) -> State:
     """The state of a stance index and its masks."""
     a, b = tables.points[s].tolist()
     return State((a, b), (int(masks[0]), int(masks[1])))
-
-
-def cache_file(graph: PairGraph) -> Path | None:
-    """The file of a graph, named after map, robot, settings and the code that checks steps."""
-    folder = cache_folder()
-    if folder is None:
-        return None
-    digest = hashlib.sha256(__version__.encode())
-    digest.update(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
-    digest.update(repr(sorted(asdict(graph.settings).items())).encode())
-    digest.update(source_digest(Path(pair_graph.__file__)).encode())
-    return folder / f"steps-{digest.hexdigest()[:20]}.npz"
-
-
-def _write(graph: PairGraph, path: Path) -> None:
-    """Keep a filled graph; a cache that cannot be written is no error."""
-    steps, buffer = graph.steps, io.BytesIO()
-    np.savez_compressed(
-        buffer,
-        format=FORMAT,
-        rules=GRAPH_RULES,
-        points=steps.points,
-        edges=steps.edges,
-        mask=steps.mask,
-        released=steps.released,
-    )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, buffer.getvalue())
-    except (OSError, FileError):
-        return
-
-
-def _looked_up_safely(found: dict[str, Any], folds: int) -> bool:
-    """Whether all in a file by which compiled code looks things up is what that can be."""
-    edges, released = found["edges"], found["released"]
-    bounds = (
-        (edges["fold_on_line"], -1, folds), (edges["fold_on_arc"], -1, folds),
-        (edges["pair"], -1, BRANCHES * BRANCHES), (released["root"], 0, folds),
-        (released["via"], 0, folds), (released["branches"], 0, ALL + 1),
-        (found["mask"], 0, ALL + 1),
-    )  # fmt: skip
-    return all(bool(((low <= a) & (a < end)).all()) for a, low, end in bounds)
-
-
-def _read(graph: PairGraph, path: Path) -> bool:
-    """Fill a graph from the cache, with a warning if the file is old; False if none can be used."""
-    steps = graph.steps
-    into = {"edges": steps.edges, "mask": steps.mask, "released": steps.released}
-    try:
-        # np.load does not close a file that is no archive.
-        with path.open("rb") as stream, np.load(stream) as data:
-            made = tuple(int(data[name]) if name in data else 1 for name in ("format", "rules"))
-            if made != (FORMAT, GRAPH_RULES):
-                logging.getLogger(__name__).warning(
-                    "step tables %s are of format %d and rules %d, this version needs "
-                    "format %d and rules %d: they are worked out anew",
-                    path,
-                    *made,
-                    FORMAT,
-                    GRAPH_RULES,
-                )
-                return False
-            found = {name: data[name] for name in (*into, "points")}
-    except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-        return False
-    if not np.array_equal(found["points"], graph.points) or any(
-        found[k].shape != a.shape
-        or found[k].dtype.itemsize != a.dtype.itemsize
-        or found[k].dtype.names != a.dtype.names
-        for k, a in into.items()
-    ):
-        return False
-    if not _looked_up_safely(found, len(graph.robot.folds)):
-        return False
-    for name, array in into.items():
-        array[:] = found[name]
-    graph.complete = True
-    return True
