@@ -260,21 +260,12 @@ def texts() -> dict[Path, str]:
     return reports | {page: filled(page.read_text(encoding="utf-8"), told) for page in pages()}
 
 
-TIMES = re.compile(r"[\d.]+ \+ [\d.]+ \|$", re.MULTILINE)
-"""Times of Table I, at the end of its rows: `make demo` measures them anew, on any machine."""
-
-
-def same_figures(text: str, other: str) -> bool:
-    """Whether two texts say the same, but for the times of Table I."""
-    return TIMES.sub("", text) == TIMES.sub("", other)
-
-
 def stale() -> list[str]:
     """Pages that say other figures than the results."""
     return [
         path.relative_to(ROOT).as_posix()
         for path, text in texts().items()
-        if not path.exists() or not same_figures(path.read_text(encoding="utf-8"), text)
+        if not path.exists() or path.read_text(encoding="utf-8") != text
     ]
 
 
