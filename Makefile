@@ -69,6 +69,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/concept_figures.py
 	$(BIN)/python experiments/notebooks.py
 	$(BIN)/python experiments/benchmark_env.py
+	$(BIN)/python experiments/limb_starts.py
 	$(BIN)/python experiments/readme.py
 
 # Trains all policies and measures everything that acts: two to three hours.
