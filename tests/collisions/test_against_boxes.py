@@ -2,10 +2,9 @@
 
 import itertools
 
-import coal
 import numpy as np
 import pytest
-from coal_ruler import apart, behind, solid
+from coal_ruler import apart, behind, capsule, solid
 from compiled import called
 from scipy.spatial.transform import Rotation
 
@@ -15,16 +14,6 @@ from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, UNDECIDED
 
 SIGNS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-
-
-def capsule(radius, start, end):
-    """A capsule for coal, and where it is."""
-    along = end - start
-    turn = Rotation.align_vectors([along], [[0.0, 0.0, 1.0]])[0].as_matrix()
-    return (
-        coal.Capsule(radius, float(np.linalg.norm(along))),
-        coal.Transform3s(turn, 0.5 * (start + end)),
-    )
 
 
 def random_boxes(rng, count, upright=False):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from branches import angles_on, flange_axis, solutions
+from branches import angles_on, flange_axis, flanges_nearby, solutions
 from compiled import called
 from held_paths import (
     EVERY_BRANCH,
@@ -19,7 +19,6 @@ from held_paths import (
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb
 from mlivr_gym.kinematics.base_path import ARC, CLOSEST_PIVOT, STRAIGHT, base_poses
@@ -106,21 +105,13 @@ def proved(arm, limb, q, change):
     return low
 
 
-def least_nearby(arm, limb, q, change, rng, count=40):
+def least_nearby(arm, limb, q, change, rng):
     """The least square found on the branch of `q` where wrist and axis go as far as they may."""
-    far, angle = change
     frame = forward_kinematics(q, limb.lengths)[6]
-    place, axes = frame[:3, 3], frame[:3, :3]
-    _, angles = solutions(arm, place, axes)
+    _, angles = solutions(arm, frame[:3, 3], frame[:3, :3])
     branch = int(np.nanargmin(np.abs(np.exp(1j * angles) - np.exp(1j * q)).max(axis=1)))
-    wrist, least = place - limb.d6 * axes[:, 2], np.inf
-    for _ in range(count):
-        aside, about = rng.normal(size=3), np.cross(axes[:, 2], rng.normal(size=3))
-        turned = Rotation.from_rotvec(angle * about / np.linalg.norm(about)).as_matrix() @ axes
-        there = wrist + far * aside / np.linalg.norm(aside) + limb.d6 * turned[:, 2]
-        found = angles_on(arm, there, turned, branch)
-        least = min(least, 0.0 if found is None else square_of(limb, found))
-    return least
+    found = [angles_on(arm, *pose, branch) for pose in flanges_nearby(limb, frame, change, rng)]
+    return min(0.0 if q is None else square_of(limb, q) for q in found)
 
 
 @pytest.mark.parametrize("limb", [LIMB, Limb(d4=-0.1333, d5=-0.0997)], ids=["ur5e", "mirrored"])
