@@ -270,7 +270,7 @@ def report(results: dict[str, Any]) -> str:
     ]  # fmt: skip
     for fault in NEW:
         before, after = (" ".join(text.split()) for text in (fault.before, fault.after))
-        change = f"`{before}` => `{after}`".replace("|", "\\|")
+        change = f"`{before}` => {f'`{after}`' if after else 'nothing'}".replace("|", "\\|")
         first = "passed" if fault.missed else "failed"
         told = outcome(fault, results)
         lines.append(f"| {fault.id} | {change} | `{fault.path}` | {first} | {told} |")
