@@ -23,8 +23,21 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 
-import mlivr_gym  # noqa: F401  registers the environment
+from mlivr_gym import robot_spec
 from mlivr_gym.files import write_whole
+
+ID = "MLIVR-JEM-v0"
+NUMBERS = {2: "two", 3: "three", 4: "four"}
+SINGLE: tuple[dict[str, Any], ...] = (
+    {},
+    {"collisions": False},
+    {"precompute": True},
+    {"robot": "mlivr3"},
+    {"robot": "mlivr4"},
+    {"robot": "mlivr4", "collisions": False},
+    {"dynamics": "mujoco"},
+)
+"""Arguments of the environments that are measured one by one; the default ones come first."""
 
 REPETITIONS = 10
 """Of which the best counts."""
@@ -52,6 +65,8 @@ class Measured(NamedTuple):
     """Steps a second."""
 
     what: str
+    settings: str
+    """With which settings, see `settings_of`; empty for other packages'."""
     wall: float
     """Of the best repetition."""
     cpu: float
@@ -96,13 +111,38 @@ def vector(env: Any, seconds: float, seed: int) -> tuple[int, Clock]:
     return steps, clock
 
 
-def best(what: str, run: Callable[[int], tuple[int, Clock]]) -> Measured:
+def settings_of(native: bool = False, **arguments: Any) -> str:
+    """Arguments of an environment in words, the default ones too.
+
+    Args:
+        native: Whether it is the vector environment, which works every step out beforehand.
+        arguments: Arguments of `MlivrEnv`.
+    """
+    limbs = robot_spec(arguments.get("robot", "mlivr2")).limbs
+    found = [
+        f"{NUMBERS[limbs]} limbs",
+        "collisions on" if arguments.get("collisions", True) else "collisions off",
+    ]
+    if native:
+        found.append("all steps precomputed")
+    elif arguments.get("precompute"):
+        found.append("`precompute=True`")
+    elif limbs > 2 and arguments.get("collisions", True):
+        found.append("table of nodes")
+    else:
+        found.append("steps checked when met")
+    if "dynamics" in arguments:
+        found.append('`dynamics="mujoco"`')
+    return ", ".join(found)
+
+
+def best(what: str, settings: str, run: Callable[[int], tuple[int, Clock]]) -> Measured:
     """The best of some repetitions, each with a seed of its own."""
     runs = [run(seed) for seed in range(REPETITIONS)]
     speeds = [n / c.wall for n, c in runs]
     by_processor = max(n / max(c.cpu, 1e-9) for n, c in runs)
-    measured = Measured(what, max(speeds), by_processor, float(np.median(speeds)))
-    print(f"{what}: {measured.wall:.0f} steps/s ({measured.cpu:.0f} by processor time)", flush=True)
+    measured = Measured(what, settings, max(speeds), by_processor, float(np.median(speeds)))
+    print(f"{what}, {settings}: {measured.wall:.0f} steps/s", flush=True)
     return measured
 
 
@@ -110,35 +150,20 @@ def measure(seconds: float) -> list[Measured]:
     """Steps a second of every environment, each repetition as long as is asked for [s]."""
     rows: list[Measured] = []
     plain: dict[str, Any] = {"disable_env_checker": True}
-    world = gymnasium.make("MLIVR-JEM-v0", precompute=True, **plain)
-    rows.append(
-        best("MLIVR-JEM-v0, kinematic, exact tables", partial(single, world, seconds, True))
-    )
-    for num_envs in (64, 1024):
-        copies = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=num_envs)
-        what = f"MLIVR-JEM-v0, native vector, {num_envs} copies"
-        rows.append(best(what, partial(vector, copies, seconds)))
-    sync = gymnasium.make_vec(
-        "MLIVR-JEM-v0", num_envs=4, vectorization_mode="sync", precompute=True
-    )
-    rows.append(best("MLIVR-JEM-v0, SyncVectorEnv, 4 copies", partial(vector, sync, seconds)))
-    variants: dict[str, dict[str, Any]] = {
-        "MLIVR-JEM-v0, kinematic, steps checked when met": {},
-        "MLIVR-JEM-v0, kinematic, steps checked when met, collisions not": {"collisions": False},
-        "MLIVR-JEM-v0, four limbs, collisions not checked": {
-            "robot": "mlivr4",
-            "collisions": False,
-        },
-        "MLIVR-JEM-v0, four limbs, table of nodes": {"robot": "mlivr4"},
-        "MLIVR-JEM-v0, three limbs, table of nodes": {"robot": "mlivr3"},
-        "MLIVR-JEM-v0, MuJoCo": {"dynamics": "mujoco"},
-    }
-    for what, arguments in variants.items():
-        env = gymnasium.make("MLIVR-JEM-v0", **plain, **arguments)
-        rows.append(best(what, partial(single, env, seconds, True)))
+    for arguments in SINGLE:
+        env = gymnasium.make(ID, **plain, **arguments)
+        run = partial(single, env, seconds, True)
+        rows.append(best(ID, settings_of(**arguments), run))
+    for count in (64, 1024):
+        copies = gymnasium.make_vec(ID, num_envs=count)
+        run = partial(vector, copies, seconds)
+        rows.append(best(f"{ID}, native vector, {count} copies", settings_of(native=True), run))
+    sync = gymnasium.make_vec(ID, num_envs=4, vectorization_mode="sync", precompute=True)
+    run = partial(vector, sync, seconds)
+    rows.append(best(f"{ID}, SyncVectorEnv, 4 copies", settings_of(precompute=True), run))
     for name in ("Taxi-v4", "FrozenLake-v1", "Ant-v5"):
         env = gymnasium.make(name, **plain)
-        rows.append(best(name, partial(single, env, seconds, name == "Taxi-v4")))
+        rows.append(best(name, "", partial(single, env, seconds, name == "Taxi-v4")))
     return rows
 
 
@@ -152,25 +177,35 @@ def main() -> None:
     args = parser.parse_args()
     rows = measure(args.seconds)
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
-    data = {"machine": machine, "rows": [row._asdict() for row in rows]}
+    told = [row._asdict() for row in rows]
+    data = {"machine": machine, "seconds": args.seconds, "rows": told}
     out = Path(args.out)
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "benchmark_env.json", json.dumps(data, indent=1) + "\n")
+    write_whole(out / "benchmark_env.md", report(data))
+
+
+def report(data: dict[str, Any]) -> str:
+    """The report, in Markdown."""
     lines = [
         "# Steps a second",
         "",
-        f"Made by `experiments/benchmark_env.py` on {machine}; one core each, best of "
-        f"{REPETITIONS} repetitions of {args.seconds:g} s. Actions are random possible ones; "
+        f"Made by `experiments/benchmark_env.py` on {data['machine']}; one core each, best of "
+        f"{REPETITIONS} repetitions of {data['seconds']:g} s. Actions are random possible ones; "
         "Taxi's are masked too. Each environment as `gymnasium.make` returns it, without its "
-        "checker. Steps checked when met and those of many limbs are mostly new ones: each "
-        "repetition draws other episodes.",
+        "checker, the first with all its defaults. Steps checked when met and those of many limbs "
+        "are mostly new ones: each repetition draws other episodes.",
         "",
-        "| environment | steps/s | by processor time | steps/s, median |",
-        "|---|---|---|---|",
-        *(f"| {row.what} | {row.wall:,.0f} | {row.cpu:,.0f} | {row.median:,.0f} |" for row in rows),
+        "| environment | settings | steps/s | by processor time | steps/s, median |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {row['what']} | {row['settings']} | {row['wall']:,.0f} | {row['cpu']:,.0f} "
+            f"| {row['median']:,.0f} |"
+            for row in data["rows"]
+        ),
         "",
     ]
-    write_whole(out / "benchmark_env.md", "\n".join(lines))
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

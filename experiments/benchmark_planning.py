@@ -33,7 +33,7 @@ from tqdm import tqdm
 from mlivr_gym import GraspMap, Settings, State, jem_map, stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.files import write_whole
+from mlivr_gym.files import FileError, read_json, write_whole
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
@@ -55,7 +55,7 @@ print(json.dumps([b - a for a, b in zip(marks, marks[1:])]))
 """
 
 PAPER = Settings(collisions=False)
-"""All but the section on collisions is measured without them, as in the paper."""
+"""What is not by default, nor in the section on collisions, is measured without them."""
 
 Tasks = Sequence[tuple[State, Array]]
 
@@ -148,6 +148,19 @@ def series(
         "queries": len(tasks),
         "unsolved": unsolved,
     }
+
+
+def by_default(grasp_map: GraspMap, count: int) -> dict[str, Any]:
+    """Queries of both costs with the default settings, collisions on, nothing known beforehand."""
+    graph, rng = stance_graph(grasp_map), np.random.default_rng(2026)
+    assert isinstance(graph, PairGraph)
+    tasks = [sample_task(graph, rng, TOLERANCE) for _ in range(max(count, 2))]
+    found = {}
+    for cost in ("base", "steps"):
+        fresh = stance_graph(grasp_map)
+        assert isinstance(fresh, PairGraph)
+        found[cost] = series(fresh, tasks, cost)
+    return found
 
 
 def queries(grasp_map: GraspMap, tasks: Tasks, few: int, cost: str) -> dict[str, Any]:
@@ -269,7 +282,7 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
         part = paper_graph(grasp_map)
         task = sample_task(part, np.random.default_rng(0), TOLERANCE, part.state(start))
         goal = close = task.goal
-    bar = tqdm(total=15, mininterval=0.5)
+    bar = tqdm(total=16, mininterval=0.5)
 
     def advance(stage: str) -> None:
         bar.set_description(stage)
@@ -282,6 +295,8 @@ def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
     few = 3 if quick else 20
     advance("stance set")
     data: dict[str, Any] = {"machine": machine(), "quick": quick, "reference_seconds": limit}
+    advance("default settings")
+    data["by default"] = by_default(grasp_map, count)
     data["stance set"] = stance_set(grasp_map, 2 if quick else 7)
     for cost in ("base", "steps"):
         advance(f"queries, {cost}")
@@ -320,9 +335,16 @@ def main() -> None:
         help="limit of each run of the reference [s]",
     )
     parser.add_argument("--quick", action="store_true", help="part of the map and few queries")
+    parser.add_argument(
+        "--by-default", action="store_true", help="queries with default settings anew, no more"
+    )
     args = parser.parse_args()
     count, limit = (3, 1.5) if args.quick else (args.queries, args.reference_seconds)
-    data = measure(args.quick, count, limit)
+    if args.by_default:
+        data = read_json(args.out / "benchmark_planning.json", "benchmark", FileError)
+        data["by default"] = by_default(jem_map(), count)
+    else:
+        data = measure(args.quick, count, limit)
     args.out.mkdir(parents=True, exist_ok=True)
     write_whole(args.out / "benchmark_planning.json", json.dumps(data, indent=1) + "\n")
     write_whole(args.out / "benchmark_planning.md", report(data))

@@ -44,11 +44,13 @@ class Stratum(NamedTuple):
     """Test folders and files by source folder or file."""
 
 
-PLAIN = ("kinematics/test_base_path.py", "kinematics/test_manipulability.py",
-         "kinematics/test_poses.py", "kinematics/test_ur.py", "transitions/test_rule.py",
+PLAIN = ("kinematics/test_base_path.py", "kinematics/test_certificate.py",
+         "kinematics/test_manipulability.py", "kinematics/test_poses.py",
+         "kinematics/test_ur.py", "transitions/test_rule.py",
          "compiled/test_records.py", "kinematics/test_holding.py",
          "planners/test_queue.py", "collisions/test_distances.py", "collisions/test_box_grid.py",
-         "collisions/test_placing.py", "collisions/test_separation.py")  # fmt: skip
+         "collisions/test_placing.py", "collisions/test_separation.py",
+         "collisions/test_against_boxes.py", "robot/test_limb.py")  # fmt: skip
 """Tests that are quick without compiling; faults in kernels of their folders meet them first."""
 
 FILES = ("test_files.py", "test_fuzzed_files.py", "test_values.py", "test_settings.py",

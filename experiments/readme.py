@@ -17,11 +17,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import benchmark_env
 import comparison_report
 import connectivity
 import disturbances
 import dynamic_report
 import format_tables
+import limb_starts
 import many_limbs
 import paper_figures_report
 import planning_report
@@ -156,31 +158,47 @@ def policies(data: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-QUICK = {
-    "stance set of the map [s]": "all stances of the map [s]",
-    "query, steps cost, new goal, cold, median [ms]": "a plan with the fewest steps, median [ms]",
-    "query, base cost, new goal, cold, median [ms]": "a plan with least translation, median [ms]",
-    "first plan in a new process, filled kernel cache [s]": "first plan of a new process [s]",
-    "first plan in a new process, empty kernel cache [s]": "the same where all is compiled [s]",
-}
-"""Figures of the benchmark that the README shows, and what it calls them."""
+COSTS = {"steps": "a plan with the fewest steps", "base": "a plan with least translation"}
+"""Costs whose plans the README times, and what it calls these."""
 
-QUICK_STEPS = {
-    "MLIVR-JEM-v0, kinematic, exact tables": "environment steps a second",
-    "MLIVR-JEM-v0, native vector, 1024 copies": "the same, vector environment of 1024 copies",
-}
-"""The same of the environment's benchmark."""
+STEPS = (
+    ("MLIVR-JEM-v0", {}),
+    ("MLIVR-JEM-v0", {"precompute": True}),
+    ("MLIVR-JEM-v0, native vector, 1024 copies", {"native": True}),
+)
+"""Environments that the README times, and how they are set, see `benchmark_env.settings_of`."""
 
 
 def speed(planning: dict[str, Any], steps: dict[str, Any]) -> str:
-    """How quick planner and environment are, in a few figures."""
-    measured = {name: value for name, _, value, _ in planning_report.targets(planning)}
-    counted = {row["what"]: row["wall"] for row in steps["rows"]}
-    lines = ["| what | measured |", "|---|---|"]
-    lines += [f"| {shown} | {measured[name]} |" for name, shown in QUICK.items()]
-    lines += [
-        f"| {shown} | {float(f'{counted[name]:.3g}'):,.0f} |" for name, shown in QUICK_STEPS.items()
+    """How quick planner and environment are, each row with its settings, the default ones first."""
+    on, off = "two limbs, collisions on", "two limbs, collisions off"
+    rows = [
+        ("all stances of the map [s]", on, f"{planning['collisions']['stance_set']:.2f}"),
+        ("the same", off, f"{planning['stance set']['seconds']:.2f}"),
     ]
+    for cost, shown in COSTS.items():
+        checked = "steps checked when met"
+        known = {
+            on: planning.get("by default", {}).get(cost),
+            off: planning[cost]["new goal, cold"],
+        }
+        names = iter((f"{shown}, median [ms]", "the same"))
+        rows += [
+            (next(names), f"{settings}, {checked}", f"{row['whole']['median']:.2f}")
+            for settings, row in known.items()
+            if row
+        ]
+    first = planning["first plan"]
+    rows.append(("first plan of a new process [s]", on, f"{first['filled']['wall']:.2f}"))
+    rows.append(("the same where all is compiled", on, f"{first['empty']['wall']:.2f}"))
+    for what, arguments in STEPS:
+        settings = benchmark_env.settings_of(**arguments)
+        found = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
+        wall = found[what, settings]
+        shown = what.replace("MLIVR-JEM-v0", "steps a second of `MLIVR-JEM-v0`")
+        rows.append((shown, settings, f"{float(f'{wall:.3g}'):,.0f}"))
+    lines = ["| what | settings | measured |", "|---|---|---|"]
+    lines += [f"| {' | '.join(row)} |" for row in rows]
     return "\n".join(lines) + "\n"
 
 
@@ -205,6 +223,7 @@ def parts(results: Path) -> dict[str, str]:
         "paper_figures": paper_figures_report.readme_text(data("paper_figures")),
         "benchmark_planning": targets(planning_report.report(data("benchmark_planning"))),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
+        "limb_starts": limb_starts.told(data("limb_starts")),
         **format_tables.tables(),
     }
 
@@ -240,6 +259,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "connectivity": connectivity.markdown,
     "many_limbs": many_limbs.markdown,
     "paper_figures": paper_figures_report.markdown,
+    "benchmark_env": benchmark_env.report,
     "benchmark_planning": planning_report.report,
     "planner_vs_rl": comparison_report.full_report,
     "reference_curves": reference_curves.told,
@@ -260,21 +280,12 @@ def texts() -> dict[Path, str]:
     return reports | {page: filled(page.read_text(encoding="utf-8"), told) for page in pages()}
 
 
-TIMES = re.compile(r"[\d.]+ \+ [\d.]+ \|$", re.MULTILINE)
-"""Times of Table I, at the end of its rows: `make demo` measures them anew, on any machine."""
-
-
-def same_figures(text: str, other: str) -> bool:
-    """Whether two texts say the same, but for the times of Table I."""
-    return TIMES.sub("", text) == TIMES.sub("", other)
-
-
 def stale() -> list[str]:
     """Pages that say other figures than the results."""
     return [
         path.relative_to(ROOT).as_posix()
         for path, text in texts().items()
-        if not path.exists() or not same_figures(path.read_text(encoding="utf-8"), text)
+        if not path.exists() or path.read_text(encoding="utf-8") != text
     ]
 
 

@@ -22,6 +22,7 @@ from mlivr_gym import Settings, State, jem_map, stance_graph
 from mlivr_gym.cli.table1 import impossible, run_cases
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import read_json, write_whole
+from mlivr_gym.paper import CASES, MODES
 from mlivr_gym.pictures.figures import BASE_COLOUR, save_figure
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.checked_steps import join
@@ -192,7 +193,8 @@ def main() -> None:
         study = read_json(args.out / "table1_study.json", "study")
         draw_study(study, args.out)
         return
-    _, data = run_cases(args.out, print)
+    with tqdm(total=len(CASES) * len(MODES), desc="cases planned") as bar:
+        _, data = run_cases(args.out, lambda done: bar.update(done - bar.n))
     study = {
         "transition_study": transition_study(args.pairs),
         "pareto": pareto(args.pairs),

@@ -46,10 +46,21 @@ def test_a_figure_that_was_typed_is_noticed(pages, told):
         ("docs/formats.md", "<!-- fields_map -->\n"),
     ):
         text = (pages.ROOT / page).read_text(encoding="utf-8")
-        assert pages.same_figures(pages.filled(text, told), text)
+        assert pages.filled(text, told) == text
         typed = text.replace(mark, f"{mark}| 1 | typed | 42 |\n")
         assert typed != text
-        assert pages.same_figures(pages.filled(typed, told), text)
+        assert pages.filled(typed, told) == text
+
+
+def test_every_speed_tells_its_settings(pages):
+    """The arguments by which the experiment makes the environment, and collisions on or off."""
+    text = (pages.ROOT / "README.md").read_text(encoding="utf-8")
+    rows = re.search(r"<!-- speed -->\n((?:\|.*\n)+)", text)[1].splitlines()[2:]
+    settings = [row.split(" | ")[1] for row in rows]
+    assert all(re.search(r"two limbs, collisions (on|off)", told) for told in settings)
+    known = pages.benchmark_env.settings_of
+    steps = [told for row, told in zip(rows, settings, strict=True) if "steps a second" in row]
+    assert steps == [known(), known(precompute=True), known(native=True)]
 
 
 def test_every_part_is_shown_and_every_mark_is_of_a_part(pages, told):
@@ -58,10 +69,3 @@ def test_every_part_is_shown_and_every_mark_is_of_a_part(pages, told):
     begun = [name for text in texts for name in re.findall(r"<!-- end of (\w+) -->", text)]
     shown = [match[1] for text in texts for match in pages.MARK.finditer(text)]
     assert sorted(begun) == sorted(shown) == sorted(told)
-
-
-def test_times_may_be_those_of_another_machine_and_nothing_else(pages):
-    """As after `make demo`, which writes Table I with the times of its run."""
-    row = "| | steps checked | consistent | 22924 | 4.37 | 0.47 + 4.777 |\n"
-    assert pages.same_figures(row, row.replace("0.47 + 4.777", "1.20 + 9.100"))
-    assert not pages.same_figures(row, row.replace("4.37", "4.38"))

@@ -5,6 +5,7 @@ Symlinked folders make this worth guarding.
 
 import ast
 import importlib.util
+import re
 import subprocess
 import sys
 import tarfile
@@ -230,3 +231,13 @@ def test_a_release_has_links_that_work_on_an_index(release, tmp_path):
     assert "Project-URL: Repository, https://example.org/o/mlivr-gym\n" in told
     assert "](https://example.org/o/mlivr-gym/blob/v9.9/docs/tour.md)" in told
     assert not release.LINK.findall(told.split("\n\n", 1)[1])
+
+
+def test_what_the_demo_writes_is_ignored_by_git():
+    """A fresh clone stays clean after `make demo`."""
+    recipe = re.search(r"^demo:.*\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)[1]
+    written = re.findall(r"(?:--out|>|-p) (\S+)", recipe)
+    assert len(written) > 1
+    for place in written:
+        asked = ["git", "-C", str(ROOT), "check-ignore", "--quiet", f"{place}/any"]
+        assert subprocess.run(asked, check=False).returncode == 0, place

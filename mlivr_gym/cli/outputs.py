@@ -12,6 +12,9 @@ from pathlib import Path
 
 from mlivr_gym.files import FileError
 
+MOST_NAMED = 3
+"""Most earlier files that are named; of others their number is told."""
+
 
 def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
     """Refuse files that could not be written, and say which earlier ones will be replaced.
@@ -42,8 +45,10 @@ def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
         if place in seen:
             raise FileError(f"cannot write {str(file)!r}: it would be written twice")
         seen.add(place)
-    for name in replaced:
-        print(f"mlivr-gym: will be replaced: {name}", file=sys.stderr, flush=True)
+    if replaced:
+        more = len(replaced) - MOST_NAMED
+        names = ", ".join(replaced[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+        print(f"mlivr-gym: will be replaced: {names}", file=sys.stderr, flush=True)
 
 
 def make_folder(folder: str | Path) -> Path:

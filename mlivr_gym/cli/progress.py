@@ -66,12 +66,6 @@ class Progress:
         self._done, self._remark = done, remark
         self._tell()
 
-    def say(self, line: str) -> None:
-        """Print a line on standard output, above what is drawn."""
-        with self._lock:
-            self._clear()
-            print(line, flush=True)
-
     def __enter__(self) -> Progress:
         """Look at the clock from now on."""
         self._thread = threading.Thread(target=self._watch, daemon=True)

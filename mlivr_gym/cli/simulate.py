@@ -281,8 +281,8 @@ def _report(execution: Execution) -> None:
         )
     print(
         f"peaks: joint torque {peaks.joint_torque.max():.2f} N m, "
-        f"RMS {peaks.torque_rms:.2f} N m, grasp force {peaks.grasp_force.max():.1f} N, "
-        f"grasp torque {peaks.grasp_torque.max():.1f} N m, "
+        f"RMS {peaks.torque_rms:.2f} N m, grasp force {peaks.grasp_force.max():.1f} N,\n"
+        f"  grasp torque {peaks.grasp_torque.max():.1f} N m, "
         f"base error {1e3 * peaks.base_error:.1f} mm"
     )
     if failure is not None:
@@ -300,10 +300,8 @@ def _save(execution: Execution, out: Path) -> None:
     seconds = execution.step_times.mean() if execution.captures else execution.simulated_time
     title = f"{plan.world.robot.name}, {len(plan.steps)} steps, {seconds:.1f} s a step"
     simulation_figure(execution.recording, execution.captures, execution.failure, plot, title)
-    print(
-        f"measurements: {archive.with_suffix('.json')}, {archive}; "
-        f"plot: {plot}, {plot.with_suffix('.svg')}"
-    )
+    print(f"measurements: {archive.with_suffix('.json')}, {archive}")
+    print(f"plot: {plot}, {plot.with_suffix('.svg')}")
 
 
 def _film(

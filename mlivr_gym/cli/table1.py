@@ -66,7 +66,7 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         description="Plan the four cases, draw and tabulate them.",
     )
     parser.add_argument(
-        "--out", default="results", metavar="FOLDER", help="where results go (default: %(default)s)"
+        "--out", default="table1", metavar="FOLDER", help="where results go (default: %(default)s)"
     )
     parser.set_defaults(run=run)
 
@@ -75,13 +75,9 @@ def run(args: argparse.Namespace) -> int:
     """Write the table and its pictures; 1 if a relation does not hold that cannot but hold."""
     out = Path(args.out)
     claim(*(out / name for name in FILES), folder=out)
-    print(
-        "planning the four cases of Table I in three modes "
-        "(the first run compiles the kernels) ...",
-        flush=True,
-    )
-    with Progress("planning the cases", quiet=args.quiet) as progress:
-        plans, data = run_cases(out, progress.say)
+    with Progress("cases planned", len(CASES) * len(MODES), args.quiet) as progress:
+        plans, data = run_cases(out, progress.show)
+    print(told(data))
     plan = plans[3]
     ends = {"start": 0, "goal": len(plan.stances) - 1}
     pictures = {out / f"scene_{name}.png": shots_of(plan, [k]) for name, k in ends.items()}
@@ -91,6 +87,7 @@ def run(args: argparse.Namespace) -> int:
     failed = impossible(data)
     args.result |= data | {"impossible": failed}
     args.result |= {"folder": out, "files": FILES}
+    print(f"table: {out / 'table1.md'}, {out / 'table1.json'}; pictures: {out / 'case*.png'}, .svg")
     for name in failed:
         print(f"relation does not hold: {name}")
     return FAILED if failed else SUCCESS
@@ -107,14 +104,29 @@ def impossible(data: dict[str, Any]) -> list[str]:
     ]
 
 
-def run_cases(out: Path, progress: Callable[[str], None]) -> tuple[dict[int, Plan], dict[str, Any]]:
+def told(data: dict[str, Any]) -> str:
+    """Steps, base translation and states explored of each case, in as many columns as modes."""
+    rows = [["case", *(mode["title"] for mode in data["modes"].values())]]
+    for case in map(str, CASES):
+        found = [rows_of_mode[case] for rows_of_mode in data["measured"].values()]
+        rows.append([
+            case,
+            *(f"{m['steps']} steps, {m['base_translation']:.3f} m, {m['expanded']} states"
+              for m in found),
+        ])  # fmt: skip
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
+    return "\n".join(lines)
+
+
+def run_cases(out: Path, progress: Callable[[int], None]) -> tuple[dict[int, Plan], dict[str, Any]]:
     """Plan the four cases in each of `paper.MODES`, from one start pose.
 
     Draws them, and writes `table1.json` and `table1.md`.
 
     Args:
         out: Folder for the results; made if it is missing.
-        progress: Called with one line for each thing done.
+        progress: Called with the number of cases planned, each in one mode.
 
     Returns:
         The plans with collisions checked, and the data of the table.
@@ -135,8 +147,7 @@ def run_cases(out: Path, progress: Callable[[str], None]) -> tuple[dict[int, Pla
                 plan_figure(case_map(case, setup), plan, out / name, tree, title)
             if mode == "collisions":
                 plans[case] = plan
-            progress(f"{title}: {row['steps']} steps, {row['base_translation']:.3f} m, "
-                     f"{row['expanded']} explored")  # fmt: skip
+            progress(sum(map(len, rows.values())))
     data = {
         "setup": setup,
         "start_pose": start.pose,
@@ -151,7 +162,6 @@ def run_cases(out: Path, progress: Callable[[str], None]) -> tuple[dict[int, Pla
     }
     write_whole(out / "table1.json", json.dumps(data, indent=1) + "\n")
     write_whole(out / "table1.md", table_markdown(data))
-    progress(f"table: {out / 'table1.md'}, {out / 'table1.json'}")
     return plans, data
 
 

@@ -37,6 +37,39 @@ def test_a_policy_never_returns_to_a_stance(env, monkeypatch):
             assert (len(set(stances)) == 9) == (policy is learned)
 
 
+def test_a_long_walk_goes_to_the_best_stance_not_yet_visited_in_its_episode(ladder, monkeypatch):
+    """Looked up in a list of what was visited; a few stances, so that all round have been at times.
+
+    Where a stance was visited in an earlier episode only, it counts as new.
+    """
+    env = MlivrEnv(map=ladder, collisions=False, precompute=True)
+    policy, m = LearnedPolicy(make_policy(env, "mlp", {}), "mlp"), len(env.graph.grasp_map)
+    scores = np.random.default_rng(0).permutation(2 * m)
+    told = torch.tensor(scores[None], dtype=torch.float32)
+    monkeypatch.setattr("mlivr_gym.agents.learned.scores_and_value", lambda *_: (told, None))
+    again, earlier, ever = 0, 0, set()
+    for seed in range(3):
+        observation, _ = env.reset(seed=seed)
+        env.goal = np.array([50.0, 0.0, 0.0])  # never reached
+        visited = []
+        for _ in range(200):
+            mask, stance = env.action_masks(), env.state.stance
+            visited.append(stance)
+            after = {
+                a: (*stance[: a // m], a % m, *stance[a // m + 1 :]) for a in np.flatnonzero(mask)
+            }
+            fresh = [a for a, there in after.items() if there not in visited]
+            best = max(fresh or after, key=lambda a: scores[a])
+            action = policy.act(env, observation, mask)
+            assert action == best
+            again += not fresh
+            earlier += after[action] in ever and bool(fresh)
+            observation = env.step(action)[0]
+        ever.update(visited)
+    assert again > 50
+    assert earlier > 50
+
+
 def test_faulty_checkpoints_are_named(env, policy, tmp_path):
     with pytest.raises(CheckpointError, match=r"cannot read checkpoint.*nowhere"):
         load_policy(tmp_path / "nowhere", env)

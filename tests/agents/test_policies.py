@@ -80,3 +80,11 @@ def test_a_plan_is_made_once_an_episode_and_anew_where_it_no_longer_holds(env):
     observation, *_ = env.step(int(others[others != action][0]))
     act(observation)
     assert policy.plans == 6
+
+    # An episode that begins where the last one was cut off, as its plan would have gone on.
+    env.reset(options=options)
+    act(env._observation())
+    made = policy.plans
+    env.reset(options={"start": policy._expected, "goal": goal})
+    act(env._observation())
+    assert policy.plans == made + 1

@@ -29,6 +29,12 @@ def test_what_will_be_replaced_is_told(tmp_path, capsys):
     old.touch()
     claim(old, None, new)
     assert capsys.readouterr() == ("", f"mlivr-gym: will be replaced: {old}\n")
+    many = [tmp_path / f"{k}.png" for k in range(6)]
+    for file in many:
+        file.touch()
+    claim(new, *many)
+    names = ", ".join(map(str, many[:3]))
+    assert capsys.readouterr() == ("", f"mlivr-gym: will be replaced: {names} and 3 more\n")
     with pytest.raises(FileError, match="written twice"):
         claim(new, tmp_path / "x" / ".." / "new.json", folder=tmp_path / "x" / "..")
 

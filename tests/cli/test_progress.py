@@ -93,13 +93,3 @@ def test_quiet_tells_nothing(clock, monkeypatch):
     clock[0] = 200.0
     shown.show(1)
     assert stream.getvalue() == ""
-
-
-def test_a_line_is_printed_above_what_is_drawn(clock, monkeypatch, capsys):
-    stream = standard_error(monkeypatch, True)
-    shown = Progress("cases", 4)
-    clock[0] = 110.0
-    shown.show(1)
-    shown.say("case 1")
-    assert stream.getvalue().endswith(f"remain{CLEAR}")
-    assert capsys.readouterr().out == "case 1\n"

@@ -1,6 +1,7 @@
 """The command `table1`."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -93,6 +94,22 @@ def test_the_sparse_map_has_exactly_half_of_the_points(made):
     assert rows["4"]["points"] == rows["2"]["points"] // 2
 
 
+def test_what_is_printed_is_what_was_measured(made):
+    """Modes in their columns, cases in their rows; no wider than a screen."""
+    _, _, data, planned = made
+    head, *rows = table1.told(data).splitlines()
+    assert head.split() == ["case", *" ".join(mode.title for mode in MODES.values()).split()]
+    assert max(map(len, [head, *rows])) <= 100
+    for case, row in zip(CASES, rows, strict=True):
+        number, *cells = re.split(r"  +", row)
+        assert number == str(case)
+        for mode, cell in zip(MODES, cells, strict=True):
+            plan = planned[case, mode][0]
+            steps, moved, explored = re.findall(r"[\d.]+", cell)
+            assert (int(steps), int(explored)) == (len(plan.steps), plan.statistics.expanded)
+            assert float(moved) == pytest.approx(plan.base_translation, abs=5.1e-4)
+
+
 def rows_of_the_paper():
     return {case: PAPER[case] | {"backward": 0} for case in CASES}
 
@@ -140,6 +157,7 @@ def test_only_what_cannot_be_ends_with_1(
         }
     }
     monkeypatch.setattr(table1, "run_cases", lambda *_: ({3: plan}, data))
+    monkeypatch.setattr(table1, "told", lambda _: "")
     monkeypatch.setattr(table1, "draw", lambda *_: None)
     code, out, _ = run("table1", "--out", str(tmp_path))
     bad = kind == CONSTRUCTION and mode == "steps"

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from coal_ruler import Ruler, grasps_of
+from coal_ruler import Ruler, behind, grasps_of
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, robot_spec
@@ -74,3 +74,22 @@ def test_the_plain_definition_measures_what_coal_measures():
             else:
                 assert ours[frozenset(pair)] <= 1e-6
     assert {"body", "limb0/base/0", "limb1/forearm/0"} <= met
+
+
+def test_at_a_grasp_a_gripper_may_come_close_to_what_coal_leaves_out_too():
+    """Turned boxes at the gripper, whose farthest corner stands out a little, or not."""
+    rng, ruler, left_out = np.random.default_rng(7), Ruler(ROBOT), 0
+    for k in range(60):
+        turn = Rotation.random(rng=rng).as_quat(scalar_first=True)
+        here = (rng.uniform(-1.0, 1.0, 3), turn, rng.uniform(-3.0, 3.0, (2, 6)))
+        place = capsule_ends(ROBOT, SHAPES, here)[0, -1].mean(axis=0)
+        normal, axes = (Rotation.random(rng=rng).as_matrix() for _ in range(2))
+        box = Box("box", "obstacle", tuple(place), tuple(rng.uniform(0.01, 0.2, 3)), Box.rows(axes))
+        highest = np.abs(normal[0] @ axes) @ box.half
+        grasp = 0, place + (highest + (-0.001, -0.003)[k % 2]) * normal[0], normal[0]
+        left_out += behind(box, *grasp[1:])
+        found = contacts(ROBOT, (box,), here, 0.05, [grasp])
+        theirs = ruler.among([box]).measured(here, [grasp], below=0.05)
+        ours = {frozenset((c.first, c.second.removeprefix("box/"))) for c in found}
+        assert ours == {frozenset(pair) for _, *pair in theirs}
+    assert left_out == 30

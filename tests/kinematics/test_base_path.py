@@ -111,3 +111,22 @@ def test_a_point_at_rest_travels_no_farther_seen_from_the_base_than_its_bound(se
     gone = np.linalg.norm(seen - seen[50], axis=1).max()
     bound = called(travel_seen)(path, pose(positions[50], rotations[50]), s, half, tuple(point))
     assert gone <= bound + 1e-12
+
+
+@given(st.integers(0, 10**6), st.floats(0.3, 3.0))
+@settings(max_examples=60, deadline=None)
+def test_the_bend_of_an_arc_is_bounded_and_not_by_far(seed, sweep):
+    """The base does not turn, so a point at rest bends as the base does, by second differences."""
+    rng, ends, h = np.random.default_rng(seed), random_ends(seed), 1e-4
+    about = Rotation.from_rotvec(sweep * Rotation.random(rng=rng).as_matrix()[0]).as_matrix()
+    ends[2] = PIVOT + rng.uniform(0.2, 5.0) * about @ (ends[0] - PIVOT)
+    ends[3], half = ends[1], 0.01
+    path, bends = path_between(ends, ARC, PIVOT), []
+    for s in np.linspace(0.1, 0.9, 9):
+        places, rotations = base_poses(path, s + np.array([-h, 0.0, h]))
+        bends.append(np.linalg.norm(places[0] - 2.0 * places[1] + places[2]) / h**2)
+        speed = np.linalg.norm(called(velocity_on_path)(path, s))
+        way = called(travel_seen)(path, pose(places[1], rotations[1]), s, half, (0.0, 0.0, 0.0))
+        bound = 2.0 * (way / half - speed) / half
+        assert bends[-1] <= bound + 1e-4
+    assert bound <= 3.0 * max(bends)

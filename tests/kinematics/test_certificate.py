@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from branches import angles_on
+from branches import angles_on, flange_axis, flanges_nearby, solutions
 from compiled import called
 from held_paths import (
     EVERY_BRANCH,
@@ -20,9 +20,10 @@ from held_paths import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mlivr_gym import Limb
 from mlivr_gym.kinematics.base_path import ARC, CLOSEST_PIVOT, STRAIGHT, base_poses
-from mlivr_gym.kinematics.certificate import Proof, certify
-from mlivr_gym.kinematics.ur import jacobian
+from mlivr_gym.kinematics.certificate import Proof, _stays, certify
+from mlivr_gym.kinematics.ur import branch_terms, forward_kinematics, jacobian
 
 HERE = mounted()
 
@@ -80,3 +81,53 @@ def test_branches_are_certified_each_as_if_alone(seed, mask):
 def test_an_arc_through_its_pivot_is_not_certified():
     ends = random_ends(next(s for s in range(99) if certified(path_between(random_ends(s), 0))))
     assert certified(path_between(ends, ARC, ends[0] + [0.0, 0.0, 0.9 * CLOSEST_PIVOT])) == 0
+
+
+def square_of(limb, q):
+    """(det J / (a2 a3))^2 [m^2]."""
+    return (np.linalg.det(jacobian(q, limb.lengths)) / (limb.a2 * limb.a3)) ** 2
+
+
+def proved(arm, limb, q, change):
+    """The largest floor that the bounds prove round joint angles; None if they prove nothing."""
+    terms, here = np.zeros((4, 4)), square_of(limb, q)
+    called(branch_terms)(arm, flange_axis(forward_kinematics(q, limb.lengths)[6]), terms)
+    choice = int(np.abs(terms[:, 3] - here).argmin())
+    if not called(_stays)(arm, terms, choice, change, 0.0):
+        return None
+    low, high = 0.0, here
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if called(_stays)(arm, terms, choice, change, middle):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def least_nearby(arm, limb, q, change, rng):
+    """The least square found on the branch of `q` where wrist and axis go as far as they may."""
+    frame = forward_kinematics(q, limb.lengths)[6]
+    _, angles = solutions(arm, frame[:3, 3], frame[:3, :3])
+    branch = int(np.nanargmin(np.abs(np.exp(1j * angles) - np.exp(1j * q)).max(axis=1)))
+    found = [angles_on(arm, *pose, branch) for pose in flanges_nearby(limb, frame, change, rng)]
+    return min(0.0 if q is None else square_of(limb, q) for q in found)
+
+
+@pytest.mark.parametrize("limb", [LIMB, Limb(d4=-0.1333, d5=-0.0997)], ids=["ur5e", "mirrored"])
+def test_no_pose_within_the_bounds_is_below_what_they_prove(limb):
+    """Postures near a stretched or folded elbow among them; the loss proved is about twice true."""
+    rng, arm, losses = np.random.default_rng(0), mounted(limb)["arm"], []
+    for k in range(150):
+        q = rng.uniform(-np.pi, np.pi, 6)
+        if k % 3:
+            q[2] = np.pi * (k % 3 - 1) + rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6)
+        size = 10.0 ** rng.uniform(-3.0, -1.0)
+        change = [(size, 0.0), (0.0, size), (size, size * rng.uniform(0.3, 2.0))][rng.integers(3)]
+        floor = proved(arm, limb, q, change)
+        if floor is not None:
+            here, least = square_of(limb, q), least_nearby(arm, limb, q, change, rng)
+            losses.append((here - floor) / (here - least))
+    assert len(losses) > 50
+    assert min(losses) >= 1.0
+    assert np.median(losses) < 2.5

@@ -88,6 +88,22 @@ def test_followed_joints_are_continuous_and_stay_on_their_branch(seed):
         assert (coarse["high"] <= fine["high"] + 1e-9).all()
 
 
+@given(st.integers(0, 10**6), st.sampled_from([4, 32]))
+@settings(max_examples=25, deadline=None)
+def test_the_farthest_turn_between_places_is_that_of_any_joint_anywhere(seed, samples):
+    path, arm = path_between(random_ends(seed), STRAIGHT), arm_of(LIMB)
+    mounts = (poses := base_poses(path, np.linspace(0.0, 1.0, samples + 1)))[1] @ MOUNT
+    places = np.einsum("kji,kj->ki", mounts, GRIP - poses[0] - poses[1] @ ORIGIN)
+    for branch in range(8):
+        angles = [
+            angles_on(arm, p, m.T @ TOOL, branch) for p, m in zip(places, mounts, strict=True)
+        ]
+        if all(q is not None for q in angles):
+            turns = np.abs(np.diff(np.unwrap(np.array(angles), axis=0), axis=0))
+            found = followed(path, branch, samples)["farthest"]
+            assert found == pytest.approx(turns.max(), abs=1e-9)
+
+
 def test_joint_limits_take_branches_away():
     paths = (path_between(random_ends(seed), STRAIGHT) for seed in range(100))
     path = next(path for path in paths if certified(path))

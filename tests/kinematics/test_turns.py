@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from branches import angles_on, arm_of
+from branches import angles_on, arm_of, flanges_nearby, solutions
 from compiled import called
 from held_paths import GRIP, LIMB, MOUNT, ORIGIN, TOOL, path_between, random_ends
 from hypothesis import assume, given, settings
@@ -18,6 +18,7 @@ from mlivr_gym.kinematics.turns import (
     line_turns,
     more_turns,
 )
+from mlivr_gym.kinematics.ur import forward_kinematics
 
 ARM = arm_of(LIMB)
 SUMS = {
@@ -129,6 +130,32 @@ def test_bounds_of_short_intervals_are_not_far_from_the_truth(kind):
             ratios += [found[1][name] / far for name, far in farthest(q).items() if far > 1e-4]
     assert len(ratios) > 100
     assert np.median(ratios) < 3.0
+
+
+def test_joints_turn_no_farther_wherever_wrist_and_axis_go_and_nearly_as_far():
+    """To poses all round; also where the elbow is nearly stretched, where little moves it most."""
+    rng, loose = np.random.default_rng(0), {name: [] for name in SUMS}
+    for k in range(150):
+        q = rng.uniform(-np.pi, np.pi, 6)
+        if k % 2:
+            q[2] = rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 0.6)
+        size = 10.0 ** rng.uniform(-3.0, -1.5)
+        change, most = [(size, 0.0), (0.0, size)][rng.integers(2)], Turns.row()
+        if not called(held_turns)(ARM, q, FlangeMotion(*change, change[1]), most):
+            continue
+        frame = forward_kinematics(q, LIMB.lengths)[6]
+        _, angles = solutions(ARM, frame[:3, 3], frame[:3, :3])
+        branch = int(np.nanargmin(np.abs(np.exp(1j * angles) - np.exp(1j * q)).max(axis=1)))
+        poses = flanges_nearby(LIMB, frame, change, rng)
+        found = np.array([angles_on(ARM, *pose, branch) for pose in poses], dtype=np.float64)
+        off = np.angle(np.exp(1j * (found - q)))
+        for name, joints in SUMS.items():
+            turned = np.abs(off[:, joints].sum(axis=1)).max()
+            assert turned <= most[name] + 1e-12, name
+            if turned > 1e-9:
+                loose[name].append(most[name] / turned)
+    assert min(map(len, loose.values())) > 40
+    assert max(np.median(ratios) for ratios in loose.values()) < 3.0
 
 
 @given(st.integers(0, 10**6), st.floats(0.0, 0.1), st.integers(0, 7))

@@ -15,7 +15,7 @@ from mlivr_gym.kinematics.base_path import base_path, base_poses
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
-from mlivr_gym.motion.commitment import committed_motion
+from mlivr_gym.motion.commitment import committed_motion, holds
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
 
@@ -210,3 +210,35 @@ def test_manipulability_of_a_plan_is_that_of_its_joint_angles(small_map, limbs):
             grasps.append(robot.mount_positions[i] + mount @ (frame[:3, 3] + tool))
         truth = base_manipulability(np.array(jacobians), np.array(grasps), l_c)
         assert motion.w_b[k] == pytest.approx(truth, rel=1e-6)
+
+
+def test_a_hold_is_on_the_branch_whose_least_manipulability_is_the_largest(small_graph):
+    """Of those that its last state keeps; by the definition, from the joint angles of each."""
+    graph, rng, long = small_graph, np.random.default_rng(0), 0
+    for _ in range(12):
+        states = [random_state(graph, rng)]
+        for _ in range(6):
+            steps = graph.successors(states[-1])
+            if not len(steps.limb):
+                break
+            states.append(steps.after(states[-1], int(rng.integers(len(steps.limb)))))
+        points = np.array([state.stance for state in states])
+        motion, postures = committed_motion(graph, states).motion, graph.postures_of(states)
+        for limb in range(2):
+            for first, last in holds(points, limb):
+                least = {}
+                for bit in (b for b in range(16) if states[last].masks[limb] >> b & 1):
+                    bits = motion.branches.copy()
+                    bits[:, limb] = bit
+                    joints = graph.joints(points, postures, bits)[first : last + 1, limb]
+                    least[bit & 7] = min(
+                        limb_manipulability(
+                            jacobian(q, graph.robot.limb.lengths), graph.robot.characteristic_length
+                        )
+                        for q in joints
+                    )
+                chosen = set(motion.branches[first : last + 1, limb].tolist())
+                assert len(chosen) == 1
+                assert least[chosen.pop()] >= max(least.values()) - 1e-9
+                long += last > first and len(set(np.round(list(least.values()), 9))) > 1
+    assert long > 10

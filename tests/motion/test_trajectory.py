@@ -81,6 +81,16 @@ def test_a_walk_passes_through_the_stances_of_its_plan_at_rest(plan, walk):
         assert np.abs(walk.joint_velocities[round(second / 0.01)]).max() < 1e-5
 
 
+@pytest.mark.parametrize("period", [0.001, 0.01, 0.1, 0.37, 7.0, 1e4])
+def test_a_coarser_walk_has_the_samples_of_its_grid_and_the_last_one(walk, period):
+    coarse, stride = walk.every(period), max(round(period / 0.01), 1)
+    assert coarse.times[-1] == walk.times[-1]
+    np.testing.assert_allclose(coarse.times[:-1], np.arange(len(coarse.times) - 1) * stride * 0.01)
+    assert 0.0 < coarse.times[-1] - coarse.times[-2] <= stride * 0.01 + 1e-9
+    at = np.searchsorted(walk.times, coarse.times - 1e-9)
+    np.testing.assert_array_equal(coarse.joint_positions, walk.joint_positions[at])
+
+
 def test_limbs_that_hold_stay_on_their_points(jem, scene, walk):
     """By MuJoCo's kinematics, all along."""
     for k in range(0, len(walk.times), 311):

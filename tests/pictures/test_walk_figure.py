@@ -1,5 +1,7 @@
 """The picture of a walk among obstacles tells plans apart, and shows on which side a box is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
@@ -8,6 +10,7 @@ from mlivr_gym import Box
 from mlivr_gym.pictures import walk_figure as module
 from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE
+from mlivr_gym.pictures.plan_paths import base_line
 from mlivr_gym.pictures.walk_figure import PLAN_COLOURS, Leg, Walk, hides, least_distance
 from mlivr_gym.planners import Planner
 
@@ -74,3 +77,15 @@ def test_a_walk_is_what_was_walked(drawn):
     np.testing.assert_allclose(legs[0].given_up[[0, -1]], first[[1, -1]])
     steps = np.linalg.norm(np.diff(walk.stances, axis=0), axis=1)
     assert walk.length == pytest.approx(steps.sum())
+
+
+def test_what_was_walked_and_what_was_given_up_make_the_whole_way(drawn):
+    """Sample by sample, also where steps go round an arc."""
+    plan = drawn[1][0].plan
+    steps = tuple(replace(step, path="arc") for step in plan.steps)
+    plan = replace(plan, motion=replace(plan.motion, steps=steps))
+    whole = base_line(plan)
+    assert len(plan.steps) > 1
+    for taken in range(len(plan.steps) + 1):
+        leg = Leg(plan, taken)
+        np.testing.assert_allclose(np.vstack([leg.walked, leg.given_up[1:]]), whole, atol=1e-12)

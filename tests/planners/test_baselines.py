@@ -7,7 +7,14 @@ import pytest
 from scipy.stats import chisquare
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.planners.baselines import FINDERS, _Node, _simulate, _Task, find_walk
+from mlivr_gym.planners.baselines import (
+    CORRIDORS,
+    FINDERS,
+    _Node,
+    _simulate,
+    _Task,
+    find_walk,
+)
 from mlivr_gym.planners.walks import edges_along
 from mlivr_gym.stances.random_states import random_state
 
@@ -83,3 +90,34 @@ def test_baselines_serve_more_limbs():
     walk = find_walk("local", env.moves, env.state, env.goal)
     assert walk.reached
     assert edges_along(env.graph, [state.stance for state in walk.states]) == len(walk.actions)
+
+
+def test_two_levels_look_at_all_that_lies_in_their_corridors_and_at_nothing_else(env):
+    """Where the goal is out of reach each corridor is searched to its end.
+
+    It is what lies within its half width of the line from start to goal, by many places on it; at
+    the ends it is round.
+    """
+    rng, behind = np.random.default_rng(0), 0
+    for _ in range(6):
+        start = random_state(env.graph, rng)
+        origin = env.graph.posture(start.stance).base_position[0]
+        direction = rng.normal(size=3)
+        goal = origin + 0.5 * direction / np.linalg.norm(direction)
+        line, expanded = origin + np.linspace(0.0, 1.0, 501)[:, None] * (goal - origin), 0
+        for width in CORRIDORS:
+            todo, seen = [start], {start.stance}
+            while todo:
+                here, expanded = todo.pop(), expanded + 1
+                steps = env.graph.successors(here)
+                for k, base in enumerate(steps.base_in_world):
+                    near = np.linalg.norm(line - base, axis=1).min() <= width
+                    after = steps.after(here, k)
+                    if near and after.stance not in seen:
+                        seen.add(after.stance)
+                        todo.append(after)
+                        behind += (base - origin) @ direction < 0.0
+        walk = find_walk("two_level", env.moves, start, goal, 1e-9, longest=10**6)
+        assert not walk.reached
+        assert walk.expanded == expanded
+    assert behind > 100

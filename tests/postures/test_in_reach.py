@@ -120,7 +120,11 @@ def test_no_flange_is_farther_than_the_bound_and_some_are_nearly():
     """At random joint angles, for the manipulability of a node and for none."""
     graph = stance_graph(robot="mlivr3", settings=NO_COLLISIONS)
     robot, rng = graph.robot, np.random.default_rng(0)
-    for limb in (robot.limb, Limb(d1=0.1, a2=-0.3, a3=-0.5, d4=0.2, d5=0.15, d6=0.05)):
+    for limb in (
+        robot.limb,
+        Limb(d1=0.1, a2=-0.3, a3=-0.5, d4=0.2, d5=0.15, d6=0.05),
+        Limb(d1=0.05, a2=-0.45, a3=-0.45, d4=0.5, d5=0.1, d6=0.5),  # reaches far across
+    ):
         q = rng.uniform(-np.pi, np.pi, (40_000, 6))
         lengths, scale = limb.lengths, robot.characteristic_length
         for angles in q[:20]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 from compiled import called
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym.kinematics.arm import Arm, FlangeAxis, set_arm
 from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
@@ -40,3 +41,14 @@ def solutions(arm, p, r, slack=SINGULAR_TOO):
         if q is not None:
             mask, out[branch] = mask | 1 << branch, q
     return mask, out
+
+
+def flanges_nearby(limb, frame, change, rng, count=40):
+    """Flange poses whose wrist and axis are as far from those of a frame as told [m, rad]."""
+    far, angle = change
+    place, axes = frame[:3, 3], frame[:3, :3]
+    for _ in range(count):
+        aside, about = rng.normal(size=3), np.cross(axes[:, 2], rng.normal(size=3))
+        turned = Rotation.from_rotvec(angle * about / np.linalg.norm(about)).as_matrix() @ axes
+        wrist = place - limb.d6 * axes[:, 2] + far * aside / np.linalg.norm(aside)
+        yield wrist + limb.d6 * turned[:, 2], turned
