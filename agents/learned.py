@@ -252,8 +252,8 @@ def _check_weights(weights: dict[str, Any], told: str) -> None:
         wrong = tensor[~(tensor.abs() <= LARGEST_WEIGHT)]  # NaN is not below it either
         if len(wrong):
             raise CheckpointError(
-                f"{told}: its tensor {name!r} holds {wrong[0].item():g}; weights must be finite and "
-                f"at most {LARGEST_WEIGHT:g} in size: train it anew"
+                f"{told}: its tensor {name!r} holds {wrong[0].item():g}; weights must be finite "
+                f"and at most {LARGEST_WEIGHT:g} in size: train it anew"
             )
 
 

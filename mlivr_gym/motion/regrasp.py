@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,10 +21,12 @@ from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, BasePath, base_
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
-from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Motion
 from mlivr_gym.motion.runs import Run
 from mlivr_gym.stances.stance_graph import StanceGraph
+
+if TYPE_CHECKING:
+    from mlivr_gym.motion.plan import Plan
 
 UNCHECKED_KNOTS: Array = np.zeros((0, 7))
 """Knots of a swing that was not checked."""

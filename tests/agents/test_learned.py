@@ -86,7 +86,7 @@ def test_weights_and_configuration_of_two_checkpoints_do_not_fit(tmp_path, env, 
     weights = path.with_suffix(".pt").read_bytes()
     kept(tmp_path, env, policy=policy)
     path.with_suffix(".pt").write_bytes(weights)
-    with pytest.raises(CheckpointError, match="its checksum is '[0-9a-f]{64}', and that of"):
+    with pytest.raises(CheckpointError, match=r"its checksum is '[0-9a-f]{64}', and that of"):
         load_policy(path, env)
 
 
@@ -137,9 +137,7 @@ def test_a_checkpoint_without_a_checksum_is_refused(tmp_path, env):
         load_policy(path, env)
     del config["format"]
     path.with_suffix(".json").write_text(json.dumps(config))
-    with pytest.raises(
-        CheckpointError, match=r"has format 1, .* format 2, .*: train it anew$"
-    ):
+    with pytest.raises(CheckpointError, match=r"has format 1, .* format 2, .*: train it anew$"):
         load_policy(path, env)
 
 
