@@ -35,7 +35,7 @@ A file keeps every bit, and a base rotation is told as a quaternion, to 1e-16. W
 but singular its angles and manipulability change by the root of that, 1e-8.
 """
 
-OWN_POSE = 1e-9
+SAME_POSE = 1e-9
 """Base poses that differ by less from that of the stance's posture are the same [m, rad]."""
 
 SAME_KNOT = 1e-9
@@ -64,12 +64,12 @@ def check_numbers(query: Query, motion: Motion, statistics: Statistics) -> None:
     found = query.cost_of(places)
     if not abs(statistics.cost - found) <= TOLERANCE * max(1.0, found):
         raise _told("statistics.cost", statistics.cost, f"{found!r} (query.{priced})")
-    left = float(np.linalg.norm(places[-1] - np.array(query.goal)))
-    if left > query.goal_tolerance + TOLERANCE:
+    short = float(np.linalg.norm(places[-1] - np.array(query.goal)))
+    if short > query.goal_tolerance + TOLERANCE:
         raise PlanError(
             f"query.goal is {shown(list(query.goal))}, to be reached within "
             f"{query.goal_tolerance!r} m; the last base position "
-            f"{shown(places[-1].tolist())} is {left!r} m away"
+            f"{shown(places[-1].tolist())} is {short!r} m away"
         )
 
 
@@ -200,8 +200,8 @@ def _postures(graph: LazyGraph, points: IntArray, motion: Motion, bits: IntArray
     turns, chosen = _rotations(motion), graph.postures(points)
     off = np.abs(chosen.base_position - motion.base_positions).max(axis=1)
     off = np.maximum(off, np.abs(chosen.base_rotation - turns).max(axis=(1, 2)))
-    own = off < OWN_POSE
-    node, held = own & graph.is_node(chosen), own & (chosen.mask >> bits & 1).all(axis=1)
+    same = off < SAME_POSE
+    node, held = same & graph.is_node(chosen), same & (chosen.mask >> bits & 1).all(axis=1)
     needed = graph.settings.thresholds(graph.limbs)
     for thresholds in (needed, (0.0, 0.0)):
         if not (held & node).all():
