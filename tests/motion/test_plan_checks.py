@@ -11,7 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.errors import PlanError
+from mlivr_gym.motion.commitment import committed_motion
+from mlivr_gym.motion.plan_parts import Query, Statistics, World
 from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
@@ -291,3 +294,31 @@ def task(graph, rng):
     start = random_state(graph, rng)
     steps = graph.successors(start)
     return start, steps.base_in_world[int(rng.integers(len(steps.limb)))]
+
+
+def test_a_step_that_a_limb_cannot_follow_is_refused(small_map):
+    """From a stance to one that can be held on the same branch, with no way from one to the other.
+
+    The plan is written as if there were.
+    """
+    graph = stance_graph(small_map, settings=Settings(collisions=False))
+    rng, told = np.random.default_rng(0), []
+    for row in rng.permutation(len(graph)).tolist():
+        for other in graph.row(0, row).tolist():
+            shared = int(graph.mask[row, 0] & graph.mask[other, 0])
+            masks = shared & -shared, int(graph.mask[row, 1])
+            here, there = (tuple(graph.points[k].tolist()) for k in (row, other))
+            both = graph.node_postures(np.array([row, other]))
+            if shared and not graph.edge(State(here, masks), there, both).kept:
+                end = State(there, (masks[0], int(graph.mask[other, 1])))
+                told.append((State(here, masks), end))
+        if len(told) >= 5:
+            break
+    for states in told:
+        motion = committed_motion(graph, states).motion
+        length = motion.steps[0].displacement
+        goal = tuple(motion.base_positions[-1].tolist())
+        query = Query(goal, 0.2, "base", None, "astar", "zero")
+        plan = Plan(query, World.of(graph), motion, Statistics(length, 1, 1))
+        with pytest.raises(PlanError, match=r"limb 0 is on branch \d and could follow the base on"):
+            Plan.from_dict(as_data(plan), small_map)
