@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import torch
 
-from mlivr_gym.agents.features import env_features
+from mlivr_gym.agents.features import env_features, point_space
 from mlivr_gym.agents.hyperparameters import SIZES
 from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
 from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import Observation
+from mlivr_gym.envs.observations import Observation, observation_space
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.files import load, write_whole
-from mlivr_gym.schema import Anything, Choice, Fields, Place
+from mlivr_gym.errors import MlivrError, SettingError, shown
+from mlivr_gym.files import checksum, load, write_whole
+from mlivr_gym.schema import NAME, Anything, Choice, Fields, Place
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.transitions.state import State
 
@@ -28,7 +28,25 @@ PRETRAINED = "pointer"
 """Name of the checkpoint that ships with the package, in `envs_assets`."""
 
 
-CHECKPOINT = Fields({"network": Choice(tuple(SIZES.optional)), "sizes": Anything()}, others=True)
+FORMAT = 2
+"""Version of the checkpoint's format; files of the first carry neither version nor checksum."""
+
+LARGEST_WEIGHT = 1e3
+"""Largest size of a weight. Through six layers of 256 such weights, from features of at most 100,
+nothing exceeds 3e34, so every score is finite; above it single precision may overflow. Those that
+ship are at most 1.3."""
+
+MADE_FOR = Fields({"name": NAME, "fingerprint": NAME})
+"""A map, a robot or an observation."""
+
+CHECKPOINT = Fields(
+    {
+        "network": Choice(tuple(SIZES.optional)),
+        "sizes": Anything(),
+        **dict.fromkeys(("map", "robot", "observation"), MADE_FOR),
+    },
+    others=True,
+)
 """What loading needs of a checkpoint's configuration; the rest tells of the training."""
 
 
@@ -154,15 +172,31 @@ def save_policy(path: str | Path, policy: Any, config: dict[str, Any]) -> None:
     Args:
         path: Path without suffix.
         policy: The policy.
-        config: Everything it was trained with; `network` and `sizes` are needed to load it. The
-            number of the graph's rules is added.
+        config: Everything it was trained with; `network`, `sizes` and what `made_for` tells are
+            needed to load it. Format, number of the graph's rules and checksum are added.
     """
     buffer = io.BytesIO()
     torch.save(policy.state_dict(), buffer)
-    path = Path(path)
-    config = config | {"rules": GRAPH_RULES}
+    path, weights = Path(path), buffer.getvalue()
+    config = config | {"format": FORMAT, "rules": GRAPH_RULES}
+    config |= {"checksum": checksum(config, weights)}
     write_whole(path.with_suffix(".json"), json.dumps(config, indent=1) + "\n")
-    write_whole(path.with_suffix(".pt"), buffer.getvalue())
+    write_whole(path.with_suffix(".pt"), weights)
+
+
+def made_for(env: MlivrEnv, network: str) -> dict[str, dict[str, str]]:
+    """What a network is made for: name and fingerprint of `map`, `robot` and `observation`.
+
+    The fingerprint of an observation is the names of its parts and their last dimensions.
+    """
+    pointer, graph = network == "pointer", env.graph
+    space = point_space(env) if pointer else observation_space(graph)
+    parts = ", ".join(f"{name} {(part.shape or (0,))[-1]}" for name, part in space.items())
+    return {
+        "map": {"name": graph.grasp_map.name, "fingerprint": graph.grasp_map.fingerprint},
+        "robot": {"name": graph.robot.name, "fingerprint": graph.robot.fingerprint},
+        "observation": {"name": "points" if pointer else "plain", "fingerprint": parts},
+    }
 
 
 def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
@@ -170,29 +204,39 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
 
     Args:
         path: Path without suffix, or `"pretrained"` for the checkpoint that ships with the package.
-        env: The environment; the pointer policy fits every map and number of limbs.
+        env: The environment; the pointer policy fits every map and robot, the MLP those alone that
+            it was trained on.
 
     Raises:
-        CheckpointError: If the files cannot be read, the network does not fit the environment, or
-            it was trained under other rules of the stance graph.
+        CheckpointError: If the files cannot be read or were altered, a weight is not finite or too
+            large, the network was made for something else than the environment, or it was trained
+            under other rules of the stance graph.
     """
     file = asset_path(PRETRAINED) if str(path) == "pretrained" else Path(path)
+    told = f"cannot use checkpoint {str(path)!r}"
     try:
-        config = load(file.with_suffix(".json"), "checkpoint", CheckpointError, _configuration)
-        weights = torch.load(file.with_suffix(".pt"), map_location="cpu", weights_only=True)
+        stored, read = file.with_suffix(".pt"), []
+
+        def build(data: dict[str, Any]) -> dict[str, Any]:
+            read.append(stored.read_bytes())
+            return _configuration(data, read[0])
+
+        config = load(file.with_suffix(".json"), "checkpoint", CheckpointError, build)
+        _check_made_for(config, made_for(env, config["network"]), told)
+        weights = torch.load(io.BytesIO(read[0]), map_location="cpu", weights_only=True)
         policy = make_policy(env, config["network"], config["sizes"])
         if _shapes(weights) != _shapes(policy.state_dict()):
             raise CheckpointError(
-                f"cannot use checkpoint {str(path)!r}: its weights are of other shapes than the "
-                f"{config['network']} network of this version has for this environment; train it "
-                "anew"
+                f"{told}: its weights are of other shapes than the {config['network']} network of "
+                "this version has for this environment; train it anew"
             )
+        _check_weights(weights, told)
         policy.load_state_dict(weights)
     except CheckpointError:
         raise
     except Exception as error:  # torch raises many kinds
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise CheckpointError(f"cannot use checkpoint {str(path)!r}: {reason}") from None
+        raise CheckpointError(f"{told}: {reason}") from None
     policy.set_training_mode(False)
     return LearnedPolicy(policy, config["network"], config)
 
@@ -202,10 +246,52 @@ def _shapes(weights: dict[str, Any]) -> dict[str, tuple[int, ...]]:
     return {name: tuple(tensor.shape) for name, tensor in weights.items()}
 
 
-def _configuration(data: dict[str, Any]) -> dict[str, Any]:
-    """The configuration of a checkpoint, what loading needs of it checked."""
+def _check_weights(weights: dict[str, Any], told: str) -> None:
+    """Refuse weights with which no score could be trusted."""
+    for name, tensor in weights.items():
+        wrong = tensor[~(tensor.abs() <= LARGEST_WEIGHT)]  # NaN is not below it either
+        if len(wrong):
+            raise CheckpointError(
+                f"{told}: its tensor {name!r} holds {wrong[0].item():g}; weights must be finite "
+                f"and at most {LARGEST_WEIGHT:g} in size: train it anew"
+            )
+
+
+def _check_made_for(config: dict[str, Any], here: dict[str, dict[str, str]], told: str) -> None:
+    """Refuse a network that was made for another map, robot or observation.
+
+    That of a pointer policy is the same whatever the map and the robot.
+    """
+    for what in ("observation",) if config["network"] == "pointer" else here:
+        made, needed = config[what], here[what]
+        if made["fingerprint"] != needed["fingerprint"]:
+            raise CheckpointError(
+                f"{told}: it was made for {what} {made['name']!r} ({made['fingerprint']}), not for "
+                f"{needed['name']!r} ({needed['fingerprint']})"
+            )
+
+
+def _configuration(data: dict[str, Any], weights: bytes) -> dict[str, Any]:
+    """The configuration of a checkpoint, what loading needs of it checked.
+
+    Args:
+        data: What its JSON file holds.
+        weights: What the file of its weights holds.
+    """
+    if data.get("format") != FORMAT:
+        raise CheckpointError(
+            f"it has format {shown(data.get('format', 1))}, and this version reads format "
+            f"{FORMAT}, whose files carry a checksum: train it anew"
+        )
     check_rules("it", data.get("rules"), "train it anew", CheckpointError)
     config = CHECKPOINT.read(data, Place("", CheckpointError))
     network = config["network"]
     sizes = SIZES.read({network: config["sizes"]}, Place("sizes", CheckpointError))
+    found = checksum({k: value for k, value in data.items() if k != "checksum"}, weights)
+    if data.get("checksum") != found:
+        raise CheckpointError(
+            f"its checksum is {shown(data.get('checksum'))}, and that of the configuration and the "
+            f"weights is {found!r}: a file was altered, or belongs to another; copy or train both "
+            "anew"
+        )
     return config | {"sizes": sizes[network]}

@@ -21,7 +21,7 @@ from mlivr_gym.agents.hyperparameters import (
     hyperparameters,
 )
 from mlivr_gym.agents.imitation import Imitation
-from mlivr_gym.agents.learned import LearnedPolicy, load_policy, save_policy
+from mlivr_gym.agents.learned import LearnedPolicy, load_policy, made_for, save_policy
 from mlivr_gym.agents.networks import make_policy, policy_class
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.agents.test_set import held_out_goals
@@ -110,8 +110,7 @@ class _Request:
             "env": self.env_arguments,
             "init": None if self.init is None else Path(self.init).name,
             "settings": {k: value for k, value in self.settings.items() if k != "networks"},
-            "map": env.graph.grasp_map.fingerprint,
-            "robot": env.graph.robot.fingerprint,
+            **made_for(env, self.network),
             "version": __version__,
             "command": self.command,
             "seconds": round(seconds, 1),

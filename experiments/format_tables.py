@@ -69,6 +69,7 @@ MEANINGS = {
     "world": "Where the plan was made, see below.",
     "motion": "Stances, steps and configurations, see below.",
     "statistics": "What the search found and spent, see below.",
+    "checksum": "SHA-256 of the other fields (`files.checksum`), which may be left out.",
 } | dict.fromkeys(REMARKS, "For readers; not used.")
 """Meaning of fields that no class describes."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -46,6 +47,15 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
             Path(name).unlink(missing_ok=True)
         reason = error.strerror if isinstance(error, OSError) else None
         raise FileError(f"cannot write {str(path)!r}: {reason or error}") from None
+
+
+def checksum(data: Any, content: bytes = b"") -> str:
+    """Hash of plain data and of bytes beside them, which tells whether anything was altered.
+
+    Spaces and the order of fields do not count.
+    """
+    text = json.dumps(data, sort_keys=True)
+    return hashlib.sha256(text.encode() + b"\0" + content).hexdigest()
 
 
 def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) -> dict[str, Any]:

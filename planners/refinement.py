@@ -24,7 +24,6 @@ from mlivr_gym.errors import PlanError
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import World
-from mlivr_gym.planners.costs import Cost
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -75,7 +74,7 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
     for done in range(ROUNDS + 1):
         motion = committed_motion(graph, chosen.states, chosen.postures).motion
         if motion is not None:
-            cost = walk.cost_of(motion.base_positions)
+            cost = plan.query.cost_of(motion.base_positions)
             new = Plan(plan.query, World.of(graph), motion, replace(plan.statistics, cost=cost))
             best = min(best, new, key=lambda p: p.base_translation)
         if done == ROUNDS:
@@ -134,12 +133,6 @@ class _Footholds:
         away = float(np.linalg.norm(motion.base_positions[-1] - np.array(self.query.goal)))
         self.arrives = away <= self.query.goal_tolerance
         """Whether the plan ends in its goal region; if not, its last pose is kept."""
-
-    def cost_of(self, positions: Array) -> float:
-        """Cost of a way along base positions, shape (K, 3) [m]."""
-        cost = Cost.named(self.query.cost_name, self.query.regrasp_price)
-        away = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-        return float((cost.base_weight * away + cost.step_weight).sum())
 
     def poses_tried(self) -> Poses:
         """All base poses that are tried for each stance."""

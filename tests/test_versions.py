@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym import stance_graph
-from mlivr_gym.agents.learned import CheckpointError, load_policy, save_policy
+from mlivr_gym.agents.learned import CheckpointError, load_policy, made_for, save_policy
 from mlivr_gym.agents.networks import make_policy
 from mlivr_gym.agents.test_set import SPLITS, freeze_test_set, load_test_set
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
@@ -66,7 +66,7 @@ def test_plans(env, tmp_path, rules):
 @pytest.mark.parametrize("rules", OTHERS)
 def test_checkpoints(env, tmp_path, rules):
     path = tmp_path / "policy"
-    config = {"network": "mlp", "sizes": {}}
+    config = {"network": "mlp", "sizes": {}} | made_for(env, "mlp")
     save_policy(path, make_policy(env, "mlp", {}), config)
     assert "rules" not in config
     assert load_policy(path, env).config["rules"] == GRAPH_RULES

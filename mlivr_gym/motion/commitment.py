@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.plan_parts import Motion, Step
@@ -47,6 +48,8 @@ class CommittedMotion(NamedTuple):
     """The motion; None if a step cannot be executed."""
     failed: int | None
     """Index of a step for which no swing was found, or None."""
+    edges: tuple[Edge, ...] = ()
+    """The edge that each step is on the branches chosen; none where steps are not checked."""
 
 
 def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None:
@@ -101,13 +104,17 @@ def committed_motion(
         graph: The stance graph.
         states: K states, each with the branches kept.
         postures: Postures in which the robot stands in them; by default those of the graph.
+
+    Raises:
+        PlanError: If a limb is on no branch on which it can be released where it moves next; no
+            walk of the graph is such.
     """
     draft = _Draft(graph, states, graph.postures_of(states) if postures is None else postures)
     steps = []
     for k in range(len(states) - 1):
         committed = draft.commit(k)
         if committed is None:
-            return CommittedMotion(None, k)
+            return CommittedMotion(None, k, tuple(draft.edges))
         steps.append(draft.step(k, committed))
     w_m, w_b = draft.manipulability()
     motion = Motion(
@@ -120,7 +127,7 @@ def committed_motion(
         w_m=w_m,
         w_b=w_b,
     )
-    return CommittedMotion(motion, None)
+    return CommittedMotion(motion, None, tuple(draft.edges))
 
 
 class _Draft:
@@ -161,6 +168,9 @@ class _Draft:
                 mask &= graph.released(self.states[last].stance, here, limb)
             least = self._w[first : last + 1, limb].min(axis=0)
             bits = [bit for bit in range(16) if mask >> bit & 1]
+            if not bits:
+                point = graph.grasp_map.ids[self.points[last, limb]]
+                raise PlanError(f"limb {limb} cannot be released from {point!r} at stance {last}")
             bit = max(bits, key=lambda b: (round(float(least[(b & 7) >> 1]), 12), -b))
             self.branches[first : last + 1, limb] = bit & 7
             self.flips[first : last + 1, limb] = bit >> 3

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MlivrError, PlanError
+from mlivr_gym.errors import MlivrError, PlanError, shown
 from mlivr_gym.files import load, write_whole
+from mlivr_gym.motion.plan_checks import check_motion, check_numbers
 from mlivr_gym.motion.plan_files import parts_of, plan_data
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.world.grasp_map import GraspMap
@@ -104,19 +105,28 @@ class Plan:
 
     @classmethod
     def from_dict(cls, data: Any, grasp_map: GraspMap | None = None) -> Plan:
-        """Build a plan from plain data.
+        """Build a plan from plain data; what can be worked out again has to be what it tells.
 
         Args:
             data: The parsed JSON.
-            grasp_map: If given, the plan must have been made on this map.
+            grasp_map: If given, the plan must have been made on this map, and its whole motion is
+                worked out again; else only what follows without the map is.
 
         Raises:
-            PlanError: If a field is missing or faulty, or the plan belongs to another map or to
-                other rules of the stance graph.
+            PlanError: If a field is missing or faulty, the plan belongs to another map or to other
+                rules of the stance graph, or a value is not the one that follows from the others.
         """
         plan = cls(*parts_of(data))
         if grasp_map is not None:
             plan.check_map(grasp_map)
+            check_motion(plan.query, plan.world, plan.motion, grasp_map)
+        check_numbers(plan.query, plan.motion, plan.statistics)
+        told, found = data.get("checksum"), plan.to_dict()["checksum"]
+        if told is not None and told != found:
+            raise PlanError(
+                f"checksum is {shown(told)}; that of the other fields is {found!r}: a field that "
+                "does not follow from others was altered"
+            )
         return plan
 
     def check_map(self, grasp_map: GraspMap) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.errors import PlanError, shown
+from mlivr_gym.files import checksum
 from mlivr_gym.kinematics.base_path import PATH_KINDS
 from mlivr_gym.motion.plan_parts import (
     COSTS,
@@ -111,7 +112,8 @@ FORM = Fields(
         "world": WORLD,
         "motion": Anything(),
         "statistics": STATISTICS,
-    }
+    },
+    {"checksum": NAME},
 )
 """A plan file; `motion_fields` says what its motion is, which depends on the robot."""
 
@@ -167,7 +169,7 @@ def plan_data(query: Query, world: World, motion: Motion, statistics: Statistics
         for name, value in values.items()
     } | {"steps": [asdict(step) for step in motion.steps]}
     data["statistics"] = asdict(statistics)
-    return data
+    return data | {"checksum": checksum(data)}
 
 
 def parts_of(data: Any) -> tuple[Query, World, Motion, Statistics]:
@@ -228,4 +230,8 @@ def _check_order(stances: tuple[tuple[str, ...], ...], steps: tuple[Step, ...]) 
             step.to_point if limb == step.limb else point for limb, point in enumerate(before)
         )
         if before[step.limb] != step.from_point or reached != after:
-            raise PlanError(f"motion.steps[{i}] does not lead from motion.stances[{i}] to the next")
+            raise PlanError(
+                f"motion.steps[{i}] does not lead from motion.stances[{i}] to the next: limb "
+                f"{step.limb} moves from {step.from_point!r} to {step.to_point!r}, and the stances "
+                f"are {before} and {after}"
+            )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
@@ -68,6 +70,12 @@ class Query:
     method: str
     heuristic: str
     goal_face: str | None = None
+
+    def cost_of(self, positions: Array) -> float:
+        """Cost of a way along base positions, shape (K, 3) [m]."""
+        away = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
+        steps = float(len(positions) - 1)
+        return steps if self.cost_name == "steps" else away + steps * (self.regrasp_price or 0.0)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,7 +21,6 @@ from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, BasePath, base_
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
-from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Motion
 from mlivr_gym.motion.runs import Run
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -251,7 +251,15 @@ class RegraspPath:
         return joints
 
 
-def planned_regrasp(graph: StanceGraph, plan: Plan, index: int) -> Regrasp:
+class Planned(Protocol):
+    """What has a motion, as a plan has."""
+
+    @property
+    def motion(self) -> Motion:
+        """Stances, steps and configurations."""
+
+
+def planned_regrasp(graph: StanceGraph, plan: Planned, index: int) -> Regrasp:
     """What is needed to execute one step of a plan.
 
     Args:
@@ -262,8 +270,9 @@ def planned_regrasp(graph: StanceGraph, plan: Plan, index: int) -> Regrasp:
     Raises:
         PlanError: If the plan has no such step.
     """
-    if not 0 <= index < len(plan.steps):
-        raise PlanError(f"the plan has no step {index}; it has {len(plan.steps)}, counted from 0")
+    count = len(plan.motion.steps)
+    if not 0 <= index < count:
+        raise PlanError(f"the plan has no step {index}; it has {count}, counted from 0")
     return regrasp_of(graph, plan.motion, index)
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlivr_gym.agents.hyperparameters import METHODS, hyperparameters
-from mlivr_gym.agents.learned import load_policy, save_policy
+from mlivr_gym.agents.learned import load_policy, made_for, save_policy
 from mlivr_gym.agents.test_set import load_test_set
 from mlivr_gym.envs_assets import asset_path
 
@@ -33,9 +33,9 @@ def test_a_mutated_test_set_is_one_error_at_most(tmp_path, data):
 
 
 @pytest.fixture
-def checkpoint(tmp_path, policy):
-    sizes = {"width": 32, "summary": 16}
-    save_policy(tmp_path / "p", policy, {"network": "pointer", "sizes": sizes, "seed": 3})
+def checkpoint(tmp_path, env, policy):
+    config = {"network": "pointer", "sizes": {"width": 32, "summary": 16}, "seed": 3}
+    save_policy(tmp_path / "p", policy, config | made_for(env, "pointer"))
     return tmp_path / "p"
 
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from mlivr_gym.agents.hyperparameters import METHODS, checked, hyperparameters
-from mlivr_gym.agents.learned import CheckpointError, load_policy, save_policy
+from mlivr_gym.agents.learned import CheckpointError, load_policy, made_for, save_policy
 from mlivr_gym.agents.training import train
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError
@@ -80,9 +80,8 @@ def test_settings_of_a_caller_are_checked_too(env):
     ],
 )
 def test_a_faulty_configuration_of_a_checkpoint_is_named(tmp_path, env, policy, change, words):
-    save_policy(
-        tmp_path / "p", policy, {"network": "pointer", "sizes": {"width": 32, "summary": 16}}
-    )
+    config = {"network": "pointer", "sizes": {"width": 32, "summary": 16}}
+    save_policy(tmp_path / "p", policy, config | made_for(env, "pointer"))
     file = tmp_path / "p.json"
     assert load_policy(tmp_path / "p", env).network == "pointer"
     file.write_text(json.dumps(json.loads(file.read_text()) | change))

@@ -1,23 +1,30 @@
 """Learned policies: how they act, alone and with a beam, and their checkpoints."""
 
+import json
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from mlivr_gym.agents import evaluate
+from mlivr_gym.agents.features import env_features
 from mlivr_gym.agents.learned import (
     CheckpointError,
     LearnedPolicy,
     beam_policy,
     beam_walk,
     load_policy,
+    made_for,
     save_policy,
 )
-from mlivr_gym.agents.networks import make_policy
+from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
 from mlivr_gym.agents.training import train
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
+from mlivr_gym.world.grasp_map import GraspMap
 
 
 def test_a_policy_never_returns_to_a_stance(env, monkeypatch):
@@ -73,22 +80,98 @@ def test_a_long_walk_goes_to_the_best_stance_not_yet_visited_in_its_episode(ladd
 def test_faulty_checkpoints_are_named(env, policy, tmp_path):
     with pytest.raises(CheckpointError, match=r"cannot read checkpoint.*nowhere"):
         load_policy(tmp_path / "nowhere", env)
-    save_policy(tmp_path / "one", policy, {"network": "pointer", "sizes": {"width": 64}})
+    config = {"network": "pointer", "sizes": {"width": 64}} | made_for(env, "pointer")
+    save_policy(tmp_path / "one", policy, config)
     told = r"cannot use checkpoint .*one': its weights are of other shapes .*; train it anew$"
     with pytest.raises(CheckpointError, match=told):
         load_policy(tmp_path / "one", env)
-    mlp = LearnedPolicy(make_policy(env, "mlp", {}), "mlp")
-    other = MlivrEnv(
-        map=env.graph.grasp_map.subset(np.arange(len(env.graph.grasp_map)) % 4 > 0),
-        collisions=False,
-    )
-    save_policy(tmp_path / "mlp", mlp.policy, {"network": "mlp", "sizes": {}})
-    with pytest.raises(CheckpointError, match=r"cannot use checkpoint|actions|one map only"):
-        load_policy(tmp_path / "mlp", other)
     with pytest.raises(SettingError, match="method is 'magic'"):
         train("magic", env=env)
     with pytest.raises(SettingError, match="network is 'cnn'"):
         train("bc", "cnn", env=env)
+
+
+def kept(tmp_path, env, network="pointer", policy=None, **change):
+    """A checkpoint of small networks, and the path it lies at."""
+    sizes = {"pointer": {"width": 32, "summary": 16}, "mlp": {"net_arch": [8]}}[network]
+    config = {"network": network, "sizes": sizes} | made_for(env, network) | change
+    save_policy(tmp_path / "p", policy or make_policy(env, network, sizes), config)
+    return tmp_path / "p"
+
+
+@pytest.mark.parametrize("suffix", [".pt", ".json"])
+def test_a_checkpoint_with_one_bit_flipped_is_refused(tmp_path, env, policy, suffix):
+    """Wherever the bit lies."""
+    path, rng = kept(tmp_path, env, policy=policy), np.random.default_rng(5)
+    assert load_policy(path, env)
+    file = path.with_suffix(suffix)
+    whole = file.read_bytes()
+    for bit in rng.choice(8 * len(whole), 60, replace=False).tolist():
+        flipped = bytearray(whole)
+        flipped[bit // 8] ^= 1 << bit % 8
+        file.write_bytes(flipped)
+        with pytest.raises(CheckpointError, match=r"^[^\n]*checkpoint '[^\n]*$"):
+            load_policy(path, env)
+
+
+def test_weights_and_configuration_of_two_checkpoints_do_not_fit(tmp_path, env, policy):
+    path = kept(tmp_path, env)
+    weights = path.with_suffix(".pt").read_bytes()
+    kept(tmp_path, env, policy=policy)
+    path.with_suffix(".pt").write_bytes(weights)
+    with pytest.raises(CheckpointError, match=r"its checksum is '[0-9a-f]{64}', and that of"):
+        load_policy(path, env)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 6e37, -1001.0])
+def test_weights_that_cannot_be_trusted_are_refused(tmp_path, env, policy, value):
+    """The tensor is named; weights of the largest size allowed give finite scores."""
+    tensor = policy.state_dict()["value_net.bias"]
+    tensor[0] = value
+    with pytest.raises(CheckpointError, match=r"its tensor 'value_net\.bias' holds (-|\d|nan|inf)"):
+        load_policy(kept(tmp_path, env, policy=policy), env)
+    for tensor in policy.state_dict().values():
+        tensor.fill_(1000.0)
+    observation, _ = env.reset(seed=0)
+    loaded = load_policy(kept(tmp_path, env, policy=policy), env)
+    scores = scores_and_value(loaded.policy, as_tensors(loaded.policy, env_features(env)))
+    assert all(torch.isfinite(part).all() for part in scores)
+    assert env.action_masks()[loaded.act(env, observation, env.action_masks())]
+
+
+def test_a_checkpoint_made_for_something_else_is_refused(tmp_path, env, small_map):
+    """Both are named, though all weights are of the right shapes."""
+    mlp = kept(tmp_path, env, "mlp")
+    assert load_policy(mlp, env)
+    spec = {"name": "longer", "tool_length": 0.06}
+    moved = GraspMap.from_dict(small_map.to_dict() | {"name": "moved"})
+    moved = replace(moved, positions=moved.positions + np.array([0.1, 0.0, 0.0]))
+    others = {
+        "robot 'mlivr2' (": MlivrEnv(map=small_map, robot=spec, collisions=False),
+        f"map {small_map.name!r} (": MlivrEnv(map=moved, collisions=False),
+    }
+    for (made, other), name in zip(others.items(), ("longer", "moved"), strict=True):
+        told = rf"made for {re.escape(made)}\w+\), not for '{name}' \(\w+\)$"
+        with pytest.raises(CheckpointError, match=told):
+            load_policy(mlp, other)
+        assert load_policy(kept(tmp_path / "..", env), other).network == "pointer"
+    seen = {"name": "points", "fingerprint": "goal 6, limbs 24, points 8"}
+    told = r"for observation 'points' \(goal 6, .*\), not for 'points' \(goal 5, .*\)$"
+    with pytest.raises(CheckpointError, match=told):
+        load_policy(kept(tmp_path, env, observation=seen), env)
+
+
+def test_a_checkpoint_without_a_checksum_is_refused(tmp_path, env):
+    path = kept(tmp_path, env)
+    config = json.loads(path.with_suffix(".json").read_text())
+    del config["checksum"]
+    path.with_suffix(".json").write_text(json.dumps(config))
+    with pytest.raises(CheckpointError, match="its checksum is None, and that of"):
+        load_policy(path, env)
+    del config["format"]
+    path.with_suffix(".json").write_text(json.dumps(config))
+    with pytest.raises(CheckpointError, match=r"has format 1, .* format 2, .*: train it anew$"):
+        load_policy(path, env)
 
 
 def test_a_beam_finds_walks_that_the_policy_alone_does_not(env, policy):

@@ -8,7 +8,7 @@ import torch
 from mlivr_gym.agents import evaluate
 from mlivr_gym.agents.hyperparameters import METHODS, hyperparameters
 from mlivr_gym.agents.imitation import Imitation
-from mlivr_gym.agents.learned import load_policy, save_policy
+from mlivr_gym.agents.learned import load_policy, made_for, save_policy
 from mlivr_gym.agents.networks import make_policy
 from mlivr_gym.agents.training import train
 from mlivr_gym.errors import SettingError
@@ -35,7 +35,7 @@ def test_each_algorithm_trains_and_its_checkpoint_acts_alike(env, tmp_path, meth
         save_policy(
             init,
             make_policy(env, network, sizes[network]),
-            {"network": network, "sizes": sizes[network]},
+            {"network": network, "sizes": sizes[network]} | made_for(env, network),
         )
         with pytest.raises(SettingError, match="needs a checkpoint"):
             train(method, network, env=env, settings=settings)
