@@ -6,6 +6,7 @@ can tell a bad input from a fault of the program.
 
 from __future__ import annotations
 
+import re
 import reprlib
 from collections.abc import Iterable
 
@@ -14,9 +15,9 @@ _BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = 80
 
 
 def shown(value: object) -> str:
-    """A value for a message: short and printable, whatever it is."""
+    """A value for a message: short, printable and in one line, whatever it is."""
     try:
-        return _BRIEF.repr(value)
+        return one_line(re.sub(r"\s*\n\s*", " ", _BRIEF.repr(value)))
     except (ValueError, RecursionError):  # whole numbers of thousands of digits, deep nesting
         return f"a {type(value).__name__} too long to show"
 

@@ -10,7 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from mlivr_gym.arguments import FileName
 from mlivr_gym.errors import MlivrError, shown
+from mlivr_gym.schema import Place
 
 T = TypeVar("T")
 
@@ -31,8 +33,8 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     Raises:
         FileError: If the file cannot be written.
     """
-    target = Path(path)
-    name = None
+    path = FileName().read(path, Place("path", FileError))
+    target, name = Path(path), None
     try:
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
         with os.fdopen(handle, "wb") as stream:
@@ -60,6 +62,7 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
         MlivrError: of the type `error`, naming the file, if it cannot be read, is too large or
             nested too deeply, is no JSON, or holds something other than an object.
     """
+    path = FileName().read(path, Place("path", error))
     try:
         with open(path, "rb") as stream:
             content = stream.read(LARGEST_FILE + 1)

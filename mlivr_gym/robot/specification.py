@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import Via
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shown
 from mlivr_gym.files import load
@@ -325,3 +326,7 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any]) -> RobotSpec:
         f"unknown robot {shown(robot)}; valid names are {', '.join(ROBOTS)}, "
         "or give the path of a JSON file"
     )
+
+
+ROBOT_OR_NAME = Via(lambda robot, _: robot_spec(robot))
+"""A robot as `robot_spec` takes it."""
