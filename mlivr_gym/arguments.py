@@ -33,6 +33,9 @@ Kinds = Mapping[str, Kind[Any]]
 SEED = Whole(0, 2**64 - 1)
 """A seed of random numbers."""
 
+LONGEST_PATH = 4096
+"""Most characters of a path, Linux's."""
+
 ANY_NUMBER = Tuples()
 """A finite number."""
 
@@ -104,7 +107,7 @@ class FileName:
     def read(self, value: object, place: Place) -> str:
         """The path."""
         path = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
-        if not isinstance(path, str):
+        if not isinstance(path, str) or len(path) > LONGEST_PATH:
             raise place.refused(value, "the path of a file")
         return path
 

@@ -10,6 +10,9 @@ import re
 import reprlib
 from collections.abc import Iterable
 
+LONGEST_SHOWN = 400
+"""Most characters of a value in a message."""
+
 _BRIEF = reprlib.Repr()
 _BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = 80
 
@@ -17,7 +20,8 @@ _BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = 80
 def shown(value: object) -> str:
     """A value for a message: short, printable and in one line, whatever it is."""
     try:
-        return one_line(re.sub(r"\s*\n\s*", " ", _BRIEF.repr(value)))
+        text = one_line(re.sub(r"\s*\n\s*", " ", _BRIEF.repr(value)))
+        return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
     except (ValueError, RecursionError):  # whole numbers of thousands of digits, deep nesting
         return f"a {type(value).__name__} too long to show"
 

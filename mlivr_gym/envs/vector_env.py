@@ -96,7 +96,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.metadata = {"autoreset_mode": autoreset_mode}
         if kwargs.pop("render_mode", None) is not None:
             raise SettingError("the vector environment does not render; use MlivrEnv")
-        self.env = MlivrEnv(**(kwargs | {"precompute": True})) if env is None else env
+        self.env = MlivrEnv(**({"precompute": True} | kwargs)) if env is None else env
         moves = self.env.table_moves()
         self.tables: StepTables = moves.tables
         self._version = self.env.graph.version

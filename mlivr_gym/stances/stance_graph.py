@@ -266,7 +266,7 @@ class StanceGraph(CheckedSteps):
         """
         self.check(state)
         known = self.state(state.stance, state.pose)
-        masks = tuple(state.masks)
+        masks = tuple(map(int, state.masks))
         if len(masks) != self.limbs or any(
             not 0 < mask & held == mask for mask, held in zip(masks, known.masks, strict=True)
         ):

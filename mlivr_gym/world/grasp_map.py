@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import Raising, Via
+from mlivr_gym.arguments import SEED, FileName, Raising, Via, checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import (
@@ -29,7 +29,7 @@ from mlivr_gym.errors import (
     shown,
 )
 from mlivr_gym.files import load
-from mlivr_gym.schema import Listed, Numbers, Place, are_rotations
+from mlivr_gym.schema import Listed, Maybe, Numbers, Place, Tuples, are_rotations
 from mlivr_gym.values import MOST_POINTS, unique
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.map_entries import (
@@ -44,6 +44,26 @@ from mlivr_gym.world.map_entries import (
 )
 from mlivr_gym.world.rails import Handrail, Segment
 from mlivr_gym.world.surroundings import handrail_boxes, module_boxes, track_box
+
+
+def _point_number(value: object) -> bool:
+    """Whether a value may be the index of a point."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
+def _point(value: Any, place: Place) -> str | int:
+    """A point by id or index."""
+    if not isinstance(value, str) and not _point_number(value):
+        raise place.refused(value, "the id of a point, or its index")
+    point: str | int = value
+    return point
+
+
+GOAL = Raising(GoalError, Numbers((3,)))
+"""A goal position [m]."""
+
+STANCE = Raising(StanceError, Listed(Via(_point)))
+"""Points by id or index, such as that of each limb."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -142,6 +162,7 @@ class GraspMap:
             boxes=self.boxes,
         )
 
+    @checked({"seed": SEED, "keep": STANCE, "clear_deck": Maybe(Tuples((2,)))})
     def sparse(
         self, seed: int, keep: tuple[str, ...] = (), clear_deck: tuple[float, float] | None = None
     ) -> GraspMap:
@@ -272,35 +293,16 @@ def as_map(given: Any, place: Place = _PLACE) -> GraspMap:
     if given is None:
         return jem_map()
     if isinstance(given, dict):
-        return GraspMap.from_dict(given)
+        return place.build(GraspMap.from_dict, given)
     if isinstance(given, (str, os.PathLike)):
-        return GraspMap.load(Path(given))
+        return GraspMap.load(FileName().read(given, place))
     if not isinstance(given, GraspMap):
         raise place.refused(given, "a GraspMap, its plain data, or the path of its file")
     return given
 
 
-def _point_number(value: object) -> bool:
-    """Whether a value may be the index of a point."""
-    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-
-
-def _point(value: Any, place: Place) -> str | int:
-    """A point by id or index."""
-    if not isinstance(value, str) and not _point_number(value):
-        raise place.refused(value, "the id of a point, or its index")
-    point: str | int = value
-    return point
-
-
-MAP = Via(as_map)
+MAP = Raising(MapError, Via(as_map))
 """A map as `as_map` takes it."""
-
-GOAL = Raising(GoalError, Numbers((3,)))
-"""A goal position [m]."""
-
-STANCE = Raising(StanceError, Listed(Via(_point)))
-"""Points by id or index, such as that of each limb."""
 
 
 def _given(spacing: float | None, clearance: float | None) -> dict[str, float]:
