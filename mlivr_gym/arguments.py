@@ -33,9 +33,6 @@ Kinds = Mapping[str, Kind[Any]]
 SEED = Whole(0, 2**64 - 1)
 """A seed of random numbers."""
 
-LONGEST_PATH = 4096
-"""Most characters of a path, Linux's."""
-
 ANY_NUMBER = Tuples()
 """A finite number."""
 
@@ -57,7 +54,7 @@ def checked(
     def above(function: Callable[P, T]) -> Callable[P, T]:
         signature = inspect.signature(function)
         loose = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-        own = {
+        read = {
             name: kinds[name]
             for name, parameter in signature.parameters.items()
             if name not in ("self", "cls") and parameter.kind not in loose
@@ -66,9 +63,9 @@ def checked(
         @functools.wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> T:
             bound = signature.bind(*args, **kwargs)
-            for name in own.keys() & bound.arguments.keys():
+            for name in read.keys() & bound.arguments.keys():
                 value = bound.arguments[name]
-                bound.arguments[name] = own[name].read(value, Place(name, error))
+                bound.arguments[name] = read[name].read(value, Place(name, error))
             return function(*bound.args, **bound.kwargs)
 
         return call
@@ -107,7 +104,7 @@ class FileName:
     def read(self, value: object, place: Place) -> str:
         """The path."""
         path = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
-        if not isinstance(path, str) or len(path) > LONGEST_PATH:
+        if not isinstance(path, str):
             raise place.refused(value, "the path of a file")
         return path
 

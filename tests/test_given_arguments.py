@@ -14,7 +14,6 @@ import gymnasium
 import numpy as np
 import pytest
 from fuzz import answer, given_values
-from matplotlib import pyplot
 from plans import first_steps
 
 from mlivr_gym import GraspMap, Settings, State, jem_map, robot_spec, stance_graph
@@ -67,11 +66,12 @@ def own_folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
         # What is drawn is not looked at here.
-        patch.setattr("mlivr_gym.pictures.film.RATE", 1)
-        patch.setattr(
-            "mlivr_gym.pictures.plan_figure.save_figure",
-            lambda figure, path: (pyplot.close(figure), write_whole(path, b"")),
-        )
+        drawn = "mlivr_gym.pictures.plan_figure"
+        for name in ("draw_ghost", "draw_flat_ghost", "draw_base_path"):
+            patch.setattr(f"{drawn}.{name}", lambda *_: None)
+        patch.setattr(f"{drawn}.save_figure", lambda figure, path: write_whole(path, b""))
+        picture = np.zeros((16, 32, 3), np.uint8)
+        patch.setattr("mlivr_gym.pictures.film.film_pictures", lambda *_, **__: [picture])
         yield patch
 
 
