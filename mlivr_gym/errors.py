@@ -126,22 +126,3 @@ def choice(name: str, value: object, valid: Iterable[str]) -> str:
             f"{name} is {shown(value)}; valid choices are {', '.join(map(repr, options))}"
         )
     return str(value)
-
-
-def nonnegative(name: str, value: float) -> float:
-    """Return `value` as a float if it is finite and not below zero.
-
-    Raises:
-        SettingError: naming the value.
-    """
-    try:
-        number = float(value)
-    except OverflowError:
-        raise SettingError(
-            f"{name} is larger than every float; it must be finite and at least 0"
-        ) from None
-    except (TypeError, ValueError):
-        raise SettingError(f"{name} is {shown(value)}; it must be a number") from None
-    if not 0.0 <= number < float("inf"):
-        raise SettingError(f"{name} is {shown(value)}; it must be finite and at least 0")
-    return number

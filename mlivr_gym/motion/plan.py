@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import FileName, Of, checked
+from mlivr_gym.arguments import FileName, Kinds, Of, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, PlanError
 from mlivr_gym.files import load, write_whole
@@ -18,7 +18,7 @@ from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.schema import Anything, Maybe
 from mlivr_gym.world.grasp_map import GraspMap
 
-READ = {"path": FileName(), "data": Anything(), "grasp_map": Maybe(Of(GraspMap))}
+READ: Kinds = {"path": FileName(), "data": Anything(), "grasp_map": Maybe(Of(GraspMap))}
 """Kinds of what a plan is read from."""
 
 

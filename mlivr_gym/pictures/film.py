@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import Of, Via, checked
+from mlivr_gym.arguments import FileName, Of, Via, checked
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
@@ -230,7 +230,7 @@ def check_kind(path: str | Path) -> str:
         RenderError: If it is neither `.gif` nor `.mp4`, or `imageio[ffmpeg]` is missing for an
             `.mp4`.
     """
-    kind = Path(path).suffix.lower()
+    kind = Path(FileName().read(path, Place("path", RenderError))).suffix.lower()
     if kind not in (".gif", ".mp4"):
         raise RenderError(f"cannot write a film as {str(path)!r}; valid endings are '.gif', '.mp4'")
     if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:

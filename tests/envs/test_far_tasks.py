@@ -96,7 +96,7 @@ def test_a_task_is_given_alone(env):
     copies = MlivrVectorEnv(2, env=env)
     with pytest.raises(SettingError, match="give it alone"):
         copies.reset(options={"task": [0, 1], "goal": [env.goal] * 2})
-    with pytest.raises(SettingError, match="options.task has 1 entries; it must have 2"):
+    with pytest.raises(SettingError, match=r"options\.task has 1 entries; it must have 2"):
         copies.reset(options={"task": [0]})
     assert env.state == before[0]
     np.testing.assert_array_equal(env.goal, before[1])
