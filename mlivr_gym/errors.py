@@ -6,17 +6,22 @@ can tell a bad input from a fault of the program.
 
 from __future__ import annotations
 
+import re
 import reprlib
 from collections.abc import Iterable
+
+LONGEST_SHOWN = 400
+"""Most characters of a value in a message."""
 
 _BRIEF = reprlib.Repr()
 _BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = 80
 
 
 def shown(value: object) -> str:
-    """A value for a message: short and printable, whatever it is."""
+    """A value for a message: short, printable and in one line, whatever it is."""
     try:
-        return _BRIEF.repr(value)
+        text = one_line(re.sub(r"\s*\n\s*", " ", _BRIEF.repr(value)))
+        return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
     except (ValueError, RecursionError):  # whole numbers of thousands of digits, deep nesting
         return f"a {type(value).__name__} too long to show"
 
@@ -121,22 +126,3 @@ def choice(name: str, value: object, valid: Iterable[str]) -> str:
             f"{name} is {shown(value)}; valid choices are {', '.join(map(repr, options))}"
         )
     return str(value)
-
-
-def nonnegative(name: str, value: float) -> float:
-    """Return `value` as a float if it is finite and not below zero.
-
-    Raises:
-        SettingError: naming the value.
-    """
-    try:
-        number = float(value)
-    except OverflowError:
-        raise SettingError(
-            f"{name} is larger than every float; it must be finite and at least 0"
-        ) from None
-    except (TypeError, ValueError):
-        raise SettingError(f"{name} is {shown(value)}; it must be a number") from None
-    if not 0.0 <= number < float("inf"):
-        raise SettingError(f"{name} is {shown(value)}; it must be finite and at least 0")
-    return number

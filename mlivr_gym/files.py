@@ -11,9 +11,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from mlivr_gym.arguments import FileName
 from mlivr_gym.errors import MlivrError, shown
+from mlivr_gym.schema import Place
 
 T = TypeVar("T")
+
+LONGEST_NAME = 1024
+"""Most characters of a path in a message."""
 
 LARGEST_FILE = 1 << 25
 """Most bytes of a JSON file: a map of 100,000 points takes half of it."""
@@ -32,8 +37,8 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     Raises:
         FileError: If the file cannot be written.
     """
-    target = Path(path)
-    name = None
+    path = FileName().read(path, Place("path", FileError))
+    target, name = Path(path), None
     try:
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
         with os.fdopen(handle, "wb") as stream:
@@ -46,7 +51,12 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         if name is not None:
             Path(name).unlink(missing_ok=True)
         reason = error.strerror if isinstance(error, OSError) else None
-        raise FileError(f"cannot write {str(path)!r}: {reason or error}") from None
+        raise FileError(f"cannot write {_name(path)}: {reason or error}") from None
+
+
+def _name(path: str | Path) -> str:
+    """A path for a message, whole if a file may be called so."""
+    return repr(str(path)) if len(str(path)) <= LONGEST_NAME else shown(str(path))
 
 
 def checksum(data: Any, content: bytes = b"") -> str:
@@ -70,6 +80,7 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
         MlivrError: of the type `error`, naming the file, if it cannot be read, is too large or
             nested too deeply, is no JSON, or holds something other than an object.
     """
+    path = FileName().read(path, Place("path", error))
     try:
         with open(path, "rb") as stream:
             content = stream.read(LARGEST_FILE + 1)
@@ -96,7 +107,7 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
         reason = str(fault)
     else:
         return data
-    raise error(f"cannot read {kind} {str(path)!r}: {reason}")
+    raise error(f"cannot read {kind} {_name(path)}: {reason}")
 
 
 def load(

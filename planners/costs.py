@@ -10,12 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mlivr_gym.arguments import Kinds, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import SettingError, choice, nonnegative
+from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.plan_parts import COSTS
+from mlivr_gym.schema import Choice, Maybe, Tuples
 
 HIGHEST_PRICE = 1e6
 """Largest price of a regrasp [m]; above it displacements are lost in rounding."""
+
+COST_KINDS: Kinds = {"cost": Choice(COSTS), "regrasp_price": Maybe(Tuples((), 0.0, HIGHEST_PRICE))}
+"""Kinds of what names a cost."""
 
 HEURISTICS = ("consistent", "paper", "zero", "cost_to_go")
 """Names of the heuristics; `cost_to_go` is the exact one without step checks."""
@@ -45,30 +50,25 @@ class Cost:
     step_weight: float = 0.0
 
     @classmethod
-    def named(cls, name: str, regrasp_price: float | None = None) -> Cost:
+    @checked(COST_KINDS)
+    def named(cls, cost: str, regrasp_price: float | None = None) -> Cost:
         """A cost by name.
 
         Args:
-            name: `"base"` [m], `"steps"`, or `"weighted"` [m].
+            cost: `"base"` [m], `"steps"`, or `"weighted"` [m].
             regrasp_price: Metres charged for a regrasp; only for `"weighted"`.
 
         Raises:
             SettingError: If the name is unknown or the price is missing, misplaced, below zero or
                 too high.
         """
-        choice("cost", name, COSTS)
-        if (name == "weighted") != (regrasp_price is not None):
+        if (cost == "weighted") != (regrasp_price is not None):
             raise SettingError(
                 f"regrasp_price is {regrasp_price!r}; it goes with cost 'weighted' and only with it"
             )
         if regrasp_price is not None:
-            price = nonnegative("regrasp_price", regrasp_price)
-            if price > HIGHEST_PRICE:
-                raise SettingError(
-                    f"regrasp_price is {price:g}; it must be at most {HIGHEST_PRICE:g}"
-                )
-            return cls(name, 1.0, price)
-        return cls(name, float(name == "base"), float(name == "steps"))
+            return cls(cost, 1.0, regrasp_price)
+        return cls(cost, float(cost == "base"), float(cost == "steps"))
 
     def heuristic(self, name: str, distance: Array, tolerance: float, max_step: float) -> Array:
         """Estimate of the cost from base positions to the goal.

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.commitment import CommittedMotion, committed_motion
@@ -20,7 +21,7 @@ from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.estimates import CACHED_TABLES, Estimates, unchecked
 from mlivr_gym.planners.found import Improvement
 from mlivr_gym.planners.pair_search import FOUND, LIMIT, NO_LIMIT
-from mlivr_gym.planners.query import GOAL_TOLERANCE, Goal, Search, SearchOptions
+from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY, Goal, Search, SearchOptions
 from mlivr_gym.planners.refinement import refined
 from mlivr_gym.planners.searches import (
     Algorithm1Searcher,
@@ -106,6 +107,7 @@ class Planner:
         4
     """
 
+    @checked(QUERY)
     def __init__(self, graph: StanceGraph) -> None:
         """Plan on `graph`, as `stance_graph` makes it."""
         self.graph = graph
@@ -117,6 +119,7 @@ class Planner:
             self._searcher = LazySearcher(graph)
         self._exact: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
 
+    @checked(QUERY)
     def plan(
         self,
         start: Sequence[str | int] | State,
@@ -207,6 +210,7 @@ class Planner:
             path.expanded, path.generated, *times, path.tree, path.improvements,
         )  # fmt: skip
 
+    @checked(QUERY)
     def why_not(
         self,
         start: Sequence[str | int] | State,
@@ -278,6 +282,7 @@ class Planner:
             told = f": no step leaves the start {start} on the branches that the limbs may be on"
         return _no_plan(reason, f"{reason}{told}", clock, path)
 
+    @checked(QUERY)
     def refined(self, plan: Plan, seed: int = 0) -> Plan:
         """A plan on the same footholds with other base poses and less translation.
 
@@ -288,6 +293,7 @@ class Planner:
         """
         return refined(self.graph, plan, seed)
 
+    @checked(QUERY)
     def prepare(
         self,
         goal: Sequence[float] | Array,
@@ -313,6 +319,7 @@ class Planner:
         else:
             estimates.keep(target, unchecked(graph, estimates.region(target).goal, target.cost))
 
+    @checked(QUERY)
     def cost_to_go(
         self,
         goal: Sequence[float] | Array,

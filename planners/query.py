@@ -11,17 +11,41 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Kinds, Via
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.errors import SettingError, choice, nonnegative
+from mlivr_gym.errors import SettingError
+from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan_parts import Query
-from mlivr_gym.planners.costs import HEURISTICS, Cost
+from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
+from mlivr_gym.schema import NAME, Anything, Choice, Maybe, Place, Tuples, Whole
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
+from mlivr_gym.world.grasp_map import GOAL, STANCE
 
 METHODS = ("astar", "dijkstra", "greedy", "algorithm1")
 """Names of the search methods."""
 
 GOAL_TOLERANCE = 0.2
 """Radius of the goal region in the paper [m]."""
+
+
+QUERY: Kinds = {
+    **WALK,
+    **COST_KINDS,
+    "start": Via(lambda start, at: start if isinstance(start, State) else STANCE.read(start, at)),
+    "goal": GOAL,
+    "goal_tolerance": NOT_NEGATIVE,
+    "goal_face": Maybe(NAME),
+    "start_pose": Anything(),
+    "start_joints": Anything(),
+    "method": Choice(METHODS),
+    "heuristic": Maybe(Choice(HEURISTICS)),
+    "inflation": Maybe(Tuples((), 1.0)),
+    "limit": Whole(1, sys.maxsize),
+    "time_limit": Maybe(NOT_NEGATIVE),
+    "seed": SEED,
+}
+"""Kinds of the arguments of planners; a pose and joint angles are read by the stance graph."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +103,12 @@ class Goal:
             MlivrError: If one cannot be used; the message names it.
         """
         priced = Cost.named(cost, regrasp_price)
-        radius = nonnegative("goal_tolerance", tolerance)
         target, on_face = graph.grasp_map.check_goal(goal), None
         if face is not None:
             faces = graph.grasp_map.faces
-            choice("goal_face", face, sorted(set(faces)))
+            Choice(tuple(sorted(set(faces)))).read(face, Place("goal_face", SettingError))
             on_face = np.array([name == face for name in faces])
-        return cls(target, radius, priced, face, on_face)
+        return cls(target, tolerance, priced, face, on_face)
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -143,14 +166,13 @@ class Search:
         Raises:
             SettingError: If one cannot be used; the message names it.
         """
-        method = choice("method", options.method, METHODS)
+        method = options.method
         plain, tables = method == "algorithm1", graph.has_tables
         heuristic = options.heuristic
         if heuristic is None:
             # Greedy search needs an estimate without plateaus, and loses nothing by overestimates.
             estimate = "cost_to_go" if tables and not plain else "consistent"
             heuristic = "paper" if method == "greedy" else estimate
-        choice("heuristic", heuristic, HEURISTICS)
         if method == "dijkstra":
             heuristic = "zero"
         if method == "greedy" and heuristic == "zero":
@@ -160,20 +182,14 @@ class Search:
             raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {name!r} has more")
         if heuristic == "cost_to_go" and plain:
             raise SettingError("method 'algorithm1' needs a heuristic other than 'cost_to_go'")
-        if options.limit < 1:
-            raise SettingError(f"limit is {options.limit!r}; it must be at least 1")
-        # No search is longer; the compiled one takes 64 bits.
-        limit = min(options.limit, sys.maxsize)
-        inflation, seconds = options.inflation, options.time_limit
-        if inflation is not None and not 1.0 <= inflation < math.inf:
-            raise SettingError(f"inflation is {inflation!r}; it must be finite and at least 1")
+        limit, inflation, seconds = options.limit, options.inflation, options.time_limit
         if seconds is not None and (tables or plain):
             name = graph.robot.name
             raise SettingError(
                 f"time_limit is {seconds!r}; it is for more than two limbs and other methods than "
                 f"'algorithm1': robot {name!r} has {graph.limbs}, and the method is {method!r}"
             )
-        seconds = math.inf if seconds is None else nonnegative("time_limit", seconds)
+        seconds = math.inf if seconds is None else seconds
         optimal = tables or plain or method == "dijkstra" or seconds < math.inf
         if inflation is None:
             inflation = 1.0 if optimal else math.inf

@@ -27,6 +27,7 @@ LAYERS = (
     {"robot"},
     {"world"},
     {"kinematics", "settings", "files"},
+    {"arguments"},
     {"schema"},
     {"values"},
     {"compiled", "errors"},

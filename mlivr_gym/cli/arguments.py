@@ -31,9 +31,6 @@ MOST_THREADS = 1024
 WIDEST_BEAM = 1000
 """Most walks that a beam search keeps."""
 
-SMALLEST_PICTURE, LARGEST_PICTURE = 16, 1920
-"""Least and most pixels of a picture's side."""
-
 
 def world_arguments() -> argparse.ArgumentParser:
     """The arguments of robot, map and thresholds, for `parents`."""
@@ -238,11 +235,6 @@ def chosen_task(
                 raise NoPlanError(str(error)) from None
             start, goal = start or graph.ids(state.stance), goal or target.tolist()
     return tuple(start), tuple(float(v) for v in goal)
-
-
-def fits_a_picture(size: tuple[int, int]) -> bool:
-    """Whether a width and a height [px] are those of a picture that can be rendered."""
-    return min(size) >= SMALLEST_PICTURE and max(size) <= LARGEST_PICTURE
 
 
 def refuse_ignored(args: argparse.Namespace, chosen: str, taken: tuple[str, ...]) -> None:

@@ -10,12 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.cli.arguments import (
-    LARGEST_PICTURE,
-    SMALLEST_PICTURE,
     chosen_graph,
     chosen_map,
     chosen_task,
-    fits_a_picture,
     output_arguments,
     refuse_ignored,
     world_arguments,
@@ -29,10 +26,11 @@ from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.captions import strip_height, with_caption
 from mlivr_gym.pictures.configuration_figure import configuration_figure
 from mlivr_gym.pictures.figures import save_image
-from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import Place
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -111,11 +109,7 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError("--stance needs --plan: it chooses among the stances of a plan")
     if args.plan:
         refuse_ignored(args, "plan", ("map", "start"))
-    if not fits_a_picture(args.size):
-        raise SettingError(
-            f"--size is {tuple(args.size)}; width and height must lie between "
-            f"{SMALLEST_PICTURE} and {LARGEST_PICTURE}"
-        )
+    SIZE.read(args.size, Place("--size", SettingError))
 
 
 def _of_plan(plan: Plan, stance: int | None) -> list[Shot]:

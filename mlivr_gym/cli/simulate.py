@@ -11,11 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
-    LARGEST_PICTURE,
-    SMALLEST_PICTURE,
     chosen_graph,
     chosen_map,
-    fits_a_picture,
     obstacle_arguments,
     output_arguments,
     query_arguments,
@@ -33,14 +30,17 @@ from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.film import (
     LONGEST,
     RATE,
-    SIZE,
+    SPEED,
+    USUAL_SIZE,
     check_kind,
     film,
     film_samples,
     usual_speed,
 )
+from mlivr_gym.pictures.rendering import SIZE
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan
+from mlivr_gym.schema import Maybe, Place, Tuples
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -61,11 +61,8 @@ FILES = (
 )
 """What the command writes, besides the film."""
 
-LEAST_RATE, MOST_RATE = 0.5, 2000.0
-"""Least and largest number of samples a second of a trajectory's files [Hz]."""
-
-LEAST_SPEED, MOST_SPEED = 0.1, 1000.0
-"""How many times faster than the clock a film may run."""
+RATES = Tuples((), 0.5, 2000.0, "Hz")
+"""Samples a second of a trajectory's files."""
 
 MOST_FRAMES = 5000
 """Most pictures of a film; they are kept until it is written."""
@@ -160,7 +157,7 @@ def _file_arguments(parser: argparse.ArgumentParser) -> None:
         "--size",
         nargs=2,
         type=int,
-        default=SIZE,
+        default=USUAL_SIZE,
         metavar=("W", "H"),
         help="pixels of the film",
     )
@@ -228,10 +225,7 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
 
 def _setup(args: argparse.Namespace) -> Setup:
     """How the plan is carried out."""
-    if not LEAST_RATE <= args.rate <= MOST_RATE:
-        raise SettingError(
-            f"--rate is {args.rate:g}; it must be {LEAST_RATE:g} to {MOST_RATE:g} Hz"
-        )
+    RATES.read(args.rate, Place("--rate", SettingError))
     from mlivr_gym.motion.clocks import Durations
     from mlivr_gym.simulation.limits import PACES
     from mlivr_gym.simulation.setup import Setup
@@ -252,15 +246,8 @@ def _setup(args: argparse.Namespace) -> Setup:
 
 def _check_film(args: argparse.Namespace) -> None:
     """Refuse a film that cannot be rendered or written."""
-    if not fits_a_picture(args.size):
-        raise SettingError(
-            f"--size is {tuple(args.size)}; width and height must lie between "
-            f"{SMALLEST_PICTURE} and {LARGEST_PICTURE}"
-        )
-    if args.speed is not None and not LEAST_SPEED <= args.speed <= MOST_SPEED:
-        raise SettingError(
-            f"--speed is {args.speed:g}; it must be {LEAST_SPEED:g} to {MOST_SPEED:g}"
-        )
+    SIZE.read(args.size, Place("--size", SettingError))
+    Maybe(SPEED).read(args.speed, Place("--speed", SettingError))
     if args.no_film:
         refuse_without_effect(args, "with --no-film", "film", "size", "speed")
     else:

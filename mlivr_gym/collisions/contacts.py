@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,6 +19,7 @@ from mlivr_gym.collisions.placing import Placed, place_in_body
 from mlivr_gym.collisions.uncompared import BODY
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import Anything, Listed, Place
 from mlivr_gym.values import LONGEST, Triple, numbers, triple
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 
@@ -50,7 +52,7 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
     Raises:
         SettingError: If the configuration is none of the robot.
     """
-    position, quaternion, joints = _checked(robot, configuration)
+    position, quaternion, joints = checked_configuration(robot, configuration)
     base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     out, placed = np.empty((robot.limbs, len(shapes), 2, 3)), Placed.rows(1)
     for i in range(robot.limbs):
@@ -61,9 +63,14 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
     return ends
 
 
-def _checked(robot: RobotSpec, configuration: Configuration) -> Configuration:
-    """A configuration of a robot, of finite numbers."""
-    position, quaternion, joints = configuration
+def checked_configuration(robot: RobotSpec, configuration: Any) -> Configuration:
+    """A configuration of a robot, of finite numbers.
+
+    Raises:
+        SettingError: If it is none.
+    """
+    parts = Listed(Anything(), 3, 3).read(configuration, Place("configuration", SettingError))
+    position, quaternion, joints = parts
     turn = numbers(quaternion, (4,), "base quaternion w, x, y, z", SettingError)
     if not np.any(turn):
         raise SettingError("base quaternion w, x, y, z is zero; it must have length 1")
@@ -98,7 +105,7 @@ def contacts(
     Raises:
         SettingError: If the configuration is none of the robot.
     """
-    shapes, configuration = _shapes(robot), _checked(robot, configuration)
+    shapes, configuration = _shapes(robot), checked_configuration(robot, configuration)
     ends = capsule_ends(robot, shapes, configuration)
     base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
     at_grasp = {limb: (point, normal) for limb, point, normal in grasps}

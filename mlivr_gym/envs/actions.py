@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import SettingError, shown
 
 
 def action_number(action: Any, count: int) -> int:
@@ -21,14 +21,14 @@ def action_number(action: Any, count: int) -> int:
     Raises:
         SettingError: If it is none of these, or not from 0 to `count` - 1.
     """
-    shape = tuple(getattr(action, "shape", ()))
     try:
+        shape = tuple(getattr(action, "shape", ()))
         # A tensor with one element on an axis would turn into a number too, but it is a batch.
-        number = -1 if shape else operator.index(action)
+        number = -1 if shape or isinstance(action, bool) else operator.index(action)
     except TypeError:
-        number = -1
+        shape, number = (), -1
     if not 0 <= number < count:
-        given = f"of shape {shape}" if shape else repr(action)
+        given = f"of shape {shape}" if shape else shown(action)
         raise SettingError(f"action {given} is not a whole number from 0 to {count - 1}")
     return number
 

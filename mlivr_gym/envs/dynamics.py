@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.errors import SettingError
+from mlivr_gym.schema import Place
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 if TYPE_CHECKING:
@@ -23,10 +24,8 @@ def check_dynamics(
     """Refuse arguments of `MlivrEnv` that do not go with its dynamics.
 
     Raises:
-        SettingError: If there are no dynamics of that name, or another argument does not go with
-            them; the message names it.
+        SettingError: If an argument does not go with them; the message names it.
     """
-    choice("dynamics", dynamics, DYNAMICS)
     if dynamics == "kinematic":
         return
     if not transitions:
@@ -35,6 +34,15 @@ def check_dynamics(
         )
     if precompute or np.any(np.asarray(grasp_failure) > 0.0):
         raise SettingError("precompute and grasp_failure need dynamics='kinematic'")
+
+
+def part(given: Any, place: Place) -> Any:
+    """A part of a `Setup`, named as its argument; MuJoCo is loaded where one is given."""
+    if given is not None:
+        from mlivr_gym.simulation.setup import Setup
+
+        Setup.of(**{place.path: given})
+    return given
 
 
 def physical_walk(graph: StanceGraph, **parts: Any) -> PhysicalWalk:

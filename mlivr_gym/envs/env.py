@@ -10,8 +10,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.actions import action_number
+from mlivr_gym.envs.arguments import ENV
 from mlivr_gym.envs.current_moves import CurrentMoves
 from mlivr_gym.envs.dynamics import check_dynamics, physical_walk
 from mlivr_gym.envs.grasp_failure import failure_probabilities
@@ -19,13 +21,14 @@ from mlivr_gym.envs.moments import Moment, Motion, at_rest, motion_of, words
 from mlivr_gym.envs.observations import Observation, Observer, observation_space
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.reset_options import ResetOptions
-from mlivr_gym.envs.rewards import Reward, StepOutcome, TaskReward
+from mlivr_gym.envs.rewards import REWARD, Reward, StepOutcome, TaskReward
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.tasks import TaskGenerator, draw_task, fixed_task, generator_of
+from mlivr_gym.envs.tasks import TASKS, TaskGenerator, draw_task, fixed_task
 from mlivr_gym.envs.viewer import RENDER_FPS, Viewer
-from mlivr_gym.errors import StanceError, choice, nonnegative
+from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
+from mlivr_gym.schema import Place
 from mlivr_gym.settings import CLEARANCE, Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.moves import Moves, TableMoves
@@ -146,6 +149,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     steps: int
     base_translation: float
 
+    @checked(ENV)
     def __init__(
         self,
         robot: str | RobotSpec | dict[str, Any] = "mlivr2",
@@ -214,14 +218,11 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             grasp_failure=grasp_failure,
         )
         if render_mode is not None:
-            choice("render_mode", render_mode, RENDER_FPS)
             self.metadata = self.metadata | {"render_fps": RENDER_FPS[render_mode]}
-        self.goal_tolerance = nonnegative("goal_tolerance", goal_tolerance)
-        self.reward = TaskReward.of(
-            reward, success_bonus=success_bonus, shaping=shaping, discount=discount,
-            tolerance=self.goal_tolerance,
-        )  # fmt: skip
-        self.tasks, self.render_mode = generator_of(tasks), render_mode
+        worth = REWARD.read(reward, Place("reward", SettingError))
+        self.goal_tolerance = goal_tolerance
+        self.reward = TaskReward(worth, success_bonus, shaping, discount, goal_tolerance)
+        self.tasks, self.render_mode = TASKS.read(tasks, Place("tasks", SettingError)), render_mode
         settings = Settings(
             manipulability, transitions, limb_threshold, base_threshold, collisions=collisions,
             clearance=clearance,
@@ -238,7 +239,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self._moves, self._observer = CurrentMoves(self.graph, precompute), Observer(self.graph)
         self._state, self._stream, self._seeded = None, Stream(0), False
         self._entered, self._measures = self.graph.version, dict[str, Any]()
-        self.viewer = Viewer(self.graph, (int(width), int(height)), self.goal_tolerance)
+        self.viewer = Viewer(self.graph, (width, height), self.goal_tolerance)
 
     @property
     def moves(self) -> Moves:
@@ -264,6 +265,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             raise gymnasium.error.ResetNeeded("call reset() before using the environment")
         return self._state
 
+    @checked(ENV)
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
@@ -277,8 +279,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         start, goal = given.state(graph), given.goal
         if given.task is not None:
             start, goal = fixed_task(self.tasks, graph, given.task, self.goal_tolerance)
-        if goal is not None:
-            goal = graph.grasp_map.check_goal(goal)
+        goal = None if goal is None else graph.grasp_map.check_goal(goal)
         if start is None or goal is None:
             task = draw_task(self.tasks, graph, self._stream, self.goal_tolerance, start)
             start = task.start if start is None else start

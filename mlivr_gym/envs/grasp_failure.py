@@ -4,11 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlivr_gym.arguments import Via
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import SettingError, nonnegative
+from mlivr_gym.errors import SettingError
+from mlivr_gym.schema import Numbers, Place
+from mlivr_gym.values import MOST_POINTS
 
-LARGEST = 0.95
-"""Largest failure probability of a point."""
+LARGEST, LARGEST_MEAN = 0.95, 0.45
+"""Largest failure probability of a point, and largest mean of those that are drawn."""
+
+
+def _failure(value: object, place: Place) -> Array:
+    """A mean, shape (), or the probabilities, shape (m,)."""
+    if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim):
+        return Numbers((None,), 0.0, LARGEST, rows=(1, MOST_POINTS)).read(value, place)
+    return Numbers((), 0.0, LARGEST_MEAN).read(value, place)
+
+
+GRASP_FAILURE = Via(_failure)
+"""How likely an attempt to grasp fails: the mean, or each point's probability."""
 
 
 def failure_probabilities(points: int, grasp_failure: float | Array, seed: int = 0) -> Array:
@@ -21,19 +35,12 @@ def failure_probabilities(points: int, grasp_failure: float | Array, seed: int =
         seed: Seed of the draw.
 
     Raises:
-        SettingError: If the mean is above 0.45 or a probability does not lie between 0 and
-            `LARGEST`.
+        SettingError: If they cannot be used.
     """
-    if np.ndim(grasp_failure):
-        given = np.array(grasp_failure, dtype=np.float64)
-        if given.shape != (points,) or not ((given >= 0.0) & (given <= LARGEST)).all():
-            raise SettingError(
-                f"grasp_failure must be one number, or {points} numbers from 0 to {LARGEST:g}"
-            )
-        return given
-    mean = nonnegative("grasp_failure", float(grasp_failure))
-    if mean > 0.45:
-        raise SettingError(f"grasp_failure is {mean:g}; the mean must be at most 0.45")
-    return (
-        np.random.default_rng(seed).uniform(0.0, 2.0 * mean, points) if mean else np.zeros(points)
-    )
+    given = GRASP_FAILURE.read(grasp_failure, Place("grasp_failure", SettingError))
+    if not given.ndim:
+        return np.random.default_rng(seed).uniform(0.0, 2.0 * given, points)
+    if len(given) != points:
+        told = f"has {len(given)} numbers; it must be one number, or {points} numbers"
+        raise Place("grasp_failure", SettingError).fault(told)
+    return given

@@ -6,13 +6,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.arguments import Of
+from mlivr_gym.envs.tasks import FIXED_NUMBER
+from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.plan import Plan
+from mlivr_gym.schema import Anything, Fields, Maybe
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
+from mlivr_gym.world.grasp_map import GOAL, STANCE
 
-OPTIONS = ("start", "start_pose", "start_joints", "goal", "task")
-"""Names of the options; with `dynamics="mujoco"` there is also `"plan"`."""
+OPTIONS = Fields(
+    {},
+    {
+        "start": Maybe(STANCE),
+        "start_pose": Anything(),
+        "start_joints": Anything(),
+        "goal": Maybe(GOAL),
+        "task": Maybe(FIXED_NUMBER),
+        "plan": Maybe(Of(Plan)),
+    },
+)
+"""The options; a pose and joint angles are read by the stance graph."""
 
 
 @dataclass(frozen=True)
@@ -42,17 +56,16 @@ class ResetOptions:
         """Check the options and take start and goal from the plan where they are not given.
 
         Args:
-            options: The options by name.
+            options: What `OPTIONS` reads.
             graph: The stance graph.
             plans: Whether `"plan"` is an option.
 
         Raises:
-            SettingError: If there is no option of some name, or `"start"` is missing where a pose
-                or joint angles belong to it.
+            SettingError: If options do not go together.
         """
         given = dict(options or {})
-        for name in given:
-            choice("reset option", name, (*OPTIONS, "plan") if plans else OPTIONS)
+        if "plan" in given and not plans:
+            raise SettingError("reset option 'plan' needs dynamics='mujoco'")
         if given.get("task") is not None and len(given) > 1:
             raise SettingError("reset option 'task' tells start and goal: give it alone")
         plan = given.get("plan")

@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
+from mlivr_gym.arguments import Via
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.schema import Choice, Place
 
 
 class StepOutcome(NamedTuple):
@@ -47,7 +48,7 @@ class StepReward:
         return -1.0
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data that `reward_of` takes."""
+        """Plain data that `REWARD` takes."""
         return {"kind": "steps"}
 
 
@@ -60,7 +61,7 @@ class BaseReward:
         return -outcome.displacement
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data that `reward_of` takes."""
+        """Plain data that `REWARD` takes."""
         return {"kind": "base"}
 
 
@@ -68,20 +69,19 @@ REWARDS: dict[str, type[StepReward] | type[BaseReward]] = {"steps": StepReward, 
 """The rewards by name."""
 
 
-def reward_of(given: str | Reward | dict[str, Any]) -> Reward:
-    """A reward by name, from plain data, or as it is.
-
-    Raises:
-        SettingError: If there is none of that name, or it cannot be called; a class instead of an
-            object of it cannot.
-    """
+def _reward(given: Any, place: Place) -> Reward:
+    """A reward by name, from plain data, or as it is; a class of them is none."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
-        return REWARDS[choice("reward", name, REWARDS)]()
+        return REWARDS[Choice(tuple(REWARDS)).read(name, place)]()
     if isinstance(given, dict | type) or not callable(given):
-        valid = ", ".join(map(repr, REWARDS))
-        raise SettingError(f"reward is {given!r}; it must be one of {valid} or a Reward")
-    return given
+        raise place.refused(given, f"one of {', '.join(map(repr, REWARDS))} or a Reward")
+    reward: Reward = given
+    return reward
+
+
+REWARD = Via(_reward)
+"""A reward by name, from plain data (`to_dict`), or as it is."""
 
 
 class TaskReward(NamedTuple):
@@ -101,26 +101,6 @@ class TaskReward(NamedTuple):
     """Discount of the shaping."""
     tolerance: float
     """Radius of the goal region [m]."""
-
-    @classmethod
-    def of(
-        cls,
-        reward: str | Reward | dict[str, Any],
-        *,
-        success_bonus: float,
-        shaping: bool,
-        discount: float,
-        tolerance: float,
-    ) -> TaskReward:
-        """Check the figures; `reward` is anything that `reward_of` takes.
-
-        Raises:
-            SettingError: If one cannot be used; the message names it.
-        """
-        if not 0.0 < discount <= 1.0:
-            raise SettingError(f"discount is {discount!r}; it must be above 0 and at most 1")
-        bonus, checked = float(success_bonus), reward_of(reward)
-        return cls(checked, bonus, bool(shaping), float(discount), tolerance)
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
         """Reward of a step, a number or shape (k,) as the outcome is."""

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from mlivr_gym.arguments import Via
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.errors import SettingError, StanceError, choice, shown
-from mlivr_gym.schema import Place, Whole
+from mlivr_gym.errors import SettingError, StanceError, shown
+from mlivr_gym.schema import Choice, Place, Whole
 from mlivr_gym.stances.random_states import TRIES, Randomness, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -84,7 +85,7 @@ class WalkTasks:
         return sample_task(graph, rng, tolerance, start, far=self.far)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data that `generator_of` takes."""
+        """Plain data that `TASKS` takes."""
         return {"kind": "far" if self.far else "walk"}
 
 
@@ -92,20 +93,20 @@ GENERATORS = {"walk": WalkTasks(), "far": WalkTasks(far=True)}
 """The task generators by name."""
 
 
-def generator_of(given: str | TaskGenerator | dict[str, Any]) -> TaskGenerator:
-    """A task generator by name, from plain data, or as it is.
-
-    Raises:
-        SettingError: If there is none of that name, or it cannot draw; a class instead of an
-            object of it cannot.
-    """
+def _generator(given: Any, place: Place) -> TaskGenerator:
+    """A task generator by name, from plain data, or as it is; a class of them is none."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
-        return GENERATORS[choice("tasks", name, GENERATORS)]
-    if isinstance(given, str | dict | type) or not callable(getattr(given, "draw", None)):
+        return GENERATORS[Choice(tuple(GENERATORS)).read(name, place)]
+    if isinstance(given, dict | type) or not callable(getattr(given, "draw", None)):
         valid = ", ".join(map(repr, GENERATORS))
-        raise SettingError(f"tasks is {given!r}; it must be one of {valid} or a TaskGenerator")
-    return given
+        raise place.refused(given, f"one of {valid} or a TaskGenerator")
+    generator: TaskGenerator = given
+    return generator
+
+
+TASKS = Via(_generator)
+"""A task generator by name, from plain data (`to_dict`), or as it is."""
 
 
 FIXED = 1 << 62
@@ -115,20 +116,23 @@ MOST_FIXED = 1_000_000
 """Fixed tasks that there are."""
 
 
-def fixed_task(generator: TaskGenerator, graph: StanceGraph, number: Any, tolerance: float) -> Task:
+FIXED_NUMBER = Whole(0, MOST_FIXED - 1)
+"""Number of a fixed task."""
+
+
+def fixed_task(generator: TaskGenerator, graph: StanceGraph, number: int, tolerance: float) -> Task:
     """The fixed task of a number: the same in every process, and drawn in no training.
 
     Args:
         generator: What draws it.
         graph: The stance graph.
-        number: From 0 to `MOST_FIXED` - 1.
+        number: A `FIXED_NUMBER`.
         tolerance: Radius of the goal region [m].
 
     Raises:
-        MlivrError: If there is no such number, or no task is found.
+        MlivrError: If no task is found.
     """
-    k = Whole(0, MOST_FIXED - 1).read(number, Place("reset option 'task'", SettingError))
-    return draw_task(generator, graph, Stream.of_seed(FIXED + k), tolerance)
+    return draw_task(generator, graph, Stream.of_seed(FIXED + number), tolerance)
 
 
 def halves(grasp_map: GraspMap) -> tuple[int, float]:

@@ -7,7 +7,6 @@ mask and the observation that it returns.
 
 from __future__ import annotations
 
-import operator
 from typing import Any
 
 import gymnasium
@@ -16,22 +15,34 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from mlivr_gym.arguments import SEED, Kinds, Of, Via, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.actions import action_numbers
+from mlivr_gym.envs.arguments import MODE, MOST_STEPS
 from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, observations, stance_observations
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.tasks import WalkTasks, draw_task, fixed_task
-from mlivr_gym.errors import SettingError, StanceError, choice
+from mlivr_gym.envs.tasks import FIXED_NUMBER, WalkTasks, draw_task, fixed_task
+from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.batches import distances
+from mlivr_gym.schema import Fields, Flag, Listed, Maybe, Place, Whole
 from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import legal_actions
+from mlivr_gym.world.grasp_map import GOAL, STANCE
 
-MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)}
-"""What becomes of a copy whose episode has ended, by name."""
+MOST_COPIES = 1 << 20
+"""Most copies: their observations of the JEM take some gigabytes."""
+
+KINDS: Kinds = {
+    "num_envs": Whole(1, MOST_COPIES),
+    "max_episode_steps": Maybe(MOST_STEPS),
+    "autoreset_mode": MODE,
+    "env": Maybe(Of(MlivrEnv)),
+}
+"""Kinds of the arguments, besides those of `MlivrEnv`."""
 
 
 class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
@@ -62,6 +73,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         base_translation: Sum of base displacements since reset [m], shape (k,).
     """
 
+    @checked(KINDS)
     def __init__(
         self,
         num_envs: int = 1,
@@ -82,13 +94,10 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         Raises:
             MlivrError: If an argument cannot be used; the message names it.
         """
-        if num_envs < 1:
-            raise SettingError(f"num_envs is {num_envs!r}; it must be at least 1")
-        mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
-        self.metadata = {"autoreset_mode": MODES[choice("autoreset_mode", mode, MODES)]}
+        self.metadata = {"autoreset_mode": autoreset_mode}
         if kwargs.pop("render_mode", None) is not None:
             raise SettingError("the vector environment does not render; use MlivrEnv")
-        self.env = MlivrEnv(**(kwargs | {"precompute": True})) if env is None else env
+        self.env = MlivrEnv(**({"precompute": True} | kwargs)) if env is None else env
         moves = self.env.table_moves()
         self.tables: StepTables = moves.tables
         self._version = self.env.graph.version
@@ -135,13 +144,9 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 no copy has moved then.
         """
         self._keep_up()
-        given = dict(options or {})
-        which = self._chosen(given.pop("reset_mask", self._all))
-        starts = self._rows("start", given.pop("start", None))
-        goals = self._rows("goal", given.pop("goal", None))
-        numbers = self._rows("task", given.pop("task", None))
-        if given:
-            choice("reset option", sorted(given)[0], ("start", "goal", "task", "reset_mask"))
+        given, seeds = self._given(options, seed)
+        which = given.get("reset_mask", self._all)
+        starts, goals, numbers = (given.get(name) for name in ("start", "goal", "task"))
         if numbers is not None:
             if not (starts is None and goals is None):
                 raise SettingError("reset option 'task' tells start and goal: give it alone")
@@ -150,7 +155,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 fixed_task(env.tasks, env.graph, number, env.goal_tolerance) for number in numbers
             ]
             starts, goals = [task.start.stance for task in fixed], [task.goal for task in fixed]
-        self._seed(seed, which)
+        self._seed(seeds, which)
         new = (self.stances.copy(), self.masks.copy(), self.goals.copy())
         graph = self.env.graph
         if starts is not None:
@@ -168,43 +173,34 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         nothing = np.zeros(self.num_envs, np.bool_)
         return self._observation(), self._info(nothing, nothing.copy())
 
-    def _chosen(self, mask: Any) -> BoolArray:
-        which = np.asarray(mask)
-        if which.shape != (self.num_envs,) or which.dtype != np.bool_:
-            raise SettingError(
-                f"reset_mask is of shape {which.shape} and {which.dtype}; "
-                f"it must be {self.num_envs} bools"
-            )
-        return which.copy()
-
-    def _rows(self, name: str, rows: Any) -> Any:
-        """What an option gives for each copy."""
-        try:
-            count = self.num_envs if rows is None else len(rows)
-        except TypeError:
-            count = -1
-        if count != self.num_envs:
-            found = repr(rows) if count < 0 else f"of {count} rows"
-            raise SettingError(
-                f"reset option {name!r} is {found}; "
-                f"it must have {self.num_envs} rows, one for each copy"
-            )
-        return rows
-
-    def _seed(self, seed: Any, which: BoolArray) -> None:
-        """Give the chosen copies their streams."""
+    def _given(self, options: object, seed: object) -> tuple[dict[str, Any], list[int | None]]:
+        """The options, and a seed or None for each copy."""
+        k = self.num_envs
+        kinds: Kinds = {
+            "reset_mask": Via(self._chosen),
+            "start": Maybe(Listed(STANCE, k, k)),
+            "goal": Maybe(Listed(GOAL, k, k)),
+            "task": Maybe(Listed(FIXED_NUMBER, k, k)),
+        }
+        place = Place("options", SettingError)
+        given = Fields({}, kinds).read({} if options is None else options, place)
         if isinstance(seed, (list, tuple, np.ndarray)):
-            seeds = list(seed)
-            if len(seeds) != self.num_envs:
-                raise SettingError(
-                    f"seed is a list of {len(seeds)} for {self.num_envs} copies; "
-                    "give one seed for each copy"
-                )
-        else:
-            seeds = [seed if seed is None else _whole(seed) + i for i in range(self.num_envs)]
-        numbers = [one if one is None else _whole(one) for one in seeds]
+            each = Listed(Maybe(SEED), k, k).read(seed, Place("seed", SettingError))
+            return given, list(each)
+        first = Maybe(SEED).read(seed, Place("seed", SettingError))
+        return given, [None if first is None else first + i for i in range(k)]
+
+    def _chosen(self, mask: object, place: Place) -> BoolArray:
+        """Which copies start anew."""
+        k = self.num_envs
+        if isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (k,):
+            return mask.copy()
+        return np.array(Listed(Flag(), k, k).read(mask, place))
+
+    def _seed(self, seeds: list[int | None], which: BoolArray) -> None:
+        """Give the chosen copies their streams."""
         for k in np.flatnonzero(which):
-            if (number := numbers[k]) is None:
+            if (number := seeds[k]) is None:
                 if self._seeded[k]:
                     continue
                 number = int(self.np_random.integers(2**63))
@@ -345,13 +341,3 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             "grasp_failed": failed,
         }
         return info | {f"_{name}": self._all.copy() for name in info}
-
-
-def _whole(seed: Any) -> int:
-    try:
-        number = operator.index(seed)
-    except TypeError:
-        number = -1
-    if number < 0:
-        raise SettingError(f"seed is {seed!r}; it must be a whole number of at least 0")
-    return number

@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from mlivr_gym.arguments import Called, FileName, Via, checked
 from mlivr_gym.arrays import BoolArray
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.pictures.film import RATE
+from mlivr_gym.schema import NAME, Flag, Maybe, Place, Whole
+
+MOST_ACTIONS = 1_000_000
+"""Most actions of a film."""
+
+
+def _ours(value: Any, place: Place) -> Any:
+    """A `MlivrEnv`, also inside wrappers."""
+    if not isinstance(value, gymnasium.Env) or not isinstance(value.unwrapped, MlivrEnv):
+        raise place.refused(value, "a MlivrEnv, also inside wrappers")
+    return value
 
 
 class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
@@ -26,16 +40,41 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
         >>> env = RecordVideo(env, "videos", episode_trigger=lambda episode: True)
     """
 
+    @checked(
+        {
+            "env": Via(_ours),
+            "video_folder": FileName(),
+            "episode_trigger": Maybe(Called()),
+            "step_trigger": Maybe(Called()),
+            "video_length": Whole(0, MOST_ACTIONS),
+            "name_prefix": NAME,
+            "fps": Maybe(Whole(1, 1000)),
+            "disable_logger": Flag(),
+        }
+    )
     def __init__(
-        self, env: gymnasium.Env[Any, Any], video_folder: str, *args: Any, **settings: Any
+        self,
+        env: gymnasium.Env[Any, Any],
+        video_folder: str,
+        episode_trigger: Callable[[int], bool] | None = None,
+        step_trigger: Callable[[int], bool] | None = None,
+        video_length: int = 0,
+        name_prefix: str = "rl-video",
+        fps: int | None = RATE,
+        disable_logger: bool = True,
+        **settings: Any,
     ) -> None:
         """Wrap a `MlivrEnv`; see Gymnasium's wrapper.
 
         Raises:
+            SettingError: If an argument is of another kind.
             ValueError: If the environment has no `render_mode` that returns pictures.
             gymnasium.error.DependencyNotInstalled: If MoviePy is missing.
         """
-        super().__init__(env, video_folder, *args, **{"fps": RATE} | settings)
+        super().__init__(
+            env, video_folder, episode_trigger, step_trigger, video_length, name_prefix, fps,
+            disable_logger, **settings,
+        )  # fmt: skip
 
     def _capture_frame(self) -> None:
         """Keep what a picture would show."""
@@ -53,15 +92,19 @@ class ActionMaskObservation(
 ):
     """Puts the action mask into the observation, under `"action_mask"`."""
 
+    @checked({"env": Via(_ours)})
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
-        """Wrap a `MlivrEnv`."""
+        """Wrap a `MlivrEnv`.
+
+        Raises:
+            SettingError: If it is none.
+        """
         gymnasium.utils.RecordConstructorArgs.__init__(self)
         super().__init__(env)
-        inner = env.observation_space
-        assert isinstance(inner, spaces.Dict)
-        assert isinstance(env.action_space, spaces.Discrete)
+        inner: Any = env.observation_space
+        actions: Any = env.action_space
         self.observation_space = spaces.Dict(
-            {**inner.spaces, "action_mask": spaces.MultiBinary(int(env.action_space.n))}
+            {**inner.spaces, "action_mask": spaces.MultiBinary(int(actions.n))}
         )
 
     def observation(self, observation: Observation) -> dict[str, Any]:

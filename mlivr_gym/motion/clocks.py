@@ -7,7 +7,7 @@ acceleration zero at both ends. Its last breakpoint is the duration of the piece
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -15,6 +15,7 @@ from scipy.interpolate import PPoly
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.pieces import Piece
+from mlivr_gym.schema import Place, Record, Tuples
 
 LONGEST_STEP = 3600.0
 """Largest duration of a step [s]; the paper's is 50 s."""
@@ -53,12 +54,7 @@ class Durations:
 
     def __post_init__(self) -> None:
         """Check that each is above zero, and the whole not too long."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise SettingError(
-                    f"duration of the {field.name} is {value!r}; it must be finite and above 0 [s]"
-                )
+        DURATIONS.check(self, Place("duration", SettingError))
         if self.total > LONGEST_STEP:
             raise SettingError(
                 f"duration of a step is {self.total:g} s; it must be at most {LONGEST_STEP:g} s"
@@ -72,6 +68,7 @@ class Durations:
     @classmethod
     def of_step(cls, total: float) -> Durations:
         """A step of `total` seconds, divided as the paper's: a fifth, three fifths, a fifth."""
+        total = DURATION.read(total, Place("total", SettingError))
         return cls(0.2 * total, 0.6 * total, 0.2 * total)
 
     def clocks(self, pieces: Sequence[Piece]) -> tuple[PPoly, ...]:
@@ -83,3 +80,10 @@ class Durations:
         roots: Array = np.sqrt([piece.travel for piece in pieces[1:-1]])
         swing = self.swing * roots / roots.sum()
         return tuple(quintic(float(time)) for time in (self.departure, *swing, self.approach))
+
+
+DURATION = Tuples((), 1e-9, LONGEST_STEP, "s")
+"""How long something takes."""
+
+DURATIONS = Record(Durations, dict.fromkeys(("departure", "swing", "approach"), DURATION))
+"""Fields of `Durations`."""

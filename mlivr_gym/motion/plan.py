@@ -9,13 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import FileName, Kinds, Of, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, PlanError, shown
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.motion.plan_checks import check_motion, check_numbers
 from mlivr_gym.motion.plan_files import parts_of, plan_data
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
+from mlivr_gym.schema import Anything, Maybe
 from mlivr_gym.world.grasp_map import GraspMap
+
+READ: Kinds = {"path": FileName(), "data": Anything(), "grasp_map": Maybe(Of(GraspMap))}
+"""Kinds of what a plan is read from."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -104,6 +109,7 @@ class Plan:
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
     @classmethod
+    @checked(READ, PlanError)
     def from_dict(cls, data: Any, grasp_map: GraspMap | None = None) -> Plan:
         """Build a plan from plain data; what can be worked out again has to be what it tells.
 
@@ -148,6 +154,7 @@ class Plan:
             raise PlanError(f"the plan has a faulty field: {error}") from None
 
     @classmethod
+    @checked(READ, PlanError)
     def load(cls, path: str | Path, grasp_map: GraspMap | None = None) -> Plan:
         """Read a plan from a JSON file; see `from_dict`.
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import FileName, Kinds, Of, checked
 from mlivr_gym.errors import PlanError, one_line
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.regrasp import PHASES
@@ -23,6 +24,9 @@ BASE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 RATES = ("vx", "vy", "vz", "wx", "wy", "wz")
 """Components of the base: pose; velocity in the world and angular velocity in the base's axes."""
 
+SAVED: Kinds = {"trajectory": Of(Trajectory), "path": FileName()}
+"""Kinds of what a trajectory is saved by."""
+
 
 def joint_names(trajectory: Trajectory) -> list[str]:
     """Names of all joints, limb by limb."""
@@ -30,6 +34,7 @@ def joint_names(trajectory: Trajectory) -> list[str]:
     return [f"limb{i}/joint{k}" for i in range(limbs) for k in range(1, 7)]
 
 
+@checked(SAVED)
 def save_npz(trajectory: Trajectory, path: str | Path) -> None:
     """Write the arrays as a NumPy archive, whole or not at all.
 
@@ -55,6 +60,7 @@ def load_npz(path: str | Path) -> Trajectory:
     Raises:
         PlanError: If the file cannot be read or is not a trajectory.
     """
+    path = FileName().read(path, Place("path", PlanError))
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
             arrays = {name: data[name] for name in (*ARRAYS, "points")}
@@ -64,6 +70,7 @@ def load_npz(path: str | Path) -> Trajectory:
         raise PlanError(f"cannot read trajectory {str(path)!r}: {one_line(reason)}") from None
 
 
+@checked(SAVED)
 def save_csv(trajectory: Trajectory, path: str | Path) -> None:
     """Write one line a sample, units in the names of the columns.
 
@@ -101,6 +108,7 @@ def save_csv(trajectory: Trajectory, path: str | Path) -> None:
     write_whole(path, stream.getvalue())
 
 
+@checked(SAVED)
 def save_ros(trajectory: Trajectory, path: str | Path) -> None:
     """Write a message `trajectory_msgs/msg/JointTrajectory` of ROS 2 as YAML.
 

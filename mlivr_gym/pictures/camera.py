@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mlivr_gym.arguments import ANY_NUMBER, Via
 from mlivr_gym.arrays import Array
+from mlivr_gym.schema import Place, Tuples
+from mlivr_gym.values import LONGEST
 
 FIELD_OF_VIEW = 45.0
 """Vertical angle that a picture shows [deg]: MuJoCo's."""
@@ -64,3 +67,16 @@ class Camera(NamedTuple):
             # A ball touches the edge when its middle is radius / cos from the plane of the edge.
             needed.append((off + radius * np.hypot(1.0, steep)) / steep - ahead)
         return self._replace(distance=float(np.max(needed)))
+
+
+def _camera(value: Any, place: Place) -> Camera:
+    """A camera whose fields are numbers."""
+    if not isinstance(value, Camera):
+        raise place.refused(value, "a Camera")
+    kinds = (Tuples((3,), most=LONGEST, unit="m"), Tuples((), 0.0, LONGEST, "m"))
+    fields = zip((*kinds, ANY_NUMBER, ANY_NUMBER), value, Camera._fields, strict=True)
+    return Camera(*(kind.read(given, place.field(name)) for kind, given, name in fields))
+
+
+CAMERA = Via(_camera)
+"""A `Camera`."""

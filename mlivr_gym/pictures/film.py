@@ -7,27 +7,33 @@ import math
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.arguments import FileName, Of, Via, checked
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import RenderError
 from mlivr_gym.files import write_whole
+from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import strip_height, with_caption
-from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.simulation.recording import Recording
+from mlivr_gym.schema import Maybe, Place, Tuples
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-SIZE = (512, 288)
+if TYPE_CHECKING:
+    from mlivr_gym.simulation.recording import Recording
+
+USUAL_SIZE = (512, 288)
 """Width and height of a film whose size is not chosen [px]."""
 
 COLOURS = 96
@@ -42,10 +48,30 @@ LONGEST = 8.0
 PAUSE = 1.0
 """For how long the last picture stays [s]."""
 
+SPEED = Tuples((), 0.1, 1000.0)
+"""How many times faster than the clock a film may run."""
+
 AZIMUTH, ELEVATION = 84.0, -8.0
 """Direction in which the camera looks [deg]."""
 
 
+def _recording(value: Any, place: Place) -> Recording:
+    """A recording of a simulation."""
+    from mlivr_gym.simulation.recording import Recording
+
+    recording: Recording = Of(Recording).read(value, place)
+    return recording
+
+
+@checked(
+    {
+        **WALK,
+        "recording": Via(_recording),
+        "plan": Maybe(WALK["plan"]),
+        "size": SIZE,
+        "speed": Maybe(SPEED),
+    }
+)
 def film(
     grasp_map: GraspMap,
     robot: RobotSpec,
@@ -53,7 +79,7 @@ def film(
     path: str | Path,
     *,
     plan: Plan | None = None,
-    size: tuple[int, int] = SIZE,
+    size: tuple[int, int] = USUAL_SIZE,
     speed: float | None = None,
     obstacles: Sequence[Box] = (),
     progress: Callable[[int], None] | None = None,
@@ -123,7 +149,7 @@ def film_pictures(
     samples: IntArray,
     *,
     plan: Plan | None = None,
-    size: tuple[int, int] = SIZE,
+    size: tuple[int, int] = USUAL_SIZE,
     speed: float = 1.0,
     obstacles: Sequence[Box] = (),
     progress: Callable[[int], None] | None = None,
@@ -204,7 +230,7 @@ def check_kind(path: str | Path) -> str:
         RenderError: If it is neither `.gif` nor `.mp4`, or `imageio[ffmpeg]` is missing for an
             `.mp4`.
     """
-    kind = Path(path).suffix.lower()
+    kind = Path(FileName().read(path, Place("path", RenderError))).suffix.lower()
     if kind not in (".gif", ".mp4"):
         raise RenderError(f"cannot write a film as {str(path)!r}; valid endings are '.gif', '.mp4'")
     if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
+from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import (
     add_heading,
@@ -30,12 +32,17 @@ from mlivr_gym.pictures.flat_views import (
 from mlivr_gym.pictures.plan_paths import base_line
 from mlivr_gym.pictures.robot_shapes import draw_ghost, robot_parts
 from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.schema import Maybe, Numbers
 from mlivr_gym.world.grasp_map import GraspMap
 
 MOST_EXPLORED = 3000
 """Explored base paths drawn at most; of more, an even selection is drawn."""
 
+MOST_READ = 10**8
+"""Explored base paths that are taken."""
 
+
+@checked({**WALK, "tree": Maybe(Numbers((None, 2, 3), rows=(0, MOST_READ)))})
 def plan_figure(
     grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array | None = None, title: str = ""
 ) -> None:

@@ -7,7 +7,6 @@ Rendering without a screen needs EGL (or OSMesa). Where neither is there, `Scene
 from __future__ import annotations
 
 import atexit
-import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -16,13 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mlivr_gym.arguments import Of, Via, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.contacts import Configuration
-from mlivr_gym.errors import RenderError, SceneError
-from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.collisions.contacts import Configuration, checked_configuration
+from mlivr_gym.errors import RenderError, SceneError, SettingError
+from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.pictures.camera import CAMERA, Camera
 from mlivr_gym.pictures.captions import with_labels
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import Anything, Choice, Listed, Maybe, Place, Whole
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -31,6 +33,19 @@ GHOST_OPACITY = 0.22
 
 MARGIN = 0.3
 """Room round a map in a picture of the whole of it [m]."""
+
+WIDTH, HEIGHT = Whole(16, 1920), Whole(16, 1080)
+"""Width and height of a picture [px], as large as the scene's buffer."""
+
+
+def _size(value: object, place: Place) -> tuple[int, int]:
+    """Width and height of a picture."""
+    width, height = Listed(Anything(), 2, 2).read(value, place)
+    return WIDTH.read(width, place.entry(0)), HEIGHT.read(height, place.entry(1))
+
+
+SIZE = Via(_size)
+"""Width and height of a picture [px]."""
 
 
 class SceneRenderer:
@@ -45,6 +60,7 @@ class SceneRenderer:
         >>> image = renderer.render(*graph.configuration(state))
     """
 
+    @checked({**WALK, "width": WIDTH, "height": HEIGHT})
     def __init__(
         self,
         grasp_map: GraspMap,
@@ -59,13 +75,11 @@ class SceneRenderer:
             SceneError: If MuJoCo refuses the scene.
             RenderError: If no GL library can be used.
         """
-        try:
-            from mlivr_gym.pictures.studio import studio_spec  # isort: skip
-            from mlivr_gym.simulation.scene import compiled  # isort: skip
-            import mujoco
-        except Exception as error:  # importing MuJoCo loads the GL library
-            raise _no_gl(error) from None
-        self.grasp_map, self.obstacles = grasp_map, tuple(obstacles)
+        from mlivr_gym.pictures.studio import studio_spec
+        from mlivr_gym.simulation.gl import mujoco, no_gl
+        from mlivr_gym.simulation.scene import compiled
+
+        self.grasp_map, self._robot, self.obstacles = grasp_map, robot, tuple(obstacles)
         self.model = compiled(studio_spec(grasp_map, robot, obstacles))
         self.data, self._size = mujoco.MjData(self.model), (width, height)
         self._rise = max(robot.heights) + 0.5 * robot.body_size
@@ -74,8 +88,17 @@ class SceneRenderer:
             # Registered after the GL loader's exit hook, hence run before it.
             atexit.register(self._renderer.close)
         except Exception as error:  # GL loaders raise errors of many kinds
-            raise _no_gl(error) from None
+            raise no_gl(error) from None
 
+    @checked(
+        {
+            **dict.fromkeys(("position", "quaternion", "joints"), Anything()),
+            "hide": Listed(Anything()),
+            "camera": Maybe(CAMERA),
+            "route": Maybe(Of(Route)),
+            "ghosts": Listed(Anything()),
+        }
+    )
     def render(
         self,
         position: Array,
@@ -105,11 +128,12 @@ class SceneRenderer:
 
         seen_from = camera or self.overview()
         aim(self.model, self.grasp_map, seen_from)
-        set_configuration(self.model, self.data, position, quaternion, joints)
+        standing = checked_configuration(self._robot, (position, quaternion, joints))
+        set_configuration(self.model, self.data, *standing)
         options = mujoco.MjvOption()
         options.geomgroup[:] = 1
         options.sitegroup[:] = 1
-        for face in hide:
+        for face in Listed(Choice(tuple(FACE_GROUPS))).read(hide, Place("hide", SettingError)):
             options.geomgroup[FACE_GROUPS[face]] = 0
             options.sitegroup[FACE_GROUPS[face]] = 0
         eye = mujoco.MjvCamera()
@@ -143,7 +167,7 @@ class SceneRenderer:
         from mlivr_gym.simulation.scene import set_configuration
 
         data, scene = mujoco.MjData(self.model), self._renderer.scene
-        set_configuration(self.model, data, *configuration)
+        set_configuration(self.model, data, *checked_configuration(self._robot, configuration))
         first, robot = scene.ngeom, mujoco.mjtCatBit.mjCAT_DYNAMIC
         mujoco.mjv_addGeoms(self.model, data, options, mujoco.MjvPerturb(), robot, scene)
         for geom in scene.geoms[first : scene.ngeom]:
@@ -154,28 +178,6 @@ class SceneRenderer:
         """Release the GL context."""
         atexit.unregister(self._renderer.close)
         self._renderer.close()
-
-
-def _no_gl(error: Exception) -> RenderError:
-    """What to say where no picture can be rendered, from the loader's error."""
-    backend = os.environ.get("MUJOCO_GL", "default")
-    message = (
-        f"MuJoCo cannot render with MUJOCO_GL={backend!r} ({type(error).__name__}: {error}); "
-        f"install an EGL library (Debian: libegl1) or set MUJOCO_GL to 'egl', 'osmesa' or 'glfw' "
-        f"before MuJoCo is imported"
-    )
-    _forget(error)
-    return RenderError(message)
-
-
-def _forget(error: BaseException) -> None:
-    """Release what remains of a failed GL context; its clean-up would print a traceback later."""
-    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
-    while error.__context__ is not None:
-        error.__traceback__, error = None, error.__context__
-    error.__traceback__ = None
-    gc.collect()
-    sys.unraisablehook = hook
 
 
 class SceneWindow:
@@ -202,8 +204,9 @@ class SceneWindow:
                 "render_mode='human' needs a screen and DISPLAY is not set; "
                 "use render_mode='rgb_array'"
             )
+        from mlivr_gym.simulation.scene import compiled, scene_spec  # isort: skip
+
         try:
-            from mlivr_gym.simulation.scene import compiled, scene_spec  # isort: skip
             import mujoco
             import mujoco.viewer
 

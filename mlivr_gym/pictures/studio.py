@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import FACE_GROUPS, scene_spec
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap

@@ -33,7 +33,9 @@ def given_pose(pose: Any) -> tuple[float, ...]:
         SettingError: If they are not seven finite numbers or the quaternion's length is not 1
             within 1 %.
     """
-    pair = isinstance(pose, tuple) and len(pose) == 2 and not any(map(np.isscalar, pose))
+    lists = (list, tuple, np.ndarray)
+    pair = isinstance(pose, tuple) and len(pose) == 2
+    pair = pair and all(isinstance(part, lists) and np.shape(part) != () for part in pose)
     given = numbers(
         [*pose[0], *pose[1]] if pair else pose,
         (7,),
@@ -61,7 +63,8 @@ def given_joints(robot: RobotSpec, joints: Any) -> Array:
     Raises:
         SettingError: If they are not N times six finite numbers inside the joint limits.
     """
-    flat = isinstance(joints, list | tuple | np.ndarray) and all(map(np.isscalar, joints))
+    flat = isinstance(joints, list | tuple) and all(map(np.isscalar, joints))
+    flat |= isinstance(joints, np.ndarray) and joints.ndim == 1
     shape = (6 * robot.limbs,) if flat else (robot.limbs, 6)
     given = numbers(joints, shape, "start_joints (a row of six angles a limb [rad])", SettingError)
     given = given.reshape(robot.limbs, 6)

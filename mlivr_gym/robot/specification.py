@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import Raising, Via
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shown
 from mlivr_gym.files import load
@@ -306,8 +307,10 @@ MLIVR2 = RobotSpec(name="mlivr2")
 ROBOTS = {f"mlivr{n}": replace(MLIVR2, name=f"mlivr{n}", limbs=n) for n in (2, 3, 4)}
 """The robots that ship with the package."""
 
+_PLACE = Place("robot", RobotError)
 
-def robot_spec(robot: str | RobotSpec | dict[str, Any]) -> RobotSpec:
+
+def robot_spec(robot: str | RobotSpec | dict[str, Any], place: Place = _PLACE) -> RobotSpec:
     """A robot by name, by path of a JSON file, from plain data (`RobotSpec.to_dict`), or as it is.
 
     Raises:
@@ -316,7 +319,7 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any]) -> RobotSpec:
     if isinstance(robot, RobotSpec):
         return robot
     if isinstance(robot, dict):
-        return RobotSpec.from_dict(robot)
+        return place.build(RobotSpec.from_dict, robot)
     if isinstance(robot, str) and robot in ROBOTS:
         return ROBOTS[robot]
     if isinstance(robot, str) and os.path.isfile(robot):
@@ -325,3 +328,7 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any]) -> RobotSpec:
         f"unknown robot {shown(robot)}; valid names are {', '.join(ROBOTS)}, "
         "or give the path of a JSON file"
     )
+
+
+ROBOT_OR_NAME = Raising(RobotError, Via(robot_spec))
+"""A robot as `robot_spec` takes it."""

@@ -14,13 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import SettingError
 from mlivr_gym.schema import Place, Record, Tuples
+from mlivr_gym.simulation.gl import mujoco
 
 STANDARD_GRAVITY = 9.80665
 """One g [m/s^2]."""

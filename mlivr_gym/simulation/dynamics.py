@@ -20,12 +20,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Place, Record, Tuples
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap

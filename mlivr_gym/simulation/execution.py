@@ -12,19 +12,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mlivr_gym.arguments import Of, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole
+from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.schema import Maybe
 from mlivr_gym.simulation.controller import Controller
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
 from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
-from mlivr_gym.simulation.timing import step_trajectory
+from mlivr_gym.simulation.timing import TIMING, step_trajectory
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 REST = 2.0
@@ -106,6 +109,14 @@ class Execution:
         write_whole(Path(path).with_suffix(".json"), json.dumps(self.summary(), indent=1) + "\n")
 
 
+@checked(
+    {
+        **WALK,
+        "timing": TIMING,
+        "physics": Maybe(Of(Physics)),
+        "simulation": Maybe(Of(Simulation)),
+    }
+)
 def execute(
     graph: StanceGraph,
     plan: Plan,

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.contacts import checked_configuration
+from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import Anything
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import compiled
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.grasp_map import GraspMap
+from mlivr_gym.world.grasp_map import STANCE, GraspMap
 
 START = "start"
 """Name of the keyframe: the robot at rest in its first stance."""
@@ -22,6 +26,7 @@ CAMERA = "cabin"
 """Name of the camera, which looks at the robot from inside the cabin."""
 
 
+@checked({**WALK, "configuration": Anything(), "points": STANCE})
 def exported_model(
     grasp_map: GraspMap,
     robot: RobotSpec,
@@ -47,7 +52,8 @@ def exported_model(
     """
     physics = Physics()
     simulation = Simulation(grasp_map, robot, physics, obstacles)
-    simulation.reset(*configuration, points)
+    held = [grasp_map.index(point) for point in points]
+    simulation.reset(*checked_configuration(robot, configuration), held)
     spec = dynamics_spec(grasp_map, robot, physics, obstacles)
     for limb in range(robot.limbs):
         anchor = simulation.model.body(f"limb{limb}/anchor")

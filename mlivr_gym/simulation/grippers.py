@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -18,6 +17,7 @@ from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics, gripper_bit
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
 from mlivr_gym.arrays import Array
@@ -10,6 +9,7 @@ from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.controller import Controller
 from mlivr_gym.simulation.disturbances import Disturbance
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.grippers import Grippers
 from mlivr_gym.simulation.inverse_dynamics import robot_model
 from mlivr_gym.simulation.joint_control import JointControl

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.simulation.dynamics import AXES
 from mlivr_gym.simulation.failures import Measured
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.recording import Peaks, Recording
 
 HUGE = mujoco.mjMAXVAL

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import compiled, robot_alone
 
 

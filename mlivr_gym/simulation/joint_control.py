@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
@@ -16,6 +15,7 @@ from mlivr_gym.simulation.controller import Controller
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.feedforward import feedforward
+from mlivr_gym.simulation.gl import mujoco
 
 
 class Reference(NamedTuple):

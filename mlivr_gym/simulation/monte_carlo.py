@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlivr_gym.errors import SettingError
+from mlivr_gym.arguments import Of, checked
+from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Place, Whole
+from mlivr_gym.schema import Listed, Maybe, Whole
 from mlivr_gym.simulation.execution import TimedWalk, carry_out, timed_walk
 from mlivr_gym.simulation.recording import Peaks
 from mlivr_gym.simulation.setup import Setup
@@ -69,6 +70,16 @@ class _Work(NamedTuple):
     seeds: tuple[int, ...]
 
 
+@checked(
+    {
+        **WALK,
+        "plans": Listed(Of(Plan)),
+        "setup": Maybe(Of(Setup)),
+        "samples": Whole(1, 10**6),
+        "seed": Whole(1, 2**62),
+        "workers": Maybe(Whole(1, 4096)),
+    }
+)
 def execute_many(
     graph: StanceGraph,
     plans: Sequence[Plan],
@@ -102,11 +113,7 @@ def execute_many(
         >>> outcomes = list(execute_many(graph, [plan], Setup.of("gentle", disturbances="all"), 20))
         >>> success(outcomes)
     """
-    setup, place = setup or Setup(), Place("", SettingError)
-    Whole(1, 10**6).read(samples, place.field("samples"))
-    Whole(1, 2**62).read(seed, place.field("seed"))
-    count = os.cpu_count() or 1 if workers is None else workers
-    Whole(1, 4096).read(count, place.field("workers"))
+    setup, count = setup or Setup(), workers or os.cpu_count() or 1
     works = (
         _Work(
             number,

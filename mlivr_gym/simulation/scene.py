@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -20,6 +19,7 @@ from mlivr_gym.errors import SceneError, ShapeError
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.limb_dynamics import arm_data, arm_dynamics, arm_of
 from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.values import unique
 from mlivr_gym.world.boxes import BOX, POINT, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap

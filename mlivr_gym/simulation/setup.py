@@ -6,8 +6,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from mlivr_gym.arguments import SEED, Of, checked
+from mlivr_gym.errors import SettingError
+from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import Place, Record
 from mlivr_gym.simulation.controller import Controller
 from mlivr_gym.simulation.disturbances import Disturbances
 from mlivr_gym.simulation.dynamics import Physics
@@ -34,6 +38,10 @@ class Setup:
     physics: Physics = field(default_factory=Physics)
     disturbances: Disturbances = field(default_factory=Disturbances)
 
+    def __post_init__(self) -> None:
+        """Check that each part is one."""
+        SETUP.check(self, Place("", SettingError))
+
     @classmethod
     def of(
         cls,
@@ -54,6 +62,7 @@ class Setup:
             Disturbances.of(disturbances),
         )
 
+    @checked({**WALK, "seed": SEED})
     def simulation(
         self, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = (), seed: int = 0
     ) -> Simulation:
@@ -74,3 +83,15 @@ class Setup:
             "physics": asdict(self.physics),
             "disturbances": asdict(self.disturbances),
         }
+
+
+SETUP = Record(
+    Setup,
+    {
+        "timing": Of(Limits, Durations),
+        "controller": Of(Controller),
+        "physics": Of(Physics),
+        "disturbances": Of(Disturbances),
+    },
+)
+"""Fields of a `Setup`."""

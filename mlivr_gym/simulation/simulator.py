@@ -11,18 +11,21 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 
+from mlivr_gym.arguments import Of, checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import SimulationError
+from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import Maybe
 from mlivr_gym.simulation.controller import Controller
 from mlivr_gym.simulation.disturbances import NONE, Disturbance
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
 from mlivr_gym.simulation.failures import FailureWatch
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.grippers import Grippers, within
 from mlivr_gym.simulation.guidance import Guidance
 from mlivr_gym.simulation.instruments import Instruments
@@ -64,6 +67,14 @@ class Simulation:
         mass: Mass of the robot [kg].
     """
 
+    @checked(
+        {
+            **WALK,
+            "physics": Maybe(Of(Physics)),
+            "controller": Maybe(Of(Controller)),
+            "disturbance": Maybe(Of(Disturbance)),
+        }
+    )
     def __init__(
         self,
         grasp_map: GraspMap,

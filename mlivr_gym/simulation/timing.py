@@ -10,16 +10,22 @@ from collections.abc import Sequence
 
 from scipy.interpolate import PPoly
 
+from mlivr_gym.arguments import Of, checked
 from mlivr_gym.errors import PlanError, TimingError
+from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.clocks import Durations, duration_of, quintic, stretched
 from mlivr_gym.motion.pieces import path_pieces
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
+from mlivr_gym.schema import Maybe
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.path_dynamics import Binding, PieceRows, piece_rows
 from mlivr_gym.simulation.time_optimal import fastest_clock
 from mlivr_gym.stances.stance_graph import StanceGraph
+
+TIMING = Maybe(Of(Limits, Durations))
+"""How fast steps are carried out."""
 
 ROUNDING = 1e-6
 """A duration that falls short of the shortest by a smaller share is not refused."""
@@ -92,6 +98,7 @@ def _check(rows: Sequence[PieceRows], clocks: Sequence[PPoly], durations: Durati
         raise TimingError(durations.total, found[worst].told, durations.total * factors[worst])
 
 
+@checked({**WALK, "timing": TIMING})
 def step_trajectory(
     graph: StanceGraph,
     plan: Plan,
@@ -104,6 +111,7 @@ def step_trajectory(
     return trajectory(timed_path(path, timing), period)
 
 
+@checked({**WALK, "timing": TIMING})
 def plan_trajectory(
     graph: StanceGraph,
     plan: Plan,

@@ -5,18 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from mlivr_gym.arguments import Of, checked
 from mlivr_gym.compiled.warming import mark_of, warming
-from mlivr_gym.errors import RobotError, SettingError, shown
-from mlivr_gym.robot.specification import RobotSpec, robot_spec
+from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.specification import ROBOT_OR_NAME, RobotSpec, robot_spec
+from mlivr_gym.schema import Maybe
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.world.grasp_map import GraspMap, as_map
+from mlivr_gym.world.grasp_map import MAP, GraspMap, as_map
 
 COMPILED = mark_of(Path(__file__).parent.parent / "planners" / "warmup.py")
 """Tells that the kernels of steps, which that module compiles, and of stances are compiled."""
 
 
+@checked({"grasp_map": MAP, "robot": ROBOT_OR_NAME, "settings": Maybe(Of(Settings))})
 def stance_graph(
     grasp_map: str | Path | GraspMap | dict[str, Any] | None = None,
     robot: str | RobotSpec | dict[str, Any] = "mlivr2",
@@ -38,8 +41,6 @@ def stance_graph(
         331
     """
     world, robot, settings = as_map(grasp_map), robot_spec(robot), settings or Settings()
-    if not isinstance(settings, Settings):
-        raise SettingError(f"settings are {shown(settings)}; they must be a Settings")
     if robot.limbs > 2:
         return LazyGraph(world, robot, settings)
     with warming("mlivr_gym.planners.warmup", COMPILED):

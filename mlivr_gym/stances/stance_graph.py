@@ -29,10 +29,11 @@ from mlivr_gym.postures.given_pose import (
 from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import Place
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.checked_steps import CheckedSteps, join
 from mlivr_gym.transitions.state import State, Successors, check_numbers, check_state
-from mlivr_gym.world.grasp_map import GraspMap
+from mlivr_gym.world.grasp_map import STANCE, GraspMap
 
 MOST_PAIRS = 2_000_000
 """Most ordered pairs of points: those of the JEM with points every 0.03 m take gigabytes."""
@@ -100,12 +101,13 @@ class StanceGraph(CheckedSteps):
         Raises:
             StanceError: If the number of points, an id, or the points' distance is wrong.
         """
-        if isinstance(stance, str) or not np.iterable(stance) or len(stance) != self.limbs:
+        named = STANCE.read(stance, Place("stance", StanceError))
+        if len(named) != self.limbs:
             raise StanceError(
-                f"stance {stance!r} must name {self.limbs} points, one for each limb of "
+                f"stance {shown(stance)} must name {self.limbs} points, one for each limb of "
                 f"{self.robot.name!r}"
             )
-        points = tuple(self.grasp_map.index(point) for point in stance)
+        points = tuple(self.grasp_map.index(point) for point in named)
         for i, a in enumerate(points):
             for b in points[i + 1 :]:
                 distance = float(
@@ -262,8 +264,9 @@ class StanceGraph(CheckedSteps):
         Raises:
             StanceError: If it is no state of this graph; the message says why.
         """
+        self.check(state)
         known = self.state(state.stance, state.pose)
-        masks = tuple(state.masks)
+        masks = tuple(map(int, state.masks))
         if len(masks) != self.limbs or any(
             not 0 < mask & held == mask for mask, held in zip(masks, known.masks, strict=True)
         ):

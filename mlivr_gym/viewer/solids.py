@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.pictures.robot_shapes import JOINT_COLOUR
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import compiled, rgba, scene_spec
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap

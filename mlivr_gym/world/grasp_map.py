@@ -9,6 +9,7 @@ that ships with the package is read by the same loader.
 from __future__ import annotations
 
 import hashlib
+import os
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,17 +17,19 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import SEED, FileName, Raising, Via, checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import (
     GoalError,
     MapError,
     SettingError,
+    StanceError,
     UnknownPointError,
     shown,
 )
 from mlivr_gym.files import load
-from mlivr_gym.schema import Place, are_rotations
+from mlivr_gym.schema import Listed, Maybe, Numbers, Place, Tuples, are_rotations
 from mlivr_gym.values import MOST_POINTS, unique
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.map_entries import (
@@ -41,6 +44,26 @@ from mlivr_gym.world.map_entries import (
 )
 from mlivr_gym.world.rails import Handrail, Segment
 from mlivr_gym.world.surroundings import handrail_boxes, module_boxes, track_box
+
+
+def _point_number(value: object) -> bool:
+    """Whether a value may be the index of a point."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
+def _point(value: Any, place: Place) -> str | int:
+    """A point by id or index."""
+    if not isinstance(value, str) and not _point_number(value):
+        raise place.refused(value, "the id of a point, or its index")
+    point: str | int = value
+    return point
+
+
+GOAL = Raising(GoalError, Numbers((3,)))
+"""A goal position [m]."""
+
+STANCE = Raising(StanceError, Listed(Via(_point)))
+"""Points by id or index, such as that of each limb."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -120,7 +143,7 @@ class GraspMap:
         if isinstance(point, str):
             if point in self._index:
                 return self._index[point]
-        elif isinstance(point, (int, np.integer)) and 0 <= point < len(self.ids):
+        elif _point_number(point) and 0 <= point < len(self.ids):
             return int(point)
         raise UnknownPointError(point, self.ids)
 
@@ -139,6 +162,7 @@ class GraspMap:
             boxes=self.boxes,
         )
 
+    @checked({"seed": SEED, "keep": STANCE, "clear_deck": Maybe(Tuples((2,)))})
     def sparse(
         self, seed: int, keep: tuple[str, ...] = (), clear_deck: tuple[float, float] | None = None
     ) -> GraspMap:
@@ -169,13 +193,7 @@ class GraspMap:
         Raises:
             GoalError: If it is not three finite numbers inside the cabin.
         """
-        try:
-            array = np.array(goal, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise GoalError(f"goal {goal!r} must be three numbers x, y, z in metres") from None
-        if array.shape != (3,) or not np.isfinite(array).all():
-            raise GoalError(f"goal {array.tolist()} must be three finite numbers x, y, z in metres")
-        low, high = self.cabin
+        array, (low, high) = GOAL.read(goal, Place("goal", GoalError)), self.cabin
         if (array < low).any() or (array > high).any():
             raise GoalError(
                 f"goal {array.tolist()} lies outside the cabin, which reaches from {low.tolist()} "
@@ -258,22 +276,33 @@ class GraspMap:
         return Place("", MapError).build(_built, data, given, name)
 
 
+_PLACE = Place("map", MapError)
+
+
 def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
     """Measured seat tracks of the JEM: 331 points with the default arguments."""
     return GraspMap.load(asset_path("jem.json"), spacing, clearance)
 
 
-def as_map(given: str | Path | GraspMap | dict[str, Any] | None) -> GraspMap:
+def as_map(given: Any, place: Place = _PLACE) -> GraspMap:
     """A map as it is, from plain data or a file, or the measured JEM for None.
 
     Raises:
-        MapError: If the file or the data are faulty.
+        MlivrError: If the file or the data are faulty, or it is nothing of these.
     """
     if given is None:
         return jem_map()
     if isinstance(given, dict):
-        return GraspMap.from_dict(given)
-    return given if isinstance(given, GraspMap) else GraspMap.load(given)
+        return place.build(GraspMap.from_dict, given)
+    if isinstance(given, (str, os.PathLike)):
+        return GraspMap.load(FileName().read(given, place))
+    if not isinstance(given, GraspMap):
+        raise place.refused(given, "a GraspMap, its plain data, or the path of its file")
+    return given
+
+
+MAP = Raising(MapError, Via(as_map))
+"""A map as `as_map` takes it."""
 
 
 def _given(spacing: float | None, clearance: float | None) -> dict[str, float]:

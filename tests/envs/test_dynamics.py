@@ -25,5 +25,3 @@ def test_each_setting_alone_is_refused_with_simulated_steps(change, words):
     check_dynamics("mujoco", **(GOOD | {"grasp_failure": np.zeros(3)}))
     with pytest.raises(SettingError, match=words):
         check_dynamics("mujoco", **(GOOD | change))
-    with pytest.raises(SettingError, match=r"dynamics is 'real'.*'kinematic'"):
-        check_dynamics("real", **GOOD)

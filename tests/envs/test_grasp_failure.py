@@ -20,6 +20,8 @@ def test_failure_probabilities():
         failure_probabilities(3, np.array([0.0, 0.5, 0.9])), [0.0, 0.5, 0.9]
     )
     with pytest.raises(SettingError, match="3 numbers"):
+        failure_probabilities(3, np.array([0.0, 0.5]))
+    with pytest.raises(SettingError, match=r"grasp_failure\[1\] is 1.0; .*0 to 0.95"):
         failure_probabilities(3, np.array([0.0, 1.0, 0.5]))
 
 

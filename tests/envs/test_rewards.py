@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.rewards import StepOutcome, TaskReward
+from mlivr_gym.envs.rewards import BaseReward, StepOutcome, TaskReward
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.planners import Planner
 
@@ -128,7 +128,7 @@ def test_a_failed_grasp_costs_both_displacements_and_keeps_the_branches_that_wen
 
 def test_the_edge_of_the_goal_region_belongs_to_it():
     """Exact numbers: at the tolerance the potential is 0, a little farther minus the distance."""
-    reward = TaskReward.of("base", success_bonus=5.0, shaping=True, discount=0.9, tolerance=0.25)
+    reward = TaskReward(BaseReward(), 5.0, True, 0.9, 0.25)
 
     def paid(before, after, success):
         return reward(StepOutcome(0.5, before, after, success, True))

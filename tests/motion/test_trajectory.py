@@ -209,9 +209,11 @@ def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
     beyond[:, held, 0] += 4.0 * np.pi
     with pytest.raises(PlanError, match="outside its limits"):
         step_trajectory(checked_graph, _with_joints(plan, beyond), 0, period=0.1)
-    for index in (9, len(plan.steps), -1):
+    for index in (9, len(plan.steps)):
         with pytest.raises(PlanError, match=f"no step {index}"):
             step_trajectory(checked_graph, plan, index)
+    with pytest.raises(SettingError, match="index is -1"):
+        step_trajectory(checked_graph, plan, -1)
     with pytest.raises(SettingError, match="swing is -1"):
         Durations(swing=-1.0)
     for period in (80.0, 50.0, 0.0):

@@ -128,7 +128,7 @@ def keeps_branch(graph, limb, point, branch, positions, rotations):
 def test_stance_faults_are_named(graph):
     for stance, words in (
         (("D1a:4",), "must name 2 points"),
-        ("D1a:4", "must name 2 points"),
+        ("D1a:4", "stance is 'D1a:4'; it must be a list"),
         (("D1a:4", "D1a:4"), "0.000 m apart"),
         (("D1b:4", "D2a:4"), "apart; two grippers need 0.1 m"),
         (("D1a:4", "D6b:2"), "spans 2.4 m"),
@@ -268,5 +268,5 @@ def test_a_graph_of_a_map_in_a_file_or_as_plain_data(ladder, tmp_path):
         np.testing.assert_array_equal(stance_graph(given, settings=how).points, expected)
     with pytest.raises(MapError, match="cannot read"):
         stance_graph(str(tmp_path / "none.json"))
-    with pytest.raises(SettingError, match="settings are 3; they must be a Settings"):
+    with pytest.raises(SettingError, match="settings is 3; it must be a Settings"):
         stance_graph(ladder, settings=3)

@@ -1,16 +1,21 @@
 """Faulty input: data with parts replaced, files with bytes changed, and how many of each."""
 
 import copy
+import math
 import os
 import resource
 import time
 from contextlib import contextmanager
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from mlivr_gym import MlivrError
+from mlivr_gym import MlivrError, State
+from mlivr_gym.errors import NoPlanError
 
 VARIABLE = "MLIVR_GYM_FUZZ"
 """Environment variable that asks for a number of examples, others in each run."""
@@ -123,4 +128,58 @@ def loaded(load, path, content):
         assert path.stem in told
         assert told.isprintable()
         assert len(told) < 1500
+    return None
+
+
+class Shapeless:
+    """An object that cannot be shown, and is in several lines where it is."""
+
+    def __init__(self, told):
+        self.told = told
+
+    def __repr__(self):
+        if self.told is None:
+            raise RuntimeError("nothing to show")
+        return self.told
+
+
+def given_values():
+    """Values of every type, made anew: wrong ones for most arguments, right ones for some."""
+    return [
+        None, True, False, 0, 1, 2, -1, 2**63, 10**400, -(10**5000), 3.0, 0.5, -0.5, 1e300,
+        math.nan, math.inf, -math.inf, 1j, Decimal("0.5"), Fraction(1, 2),
+        "", "deck", "steps", "no/such.json", "x" * 10_000, "\ud800", "a\nb", "a\0b", "\x1b[31m",
+        b"x", bytearray(b"x"), Path("no/such"), Path("a\0b"),
+        [], (), {}, set(), {1, 2}, {"kind": None}, {"a": {"b": []}}, {1: 2}, {"": 0}, range(3),
+        [[]], [[0, 1], [2]], [None], [None, None], ["deck", 3], [math.nan] * 3, [10**400] * 3,
+        [0.5, "1", 1j], [[[[1.0]]]], [True, False], ("", ""), (-1, -1), iter([]), (k for k in ()),
+        object(), Shapeless("in\nlines"), Shapeless(None), lambda *_, **__: None, int, dict,
+        np.ndarray, Ellipsis, NotImplemented, ValueError("no"), State((0, 1), (1, 1)),
+        State(None, None), State(("deck", 3), (math.nan, [])),
+        np.zeros((2, 3)), np.zeros((5, 0)), np.zeros(()), np.full(3, math.nan), np.array("deck"),
+        np.array([None, "x"], object), np.array([[1], [2, 3]], object), np.array([1j, 2]),
+        np.array(["a", "b"]), np.zeros(3, dtype=[("x", "f8")]), np.datetime64("NaT"),
+        np.float64(0.5), np.float32(math.nan), np.int64(2), np.uint8(3), np.bool_(True),
+        np.str_("deck"),
+    ]  # fmt: skip
+
+
+def answer(call, name, shown=()):
+    """The message with which a call refuses a value; None where it takes it, also in vain.
+
+    Args:
+        call: What calls.
+        name: The argument's name, one of which the message has to have.
+        shown: Other names of it.
+    """
+    try:
+        call()
+    except NoPlanError:
+        return None
+    except MlivrError as error:
+        told = str(error)
+        assert any(word in told for word in (name, *shown)), told
+        assert told.isprintable(), told
+        assert len(told) < 1500, told
+        return told
     return None

@@ -1,0 +1,57 @@
+"""Kinds of the arguments of the environments."""
+
+from __future__ import annotations
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from mlivr_gym.arguments import ANY_NUMBER, NOT_NEGATIVE, SEED, Kinds, Via
+from mlivr_gym.envs.dynamics import DYNAMICS, part
+from mlivr_gym.envs.grasp_failure import GRASP_FAILURE
+from mlivr_gym.envs.reset_options import OPTIONS
+from mlivr_gym.envs.rewards import REWARD
+from mlivr_gym.envs.tasks import TASKS
+from mlivr_gym.envs.viewer import RENDER_FPS
+from mlivr_gym.pictures.rendering import HEIGHT, WIDTH
+from mlivr_gym.robot.specification import ROBOT_OR_NAME
+from mlivr_gym.schema import Choice, Flag, Maybe, Place, Tuples, Whole
+from mlivr_gym.settings import SETTINGS
+from mlivr_gym.world.grasp_map import MAP
+
+MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)}
+"""What becomes of a copy whose episode has ended, by name."""
+
+
+def _mode(value: object, place: Place) -> AutoresetMode:
+    name = value.value if isinstance(value, AutoresetMode) else value
+    return MODES[Choice(tuple(MODES)).read(name, place)]
+
+
+MODE = Via(_mode)
+"""One of `MODES`, also by name."""
+
+MOST_STEPS = Whole(1, 2**62)
+"""Steps after which an episode is truncated."""
+
+ENV: Kinds = {
+    **SETTINGS.kinds,
+    "robot": ROBOT_OR_NAME,
+    "map": MAP,
+    "goal_tolerance": NOT_NEGATIVE,
+    "reward": REWARD,
+    "success_bonus": ANY_NUMBER,
+    "shaping": Flag(),
+    "discount": Tuples((), float(np.finfo(float).tiny), 1.0),
+    "tasks": TASKS,
+    "dynamics": Choice(DYNAMICS),
+    **dict.fromkeys(("limits", "controller", "disturbances", "physics"), Via(part)),
+    "grasp_failure": GRASP_FAILURE,
+    "grasp_failure_seed": SEED,
+    "precompute": Flag(),
+    "render_mode": Maybe(Choice(tuple(RENDER_FPS))),
+    "width": WIDTH,
+    "height": HEIGHT,
+    "seed": Maybe(SEED),
+    "options": Maybe(OPTIONS),
+}
+"""Of `MlivrEnv` and of its `reset`."""

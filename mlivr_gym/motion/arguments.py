@@ -1,0 +1,30 @@
+"""Kinds of arguments that functions on plans and motions share."""
+
+from __future__ import annotations
+
+from mlivr_gym.arguments import Called, FileName, Kinds, Of
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import Listed, Maybe, Text, Tuples, Whole
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.grasp_map import GraspMap
+
+LONGEST_PERIOD = 60.0
+"""Largest spacing of a time grid [s]."""
+
+WALK: Kinds = {
+    "graph": Of(StanceGraph),
+    "grasp_map": Of(GraspMap),
+    "robot": Of(RobotSpec),
+    "obstacles": Listed(Of(Box)),
+    "plan": Of(Plan),
+    "index": Whole(0, 10**6),
+    "trajectory": Of(Trajectory),
+    "period": Tuples((), 1e-5, LONGEST_PERIOD, "s"),
+    "path": FileName(),
+    "title": Text(0),
+    "progress": Maybe(Called()),
+}
+"""By the names that they have everywhere."""

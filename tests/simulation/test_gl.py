@@ -1,0 +1,68 @@
+"""A wrong `MUJOCO_GL` is one line, and what renders nothing goes on."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from mlivr_gym.simulation.gl import ALIASES, BACKENDS
+
+KINEMATIC = """
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym import GraspMap
+env = MlivrEnv(map=GraspMap.load("map.json"), collisions=False, render_mode="rgb_array")
+env.reset(seed=0)
+try:
+    env.render()
+except ValueError as error:
+    print(type(error).__name__, error)
+"""
+
+
+def run(folder, backend, *arguments):
+    environment = os.environ | {"MUJOCO_GL": backend}
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, small_map):
+    folder = tmp_path_factory.mktemp("gl")
+    (folder / "map.json").write_text(json.dumps(small_map.to_dict()))
+    return folder
+
+
+def test_commands_tell_it_in_one_line(folder):
+    command = ("-m", "mlivr_gym")
+    world = ("--map", "map.json", "--no-collisions")
+    planned = run(folder, "foo", *command, "plan", *world, "--out", "plan.json")
+    assert planned.returncode == 0, planned.stderr
+    simulated = ("simulate", "--map", "map.json", "--plan", "plan.json", "--no-film", "--out", "w")
+    for words in (simulated, ("render", *world, "--out", "picture.png")):
+        done = run(folder, "foo", *command, *words)
+        assert done.returncode == 2, done.stderr
+        told = [line for line in done.stderr.splitlines() if line.startswith("mlivr-gym: ")]
+        assert len(told) == 1
+        assert "MUJOCO_GL is 'foo'; valid choices are 'egl', 'osmesa', 'glfw'" in told[0]
+        assert "Traceback" not in done.stderr
+    assert sorted(path.name for path in folder.iterdir()) == ["map.json", "plan.json"]
+
+
+def test_the_environment_steps_and_does_not_render(folder):
+    done = run(folder, "foo", "-c", KINEMATIC)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("SettingError MUJOCO_GL is 'foo'; valid choices are 'egl'")
+
+
+@pytest.mark.parametrize("backend", ["", "egl", " EGL ", "disable", "glfw"])
+def test_what_mujoco_knows_is_taken(folder, backend):
+    """As MuJoCo itself takes it, or a library that is missing is told."""
+    assert {backend.lower().strip()} <= ALIASES | set(BACKENDS)
+    done = run(folder, backend, "-c", "import mlivr_gym.simulation.simulator")
+    assert done.returncode == 0 or "cannot render with MUJOCO_GL" in done.stderr
+    known = run(folder, backend, "-c", "import mujoco")
+    assert done.returncode == known.returncode
