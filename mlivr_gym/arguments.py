@@ -63,9 +63,9 @@ def checked(
         @functools.wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> T:
             bound = signature.bind(*args, **kwargs)
-            for name in read.keys() & bound.arguments.keys():
-                value = bound.arguments[name]
-                bound.arguments[name] = read[name].read(value, Place(name, error))
+            for name, value in bound.arguments.items():
+                if name in read:
+                    bound.arguments[name] = read[name].read(value, Place(name, error))
             return function(*bound.args, **bound.kwargs)
 
         return call

@@ -49,7 +49,7 @@ class _Task:
         return self.moves.successors(state)
 
     def distance(self, state: State) -> float:
-        return distance(self.moves.place(state).base_in_world, self.goal)
+        return distance(self.moves.place(state).base_in_world, self.goal.tolist())
 
     def done(self, state: State) -> bool:
         return self.distance(state) <= self.tolerance

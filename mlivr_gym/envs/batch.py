@@ -60,8 +60,7 @@ class Draws(NamedTuple):
     @classmethod
     def of(cls, grasp_map: GraspMap, tolerance: float, tasks: WalkTasks) -> Draws:
         """What tasks on a map are drawn from."""
-        axis, middle = halves(grasp_map)
-        axis = axis if tasks.far else -1
+        axis, middle = halves(grasp_map) if tasks.far else (-1, 0.0)
         return cls(grasp_map.positions, grasp_map.cabin, tolerance, axis, middle)
 
 

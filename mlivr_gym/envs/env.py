@@ -359,7 +359,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def _enter(self, state: State) -> None:
         self._entered = self.graph.version
         self._state, self._place = state, self.moves.place(state)
-        self._distance = distance(self._place.base_in_world, self.goal)
+        self._distance = distance(self._place.base_in_world, self.goal.tolist())
         self._mask = self.moves.mask(state)
 
     def _observation(self) -> Observation:

@@ -9,7 +9,7 @@ Here each number is a sum of products taken in one written order.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -30,9 +30,9 @@ def distances(a: Array, b: Array) -> Array:
     return apart
 
 
-def distance(a: Iterable[float], b: Iterable[float]) -> float:
+def distance(a: Sequence[float], b: Sequence[float]) -> float:
     """How far two points are apart, as `distances` tells it."""
-    x, y, z = (one - other for one, other in zip(a, b, strict=True))
+    x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
     return math.sqrt(x * x + y * y + z * z)
 
 

@@ -119,8 +119,8 @@ class TableMoves:
         self.stance_at = np.full((m, m), -1, dtype=np.int32)
         """Stance index by the points of both limbs, -1 where there is none, shape (m, m)."""
         self.stance_at[tables.points[:, 0], tables.points[:, 1]] = np.arange(len(tables.points))
-        moving = np.repeat(np.tile([0, 1], len(tables.points)), np.diff(tables.start))
-        self._action = moving * m + tables.points[tables.after, moving]
+        moving = np.repeat(np.tile([0, m], len(tables.points)), np.diff(tables.start))
+        self._action = moving + tables.to_point
         self._start = tables.start.tolist()
         self._quaternions = quaternion(graph.base_axes_in_world)
         self._places: dict[tuple[int, ...], Place] = {}

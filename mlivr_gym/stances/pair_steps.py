@@ -177,7 +177,11 @@ def longest_step(held: int, rows: IntArray, row_start: IntArray, base: Array, ou
 
 @entry
 def gather_steps(
-    table: PairTable, fill: bool, start: IntArray, after: NDArray[np.int32], kept: NDArray[np.int32]
+    table: PairTable,
+    fill: bool,
+    start: IntArray,
+    after: NDArray[np.int32],
+    kept: NDArray[np.uint16],
 ) -> None:
     """Count the steps that leave each stance, or with `fill` write them where `start` says.
 

@@ -38,7 +38,9 @@ class StepTables(NamedTuple):
     """Where the steps begin, shape (2 n + 1,)."""
     after: NDArray[np.int32]
     """Stance that a step leads to, shape (e,)."""
-    kept: NDArray[np.int32]
+    to_point: NDArray[np.uint16]
+    """Point that the limb that moves takes hold of, shape (e,)."""
+    kept: NDArray[np.uint16]
     """Branches and flips that the limb that holds can keep on a step, never 0, shape (e,)."""
 
     def masks_after(self, step: int, limb: int, masks: tuple[int, ...]) -> tuple[int, int]:
@@ -91,16 +93,17 @@ def step_tables(
         if not (graph.obstacles or graph.occupied):
             keep_stances(graph, graph.kept())
     start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
-    nothing = np.zeros(0, dtype=np.int32)
-    gather_steps(graph.steps, False, start, nothing, nothing)
+    none, nothing = np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.uint16)
+    gather_steps(graph.steps, False, start, none, nothing)
     np.cumsum(start, out=start)
-    after, kept = np.empty(start[-1], dtype=np.int32), np.empty(start[-1], dtype=np.int32)
+    after, kept = np.empty(start[-1], dtype=np.int32), np.empty(start[-1], dtype=np.uint16)
     gather_steps(graph.steps, True, start, after, kept)
     released = graph.releasable if graph.settings.transitions else graph.mask
     masks, releasable = (mask.astype(np.int32) for mask in (graph.mask, released))
-    return StepTables(
-        graph.points.astype(np.int32), graph.base_in_world, masks, releasable, start, after, kept
-    )
+    points = graph.points.astype(np.int32)
+    moving = np.repeat(np.tile([0, 1], len(points)), np.diff(start))
+    to_point = points[after, moving].astype(np.uint16)
+    return StepTables(points, graph.base_in_world, masks, releasable, start, after, to_point, kept)
 
 
 def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
@@ -123,6 +126,7 @@ def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
         releasable=releasable,
         start=start,
         after=tables.after[keep],
+        to_point=tables.to_point[keep],
         kept=tables.kept[keep],
     )
 

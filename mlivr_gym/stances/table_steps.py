@@ -51,7 +51,7 @@ def legal_actions(stances: IntArray, masks: IntArray, tables: Any, out: NDArray[
         tables: `StepTables`.
         out: Zeros, shape (k, 2 m); ones are written.
     """
-    points, start, after, kept = tables.points, tables.start, tables.after, tables.kept
+    start, to_point, kept = tables.start, tables.to_point, tables.kept
     m = out.shape[1] // 2
     for k in range(len(stances)):
         s = stances[k]
@@ -61,7 +61,7 @@ def legal_actions(stances: IntArray, masks: IntArray, tables: Any, out: NDArray[
             of_held = masks[k, 1 - moving]
             for e in range(start[2 * s + moving], start[2 * s + moving + 1]):
                 if kept_on_edge(of_held, kept[e]):
-                    out[k, moving * m + points[after[e], moving]] = 1
+                    out[k, moving * m + to_point[e]] = 1
 
 
 @entry
@@ -94,7 +94,7 @@ def legal_positions(
                 kept = kept_on_edge(of_held, tables.kept[e])
                 if kept:
                     s2 = tables.after[e]
-                    point = tables.points[s2, moving]
+                    point = tables.to_point[e]
                     out[k, moving, point] = 1
                     if can_release(kept, tables.releasable[s2, 1 - moving]):
                         releasable_after[k, moving, point] = 1
@@ -158,7 +158,7 @@ def _look_onward(
             continue
         for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
             s2 = tables.after[e]
-            point = tables.points[s2, moving]
+            point = tables.to_point[e]
             if not ahead.free[k, point] or not kept_on_edge(masks[1 - moving], tables.kept[e]):
                 continue
             squared = 0.0
@@ -180,7 +180,7 @@ def find_step(s: int, moving: int, s2: int, tables: Any) -> int:
     target = tables.points[s2, moving]
     while low < high:
         middle = (low + high) // 2
-        if tables.points[tables.after[middle], moving] < target:
+        if tables.to_point[middle] < target:
             low = middle + 1
         else:
             high = middle

@@ -21,19 +21,21 @@ def random_tables(rng):
     """Steps between every two stances that share a point, some left out; few bits in the masks."""
     points = [(a, b) for a in range(POINTS) for b in range(POINTS) if a != b]
     points = [points[k] for k in sorted(rng.choice(len(points), 18, replace=False))]
-    n, start, after, kept = len(points), [0], [], []
+    n, start, after, to_point, kept = len(points), [0], [], [], []
     for s in range(n):
         for moving in range(2):
             for s2 in sorted(range(n), key=lambda s2, j=moving: points[s2][j]):
                 same = points[s2][1 - moving] == points[s][1 - moving]
                 if s2 != s and same and rng.random() < 0.7:
                     after.append(s2)
+                    to_point.append(points[s2][moving])
                     kept.append(int(rng.integers(1, 8)))
             start.append(len(after))
     return StepTables(
         np.array(points, dtype=np.int32), rng.normal(size=(n, 3)),
         rng.integers(0, 8, (n, 2)).astype(np.int32), rng.integers(0, 8, (n, 2)).astype(np.int32),
-        np.array(start), np.array(after, dtype=np.int32), np.array(kept, dtype=np.int32),
+        np.array(start), np.array(after, dtype=np.int32), np.array(to_point, dtype=np.uint16),
+        np.array(kept, dtype=np.uint16),
     )  # fmt: skip
 
 
