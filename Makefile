@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint types unit test-docs slow browser coverage mutants results compare docs release clean
+.PHONY: demo test lint types unit test-docs slow browser coverage mutants results compare kernels docs release clean
 
 demo: $(VENV)/.core
 	@echo "Plans the four cases of the paper's Table I in three modes, and carries the third out in MuJoCo:"
@@ -70,6 +70,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/notebooks.py
 	$(BIN)/python experiments/benchmark_env.py
 	$(BIN)/python experiments/limb_starts.py
+	$(BIN)/python experiments/start_up.py
 	$(BIN)/python experiments/readme.py
 
 # Trains all policies and measures everything that acts: two to three hours.
@@ -79,12 +80,17 @@ compare: $(VENV)/.dev
 	$(BIN)/python experiments/reference_curves.py
 	$(BIN)/python experiments/readme.py
 
+# Ready-made machine code for one Python, in envs_assets/; for another: make kernels PYTHON=python3.12 VENV=.venv312
+kernels: $(VENV)/.core
+	$(BIN)/python experiments/ready_made.py
+
 # The site, in docs/_build/html; a warning is an error.
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
 
 # Wheel and sdist, in dist/, with a README whose links work on a package index; see CONTRIBUTING.md.
-release: $(VENV)/bin/python
+release: $(VENV)/.core
+	$(BIN)/python experiments/ready_made.py --check
 	$(PIP) build
 	$(BIN)/python .ci/release.py --repository $(REPOSITORY)
 

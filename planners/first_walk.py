@@ -12,8 +12,7 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
+import scipy
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.label_search import Origins, RoadmapWalk, cheapest_walk
@@ -100,8 +99,8 @@ class Joining:
         if not len(self._goals):
             return np.full(len(self.roadmap), np.inf)
         roads, shape = self.roadmap.roads, (len(self.roadmap),) * 2
-        matrix = csr_array((self._cost, roads.other, roads.start), shape=shape)
-        costs: Array = dijkstra(matrix, indices=self._goals, min_only=True)
+        matrix = scipy.sparse.csr_array((self._cost, roads.other, roads.start), shape=shape)
+        costs: Array = scipy.sparse.csgraph.dijkstra(matrix, indices=self._goals, min_only=True)
         return costs
 
     def walk(self, start: State) -> list[At] | None:

@@ -17,7 +17,7 @@ from itertools import count, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError
@@ -150,7 +150,9 @@ class _Footholds:
         for position, rotation in zip(postures.base_position, postures.base_rotation, strict=True):
             size = np.where(np.arange(SAMPLES) % 2, 1.0, 0.3)[:, None]
             moved = position + spread * size * rng.normal(size=(SAMPLES, 3))
-            turns = Rotation.from_rotvec(turned * size * rng.normal(size=(SAMPLES, 3)))
+            turns = scipy.spatial.transform.Rotation.from_rotvec(
+                turned * size * rng.normal(size=(SAMPLES, 3))
+            )
             out.append((moved, turns.as_matrix() @ rotation))
         return out
 

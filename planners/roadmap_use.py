@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
+import scipy
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 
@@ -48,12 +47,16 @@ def use_of(
     if cost == "base":
         length = np.linalg.norm(base_position[a] - base_position[b], axis=1) + LEAST
     places = np.concatenate([a, b]), np.concatenate([b, a])
-    matrix = csr_array((np.concatenate([length, length]), places), shape=(count, count))
+    matrix = scipy.sparse.csr_array(
+        (np.concatenate([length, length]), places), shape=(count, count)
+    )
     rng, use = np.random.default_rng(0), np.zeros(count)
     for k in range(TREES):
         goal = base_position[rng.integers(count)]
         goals = np.flatnonzero(np.linalg.norm(base_position - goal, axis=1) <= AROUND)
-        _, before, _ = dijkstra(matrix, indices=goals, min_only=True, return_predecessors=True)
+        _, before, _ = scipy.sparse.csgraph.dijkstra(
+            matrix, indices=goals, min_only=True, return_predecessors=True
+        )
         use += np.sqrt(_passing(before, goals))
         if progress is not None:
             progress((k + 1) / TREES)

@@ -56,7 +56,7 @@ def test_the_wheel_holds_every_module_and_asset(built):
         ("envs_assets", "envs_assets/"),
     ):
         for path in (ROOT / folder).iterdir():
-            if path.suffix in {".py", ".json", ".pt"} or path.name == "py.typed":
+            if path.suffix in {".py", ".json", ".pt", ".zip"} or path.name == "py.typed":
                 assert f"mlivr_gym/{prefix}{path.name}" in names
 
 

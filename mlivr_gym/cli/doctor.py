@@ -19,7 +19,9 @@ from mlivr_gym.cli.arguments import output_arguments
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_root
+from mlivr_gym.compiled.ready_made import why_compiled
 from mlivr_gym.errors import one_line
+from mlivr_gym.stances.build import COMPILED
 
 BACKENDS = ("egl", "glfw", "osmesa")
 """Values of `MUJOCO_GL`: without a screen, with one, and in software."""
@@ -139,14 +141,16 @@ def _compiler() -> dict[str, Any]:
     """What is known of compiled code and of the folders where answers are kept."""
     tables, code = cache_folder(), kernel_root()
     kept = list(tables.glob("steps-*.npz")) if tables is not None else []
+    why = why_compiled(COMPILED.parent.name)
     return {
         "compiled_code": "switched off by NUMBA_DISABLE_JIT"
         if vars(numba.config)["DISABLE_JIT"]
         else f"numba {numba.__version__}, {numba.get_num_threads()} threads",
+        "ready_made_machine_code": f"not used: {why}" if why else "used",
         "machine_code_kept_in": str(code),
         "machine_code_kept": "yes"
         if any(code.glob("*/compiled"))
-        else "not yet: the first plan compiles it, or `mlivr-gym warmup`",
+        else "not yet: what is not ready-made is compiled by the first plan, or `mlivr-gym warmup`",
         "step_tables_kept_in": str(tables) if tables is not None else f"nowhere: {CACHE_VARIABLE}",
         "step_tables_kept": len(kept),
         "cache_can_be_written": _can_be_written(code),

@@ -9,7 +9,7 @@ from itertools import combinations, product
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.against_boxes import FLUSH
@@ -53,7 +53,7 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
         SettingError: If the configuration is none of the robot.
     """
     position, quaternion, joints = checked_configuration(robot, configuration)
-    base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    base = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     out, placed = np.empty((robot.limbs, len(shapes), 2, 3)), Placed.rows(1)
     for i in range(robot.limbs):
         placed["q"] = joints[i]
@@ -107,7 +107,9 @@ def contacts(
     """
     shapes, configuration = _shapes(robot), checked_configuration(robot, configuration)
     ends = capsule_ends(robot, shapes, configuration)
-    base = Rotation.from_quat(configuration[1], scalar_first=True).as_matrix()
+    base = scipy.spatial.transform.Rotation.from_quat(
+        configuration[1], scalar_first=True
+    ).as_matrix()
     at_grasp = {limb: (point, normal) for limb, point, normal in grasps}
     found = [
         *_among_themselves(robot, shapes, (ends - configuration[0]) @ base),

@@ -81,7 +81,10 @@ def _imported(source: Path) -> frozenset[Path]:
     found: set[Path] = set()
     for module, names in IMPORT.findall(source.read_text(encoding="utf-8")):
         path = PACKAGE.joinpath(*module[1:].split("."))
-        candidates = [path.with_suffix(".py"), path / "__init__.py"]
+        if (file := path.with_suffix(".py")).is_file():
+            found.add(file)
+            continue
+        candidates = [path / "__init__.py"]
         candidates += [path / f"{name}.py" for name in re.findall(r"\w+", names)]
         found.update(candidate for candidate in candidates if candidate.is_file())
     return frozenset(found)

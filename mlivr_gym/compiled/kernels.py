@@ -15,7 +15,8 @@ from typing import Any, ParamSpec, TypeVar
 
 from numba import config, njit
 
-from mlivr_gym.compiled.cache import kernel_folder
+from mlivr_gym.compiled.cache import kernel_folder, source_digest
+from mlivr_gym.compiled.ready_made import offer
 
 Parameters = ParamSpec("Parameters")
 Returned = TypeVar("Returned")
@@ -55,7 +56,7 @@ def part(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retur
 
 
 def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
-    """Compile a function that Python calls, on its first call; cached on disk.
+    """Compile a function that Python calls, on its first call; cached on disk, or ready-made.
 
     The key is the content of its file and of all files that it imports. Numba's is the file alone:
     a caller would keep old machine code of a callee that was edited in another file.
@@ -69,6 +70,8 @@ def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retu
         compiled: Callable[Parameters, Returned] = _compile(cache=cached, **OPTIONS)(function)
     finally:
         settings.CACHE_DIR = given
+    if not settings.DISABLE_JIT:
+        offer(compiled, source_digest(Path(function.__code__.co_filename)))
     return compiled
 
 
@@ -83,8 +86,8 @@ def _writable(folder: str) -> bool:
     if not able and place not in _told:
         _told.add(place)
         logging.getLogger(__name__).warning(
-            "machine code cannot be kept in %s: it is compiled anew in every process, which takes "
-            "half a minute; set MLIVR_GYM_CACHE to a folder that can be written",
+            "machine code cannot be kept in %s: what is not ready-made is compiled anew in every "
+            "process, which may take a minute; set MLIVR_GYM_CACHE to a folder that can be written",
             place,
         )
     return able

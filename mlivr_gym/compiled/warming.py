@@ -18,6 +18,7 @@ from typing import Any
 from numba.core import event
 
 from mlivr_gym.compiled.cache import kernel_folder
+from mlivr_gym.compiled.ready_made import why_compiled
 
 EXPECTED = 260
 """Functions that both processes compile together, about; only the bar depends on it."""
@@ -52,8 +53,9 @@ def mark_of(source: Path) -> Path:
 class _Bar(event.Listener):
     """A line on the terminal, and a bar that counts compiled functions."""
 
-    def __init__(self) -> None:
-        """Start with none."""
+    def __init__(self, why: str) -> None:
+        """Start with none; why there are any is told when the bar is."""
+        self.why = why
         self.done, self._began, self._shown = 0, time.perf_counter(), -1
         self._told = False
 
@@ -72,7 +74,8 @@ class _Bar(event.Listener):
         if not self._told:
             self._told = True
             print(
-                "mlivr-gym: compiling for this machine, once for this version",
+                "mlivr-gym: compiling for this machine, once for this version; "
+                f"ready-made machine code is not used: {self.why}",
                 file=sys.stderr,
                 flush=True,
             )
@@ -96,8 +99,8 @@ class _Bar(event.Listener):
 def warming(module: str, mark: Path) -> Iterator[None]:
     """Run the block, in which kernels may have to be compiled.
 
-    Where that was not done yet, `python -m module` is run beside the block to compile others, and
-    waited for; progress is shown.
+    Where that was not done yet and they are not ready-made, `python -m module` is run beside the
+    block to compile others, and waited for; progress is shown.
 
     Args:
         module: What compiles the others.
@@ -107,7 +110,11 @@ def warming(module: str, mark: Path) -> Iterator[None]:
         yield
         return
     _asked.add(mark)
-    bar = _Bar()
+    why = why_compiled(mark.parent.name)
+    if not why:
+        yield
+        return
+    bar = _Bar(why)
     with event.install_listener("numba:compile", bar):
         process = _second(module, bar)
         try:

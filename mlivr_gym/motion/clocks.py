@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PPoly
+import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
@@ -21,21 +21,25 @@ LONGEST_STEP = 3600.0
 """Largest duration of a step [s]; the paper's is 50 s."""
 
 
-def quintic(duration: float) -> PPoly:
+def quintic(duration: float) -> scipy.interpolate.PPoly:
     """The quintic from 0 to 1 with velocity and acceleration zero at both ends."""
     powers = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
-    return PPoly(powers[:, None] / duration ** np.arange(5, -1, -1)[:, None], [0.0, duration])
+    return scipy.interpolate.PPoly(
+        powers[:, None] / duration ** np.arange(5, -1, -1)[:, None], [0.0, duration]
+    )
 
 
-def duration_of(clock: PPoly) -> float:
+def duration_of(clock: scipy.interpolate.PPoly) -> float:
     """How long a clock runs [s]."""
     return float(clock.x[-1])
 
 
-def stretched(clock: PPoly, factor: float) -> PPoly:
+def stretched(clock: scipy.interpolate.PPoly, factor: float) -> scipy.interpolate.PPoly:
     """The clock that takes `factor` times as long."""
     order = len(clock.c) - 1
-    return PPoly(clock.c / factor ** np.arange(order, -1, -1)[:, None], clock.x * factor)
+    return scipy.interpolate.PPoly(
+        clock.c / factor ** np.arange(order, -1, -1)[:, None], clock.x * factor
+    )
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ class Durations:
         total = DURATION.read(total, Place("total", SettingError))
         return cls(0.2 * total, 0.6 * total, 0.2 * total)
 
-    def clocks(self, pieces: Sequence[Piece]) -> tuple[PPoly, ...]:
+    def clocks(self, pieces: Sequence[Piece]) -> tuple[scipy.interpolate.PPoly, ...]:
         """Quintics for the pieces of a step.
 
         Those of the swing share its time with the square root of the farthest travel of a joint,

@@ -11,8 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.regrasp import RegraspPath
@@ -43,7 +42,7 @@ class Piece:
     base_positions: Array
     base_quaternions: Array
     joints: Array
-    curve: CubicSpline
+    curve: scipy.interpolate.CubicSpline
 
     @property
     def travel(self) -> float:
@@ -73,7 +72,7 @@ def path_pieces(path: RegraspPath, nodes: int = NODES) -> tuple[Piece, ...]:
     joints = path.supports(u)
     joints[:, limb] = np.concatenate([moving for _, moving in parts])
     positions, rotations = path.base(u)
-    turned = Rotation.from_matrix(rotations)
+    turned = scipy.spatial.transform.Rotation.from_matrix(rotations)
     found = []
     ends = np.cumsum([0, *map(len, shares)])
     for k, at in enumerate(shares):
@@ -91,11 +90,15 @@ def path_pieces(path: RegraspPath, nodes: int = NODES) -> tuple[Piece, ...]:
     return tuple(found)
 
 
-def _curve(share: Array, positions: Array, turned: Rotation, joints: Array) -> CubicSpline:
+def _curve(
+    share: Array, positions: Array, turned: scipy.spatial.transform.Rotation, joints: Array
+) -> scipy.interpolate.CubicSpline:
     """Base position, angle turned about each of the base's axes, and joints, by the share.
 
     On a base path the base turns about one axis, so small turns add up.
     """
     turns = (turned[:-1].inv() * turned[1:]).as_rotvec()
     angles = np.concatenate([np.zeros((1, 3)), np.cumsum(turns, axis=0)])
-    return CubicSpline(share, np.column_stack([positions, angles, joints.reshape(len(share), -1)]))
+    return scipy.interpolate.CubicSpline(
+        share, np.column_stack([positions, angles, joints.reshape(len(share), -1)])
+    )

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import PlanError
@@ -193,9 +193,11 @@ class RegraspPath:
         points = [step.before[step.limb], step.to_point]
         rows = graph.solver.grasps[points]
         above = rows["point"] + graph.robot.lift * rows["normal"]
-        tools = Rotation.from_matrix(rows["flange"]["rotation"])
+        tools = scipy.spatial.transform.Rotation.from_matrix(rows["flange"]["rotation"])
         turn = (tools[0].inv() * tools[1]).as_rotvec()
-        rotations = (tools[0] * Rotation.from_rotvec(share[:, None] * turn)).as_matrix()
+        rotations = (
+            tools[0] * scipy.spatial.transform.Rotation.from_rotvec(share[:, None] * turn)
+        ).as_matrix()
         grasps = above[0] + share[:, None] * (above[1] - above[0])
         flanges = grasps - graph.robot.tool_length * rotations[:, :, 2]
         return self._follow(
@@ -279,7 +281,9 @@ def planned_regrasp(graph: StanceGraph, plan: Planned, index: int) -> Regrasp:
 def regrasp_of(graph: StanceGraph, motion: Motion, index: int) -> Regrasp:
     """What is needed to execute step `index` of a motion; see `planned_regrasp`."""
     step, ends = motion.steps[index], slice(index, index + 2)
-    turns = Rotation.from_quat(motion.base_quaternions[ends], scalar_first=True)
+    turns = scipy.spatial.transform.Rotation.from_quat(
+        motion.base_quaternions[ends], scalar_first=True
+    )
     return Regrasp(
         limb=step.limb,
         before=graph.indices(motion.stances[index]),

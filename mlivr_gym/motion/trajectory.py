@@ -11,8 +11,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import PPoly
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
@@ -33,7 +32,7 @@ class TimedPath(NamedTuple):
 
     path: RegraspPath
     pieces: tuple[Piece, ...]
-    clocks: tuple[PPoly, ...]
+    clocks: tuple[scipy.interpolate.PPoly, ...]
 
     @property
     def ends(self) -> Array:
@@ -194,7 +193,9 @@ def _check_limits(limits: Array, joints: Array, times: Array) -> None:
 
 def _quaternions(rotations: Array) -> Array:
     """Quaternions w, x, y, z without jumps of sign, the first with w >= 0."""
-    quaternions: Array = Rotation.from_matrix(rotations).as_quat(scalar_first=True)
+    quaternions: Array = scipy.spatial.transform.Rotation.from_matrix(rotations).as_quat(
+        scalar_first=True
+    )
     same = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]) >= 0.0
     signs = np.cumprod(np.concatenate([[quaternions[0, 0] >= 0.0], same]) * 2.0 - 1.0)
     return quaternions * signs[:, None]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.distance import cdist
+import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Contact
@@ -88,7 +88,7 @@ def nearest_places(first: Part, second: Part | Box) -> Places:
         second = second.box
     if isinstance(second, Part):
         other = _samples(second)
-        apart = cdist(axis, other)
+        apart = scipy.spatial.distance.cdist(axis, other)
         a, b = np.unravel_index(int(np.argmin(apart)), apart.shape)
         return _facing(axis[a], other[b], first.radius, second.radius)
     rotation, half = np.array(second.rotation), np.array(second.half)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, base_path, base_poses
@@ -17,7 +17,9 @@ SAMPLES = 13
 def base_paths(plan: Plan, samples: int = SAMPLES) -> list[Array]:
     """Base positions along the base path of each step, shapes (samples, 3) [m]."""
     motion, share = plan.motion, np.linspace(0.0, 1.0, samples)
-    turns = Rotation.from_quat(motion.base_quaternions, scalar_first=True).as_matrix()
+    turns = scipy.spatial.transform.Rotation.from_quat(
+        motion.base_quaternions, scalar_first=True
+    ).as_matrix()
     poses = [pose(*at) for at in zip(motion.base_positions, turns, strict=True)]
     found = []
     for k, step in enumerate(plan.steps):

@@ -7,9 +7,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import ConvexHull
-from scipy.spatial.distance import cdist
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
@@ -93,7 +91,7 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
     """
     shapes = LimbShapes(robot)
     position, quaternion, _ = configuration
-    turn = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    turn = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     size = tuple(shapes.robot["half"].tolist())
     body = Box("body", "obstacle", tuple(np.array(position).tolist()), size, Box.rows(turn))
     faces = box_faces(body)
@@ -119,7 +117,7 @@ def _joints(limb: int, axes: Sequence[Array]) -> list[Part]:
     places = [a + share * (b - a) for a, b in axes]
     rods = []
     for k, (here, there) in enumerate(pairwise(places)):
-        apart = cdist(here, there)
+        apart = scipy.spatial.distance.cdist(here, there)
         first, second = np.unravel_index(int(np.argmin(apart)), apart.shape)
         ends = np.stack([here[first], there[second]])
         rods.append(_capsule(f"limb{limb}/joint/{k}", JOINT_COLOUR, ends, JOINT_RADIUS))
@@ -198,5 +196,5 @@ def outline(faces: Array, across: Array) -> Array:
         across: The picture's horizontal and vertical axis in the world, shape (2, 3).
     """
     seen = faces.reshape(-1, 3) @ across.T
-    corners: Array = seen[ConvexHull(seen).vertices]
+    corners: Array = seen[scipy.spatial.ConvexHull(seen).vertices]
     return corners

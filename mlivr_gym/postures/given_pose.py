@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.contacts import Contact, contacts
@@ -53,7 +53,9 @@ def given_pose(pose: Any) -> tuple[float, ...]:
 
 def rotation_of(pose: Sequence[float]) -> Array:
     """Base rotation in the world of a pose of seven numbers, shape (3, 3)."""
-    matrix: Array = Rotation.from_quat(pose[3:], scalar_first=True).as_matrix()
+    matrix: Array = scipy.spatial.transform.Rotation.from_quat(
+        pose[3:], scalar_first=True
+    ).as_matrix()
     return matrix
 
 
@@ -191,7 +193,9 @@ def _closest(
     joints = np.full((robot.limbs, 6), np.nan)
     for limb, point in enumerate(points):
         joints[limb] = branch_angles_at(solver, limb, point, posture)[posture.branch[0, limb]]
-    quaternion = Rotation.from_matrix(posture.base_rotation[0]).as_quat(scalar_first=True)
+    quaternion = scipy.spatial.transform.Rotation.from_matrix(posture.base_rotation[0]).as_quat(
+        scalar_first=True
+    )
     boxes = (*solver.grasp_map.boxes, *obstacles)
     rows = solver.grasps
     grasps = [(i, rows[p]["point"], rows[p]["normal"]) for i, p in enumerate(points)]

@@ -31,7 +31,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
@@ -275,7 +275,7 @@ class PostureSolver:
         frame, out, line, opposed = (part[0] for part in frames)
         if opposed:
             heights, rolls = wide
-        rolled = Rotation.from_rotvec(rolls[:, None] * line).as_matrix()
+        rolled = scipy.spatial.transform.Rotation.from_rotvec(rolls[:, None] * line).as_matrix()
         positions = held.centres[0] + heights[:, None, None] * (rolled @ out)
         rotations = np.broadcast_to(rolled @ frame, (len(heights), *rolled.shape))
         frames_of = turned_frames(rotations.reshape(-1, 3, 3), -turns, len(stance))

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
@@ -217,7 +217,9 @@ class PairGraph(StanceGraph):
         """
         robot = self.robot
         reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
-        pairs = cKDTree(self.grasp_map.positions).query_pairs(reach, output_type="ndarray")
+        pairs = scipy.spatial.cKDTree(self.grasp_map.positions).query_pairs(
+            reach, output_type="ndarray"
+        )
         apart = np.linalg.norm(np.diff(self.grasp_map.positions[pairs], axis=1)[:, 0], axis=1)
         return 2 * int((apart > robot.span + 1e-9).sum())
 

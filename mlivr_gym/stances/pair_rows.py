@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from mlivr_gym.arrays import IntArray
 
@@ -52,9 +51,9 @@ def connected_parts(points: IntArray, m: int) -> tuple[int, NDArray[np.int32]]:
     Returns:
         The number of parts, and the part of each stance, shape (n,).
     """
-    pairs = coo_array(
+    pairs = scipy.sparse.coo_array(
         (np.ones(len(points)), (points[:, 0], m + points[:, 1])), shape=(2 * m, 2 * m)
     )
-    _, label = connected_components(pairs, directed=False)
+    _, label = scipy.sparse.csgraph.connected_components(pairs, directed=False)
     parts, part = np.unique(label[points[:, 0]], return_inverse=True)
     return len(parts), part.astype(np.int32)

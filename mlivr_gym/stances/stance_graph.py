@@ -12,11 +12,10 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
-from mlivr_gym.errors import MapError, RobotError, StanceError, shown
+from mlivr_gym.errors import RobotError, StanceError, shown
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.postures.given_pose import (
@@ -32,11 +31,9 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Place
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.checked_steps import CheckedSteps, join
+from mlivr_gym.stances.point_pairs import pairs_within
 from mlivr_gym.transitions.state import State, Successors, check_numbers, check_state
 from mlivr_gym.world.grasp_map import STANCE, GraspMap
-
-MOST_PAIRS = 2_000_000
-"""Most ordered pairs of points: those of the JEM with points every 0.03 m take gigabytes."""
 
 TOUCHED = {
     UNDECIDED: "something",
@@ -61,15 +58,7 @@ class StanceGraph(CheckedSteps):
         super().__init__(grasp_map, robot, settings, self.solver_class(grasp_map, robot, settings))
         self.limb_threshold, self.base_threshold = settings.thresholds(robot.limbs)
         positions = grasp_map.positions
-        tree = cKDTree(positions)
-        within_span = int(tree.count_neighbors(tree, robot.span)) - len(grasp_map)
-        if within_span > MOST_PAIRS:
-            raise MapError(
-                f"map {grasp_map.name!r} has {within_span} pairs of points within the span of "
-                f"{robot.span:g} m; at most {MOST_PAIRS} can be worked out: take a larger spacing "
-                f"or a smaller span"
-            )
-        pairs = tree.query_pairs(robot.span + 1e-9, output_type="ndarray").astype(np.int64)
+        pairs = pairs_within(grasp_map, robot.span)
         distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
         pairs = pairs[distance >= robot.grasp_separation - 1e-9]
         if not len(pairs):

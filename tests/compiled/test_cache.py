@@ -1,60 +1,9 @@
 """Machine code and tables are kept by the contents of the sources that they depend on."""
 
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
+from small_package import package_in, run_with
 
 from mlivr_gym.compiled import cache
-
-SOURCES = {
-    "caller.py": """
-from mlivr_gym.callee import middle
-from mlivr_gym.compiled.kernels import entry
-
-
-@entry
-def outer(x):
-    return middle(x) + 1
-""",
-    "callee.py": """
-from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.part import (
-    inner,
-)
-
-
-@kernel
-def middle(x):
-    return 10 * inner(x)
-""",
-    "part/__init__.py": "from mlivr_gym.part.innermost import inner",
-    "part/innermost.py": """
-from mlivr_gym.compiled.kernels import kernel
-
-
-@kernel
-def inner(x):
-    return 2 * x
-""",
-    "bystander.py": "from mlivr_gym.caller import outer",
-}
-
-
-def package_in(folder):
-    """A small package with kernels that call each other across files, cached as ours are."""
-    package = folder / "mlivr_gym"
-    package.mkdir(parents=True)
-    (package / "__init__.py").write_text("")
-    compiled = Path(cache.__file__).parent
-    shutil.copytree(compiled, package / "compiled", ignore=shutil.ignore_patterns("__pycache__"))
-    for name, text in SOURCES.items():
-        (package / name).parent.mkdir(exist_ok=True)
-        (package / name).write_text(text)
-    return package
 
 
 @pytest.fixture
@@ -102,15 +51,9 @@ print(outer(1), sum(outer.stats.cache_hits.values()) > 0)
 def test_a_cached_caller_sees_an_edited_callee(tmp_path):
     """The edit is two files away. Numba's key alone is the caller's file: the answer would stay."""
     package = package_in(tmp_path / "tree")
-    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    environment |= {"PYTHONPATH": str(package.parent), cache.CACHE_VARIABLE: str(tmp_path / "kept")}
 
     def answer():
-        command = [sys.executable, "-c", CODE]
-        done = subprocess.run(
-            command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
-        )
-        return done.stdout.split()
+        return run_with(package, tmp_path / "kept", CODE)[0].split()
 
     assert answer() == ["21", "False"]
     assert answer() == ["21", "True"]

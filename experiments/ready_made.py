@@ -1,0 +1,95 @@
+"""Make the ready-made machine code that ships with the package, for the Python that runs this.
+
+    python experiments/ready_made.py            # a few minutes
+    python experiments/ready_made.py --check    # says which sources have changed since
+
+It is what the paths of `start_up.py` compile, for the least processor of a kind: `x86-64-v3` has
+been built since 2013, and has what our kernels gain from. Whatever it is used on, kernels give the
+same numbers to the bit, since Numba neither fuses nor reorders operations unless told to.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import re
+import sys
+import tempfile
+import time
+import zipfile
+from pathlib import Path
+
+from start_up import PATHS, ROOT, run
+
+import mlivr_gym.envs_assets
+from mlivr_gym.compiled.cache import PACKAGE, source_digest
+from mlivr_gym.compiled.ready_made import archive_path, pack
+from mlivr_gym.files import write_whole
+from mlivr_gym.stances.build import COMPILED
+
+ASSETS = Path(mlivr_gym.envs_assets.__file__).parent
+
+LEAST = {
+    "x86_64": (
+        "x86-64-v3",
+        "avx avx2 bmi bmi2 cmov crc32 cx16 cx8 f16c fma fxsr lzcnt mmx movbe popcnt sahf sse sse2 "
+        "sse3 sse4.1 sse4.2 ssse3 xsave",
+    ),
+}
+"""By kind of machine the least processor that is compiled for and what it has, as LLVM names it."""
+
+
+def build() -> bytes:
+    """The archive for this Python and this kind of machine."""
+    name, has = LEAST[platform.machine()]
+    target = {
+        "NUMBA_CPU_NAME": name,
+        "NUMBA_CPU_FEATURES": ",".join(f"+{feature}" for feature in has.split()),
+    }
+    with tempfile.TemporaryDirectory() as cache:
+        for path in PATHS:
+            found = run(path, Path(cache), **target)
+            print(f"{path}: {found['functions']} functions, {found['wall']:.0f} s", flush=True)
+        return pack(Path(cache, "kernels"), has.split(), COMPILED.parent.name)
+
+
+def current() -> dict[str, Path]:
+    """Sources with entries, by their digests."""
+    sources = [path for path in PACKAGE.glob("*/*.py") if "\n@entry\n" in path.read_text("utf-8")]
+    return {source_digest(path): path for path in sources}
+
+
+def faults(path: Path) -> list[str]:
+    """What keeps an archive from being used whole with the sources and the versions as they are."""
+    known = current()
+    with zipfile.ZipFile(path) as made:
+        told = json.loads(made.comment)
+        old = sum(name.split("/")[0] not in known for name in made.namelist())
+        found = [f"{old} of {len(made.namelist())} functions are of other sources"] if old else []
+    (pinned,) = re.findall(r"^numba==(.+)$", (ROOT / "constraints.txt").read_text("utf-8"), re.M)
+    if told["for"]["Numba"] != pinned:
+        found.append(f"it is for Numba {told['for']['Numba']}, constraints.txt has {pinned}")
+    return found
+
+
+def main() -> int:
+    """Build or check; returns the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="tell what is no longer right")
+    if parser.parse_args().check:
+        found = {path.name: faults(path) for path in sorted(ASSETS.glob("kernels-*.zip"))}
+        for name, said in found.items():
+            for fault in said:
+                print(f"{name}: {fault}; `python experiments/ready_made.py` makes it anew")
+        return 1 if any(found.values()) else 0
+    began = time.perf_counter()
+    content = build()
+    write_whole(archive_path(), content)
+    took = time.perf_counter() - began
+    print(f"{archive_path()}: {len(content) / 1e6:.2f} MB in {took:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

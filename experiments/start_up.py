@@ -1,0 +1,204 @@
+"""What the first use of an installation compiles, and how long it takes, path by path.
+
+    python experiments/start_up.py [--out results] [NAME ...]
+
+Every path runs in processes of its own three times: with caches empty and without the ready-made
+machine code, with caches empty and with it, and once more where all was kept that can be. Functions
+that are compiled are counted, wall and processor time measured, and of the former a reader should
+know what else ran. Writes `start_up.json` and `start_up.md`; with names, those paths alone are
+measured anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numba
+
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
+from mlivr_gym.files import write_whole
+
+ROOT = Path(__file__).parent.parent
+
+QUERY = "--start D2a:4 D2b:4 --goal 6.0 0 0.42 --cost steps"
+POSE = "2.03 -0.046 -0.324 0.5964 0.0785 0.1043 0.7920"
+
+GRAPH = """
+from mlivr_gym import stance_graph
+from mlivr_gym.planners import Planner
+planner = Planner(stance_graph())
+"""
+
+ENVIRONMENT = """
+import gymnasium, mlivr_gym
+env = gymnasium.make("{id}"{options})
+_, info = env.reset(seed=1)
+for k in range({steps}):
+    legal = info["action_mask"].nonzero()[0]
+    _, _, ended, cut, info = env.step(int(legal[k % len(legal)]))
+    if ended or cut:
+        _, info = env.reset()
+"""
+
+VECTOR = """
+import gymnasium, mlivr_gym
+env = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=4)
+_, info = env.reset(seed=1)
+for _ in range(25):
+    _, _, _, _, info = env.step(info["action_mask"].argmax(axis=1))
+"""
+
+PATHS = {
+    "help": "mlivr-gym --help",
+    "plan": f"mlivr-gym plan {QUERY}",
+    "base cost": "mlivr-gym plan",
+    "another heuristic": "mlivr-gym plan --heuristic consistent",
+    "obstacles": "mlivr-gym plan --box 3.2 -1.0 -1.0 3.5 1.0 0.3 --occupied D3a:3 D3a:4",
+    "other thresholds": "mlivr-gym plan --limb-threshold 0.12",
+    "own start pose": f"mlivr-gym plan --start D1b:4 D2a:3 --start-pose {POSE}",
+    "refined": "mlivr-gym plan --refined",
+    "simulate": "mlivr-gym simulate --case 3 --no-film",
+    "Table I": "mlivr-gym table1",
+    "picture": "mlivr-gym render --start D2a:4 D2b:4 --out start.png",
+    "exact cost-to-go": GRAPH + 'planner.cost_to_go((6.0, 0.0, 0.42), "steps")',
+    "environment": ENVIRONMENT.format(id="MLIVR-JEM-v0", options="", steps=100),
+    "environment, other thresholds": ENVIRONMENT.format(
+        id="MLIVR-JEM-v0", options=", limb_threshold=0.12", steps=10
+    ),
+    "vector environment": VECTOR,
+    "three limbs": "mlivr-gym plan --robot mlivr3",
+    "four limbs": "mlivr-gym plan --robot mlivr4",
+    "three limbs, improved": "mlivr-gym plan --robot mlivr3 --time-limit 3",
+    "three limbs, obstacles": "mlivr-gym plan --robot mlivr3 --box 3.2 -1.0 -1.0 3.5 1.0 0.3",
+    "environment, three limbs": ENVIRONMENT.format(id="MLIVR3-JEM-v0", options="", steps=10),
+}
+"""Commands and programs, by what they are."""
+
+COUNTER = """
+import atexit, os
+from numba.core import event
+compiled = event.RecordingListener()
+event.register("numba:compile", compiled)
+def tell():
+    with open(os.environ["COUNTED"], "a") as file:
+        file.write(f"{len(compiled.buffer) // 2}\\n")
+atexit.register(tell)
+"""
+"""Run by every process as it starts: how many functions it compiled is told at its end."""
+
+
+def run(path: str, cache: Path, **variables: str) -> dict[str, float]:
+    """Run a path of `PATHS`; what it compiled and how long it took.
+
+    Args:
+        path: Its name.
+        cache: Folder in which machine code and tables are kept.
+        variables: Further environment variables.
+
+    Raises:
+        RuntimeError: If it fails.
+    """
+    given = PATHS[path]
+    words = given.removeprefix("mlivr-gym").split()
+    command = ["-m", "mlivr_gym", *words] if given.startswith("mlivr-gym") else ["-c", given]
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "sitecustomize.py").write_text(COUNTER, encoding="utf-8")
+        counted, work = Path(folder, "counted"), Path(folder, "work")
+        work.mkdir()
+        here = {CACHE_VARIABLE: str(cache), "COUNTED": str(counted)}
+        here["PYTHONPATH"] = os.pathsep.join([folder, str(ROOT)])
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
+        began, before = time.perf_counter(), os.times()
+        done = subprocess.run(
+            [sys.executable, *command], cwd=work, env=environment | here | variables,
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        spent, after = time.perf_counter() - began, os.times()
+        if done.returncode:
+            raise RuntimeError(f"{path}: {done.stderr[-2000:]}")
+        functions = sum(map(int, counted.read_text(encoding="utf-8").split()))
+    used = after.children_user + after.children_system
+    return {
+        "functions": functions,
+        "wall": round(spent, 2),
+        "processor": round(used - before.children_user - before.children_system, 2),
+    }
+
+
+def measured(path: str) -> dict[str, dict[str, float]]:
+    """A path with nothing ready, with ready-made machine code, and once more.
+
+    Who names a processor is given no other's machine code; its features stay those that are there.
+    """
+    with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
+        return {
+            "compiled": run(path, Path(first), NUMBA_CPU_NAME="generic"),
+            "ready-made": run(path, Path(second)),
+            "again": run(path, Path(second)),
+        }
+
+
+def report(data: dict[str, Any]) -> str:
+    """The page."""
+    lines = [
+        "# First use of an installation",
+        "",
+        "Made by `experiments/start_up.py`. Functions that are compiled, and seconds of waiting |",
+        "of processor time: with caches empty and all compiled on the machine, with caches empty",
+        "and the ready-made machine code, and once more.",
+        "",
+        f"Measured on {data['machine']}; other work ran beside at a load of {data['load']:.1f}, so",
+        "that processor time is what can be compared.",
+        "",
+        "| path | compiled: functions | s | ready-made: functions | s | again: s |",
+        "|---|---|---|---|---|---|",
+    ]
+    for path, found in data["paths"].items():
+        cells = [path]
+        for how, one in found.items():
+            cells += [str(one["functions"])] if how != "again" else []
+            cells.append(f"{one['wall']:.1f} \\| {one['processor']:.1f}")
+        lines.append("| " + " | ".join(cells) + " |")
+    lines += ["", "What they run:", ""]
+    for path in data["paths"]:
+        if PATHS[path].startswith("mlivr-gym"):
+            lines.append(f"* {path}: `{PATHS[path]}`")
+    return "\n".join([*lines, ""])
+
+
+def main() -> None:
+    """Measure, and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", choices=[*PATHS, []], help="paths (default: all)")
+    parser.add_argument("--out", default=ROOT / "results", type=Path, help="folder")
+    args = parser.parse_args()
+    kept = args.out / "start_up.json"
+    before: dict[str, Any] = {}
+    if args.names and kept.exists():
+        before = json.loads(kept.read_text(encoding="utf-8"))["paths"]
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    python, loads = platform.python_version(), []
+    for path in args.names or PATHS:
+        before[path] = measured(path)
+        loads.append(os.getloadavg()[0])
+        print(path, before[path], flush=True)
+    data = {
+        "machine": f"{cores} cores, Python {python}, Numba {numba.__version__}",
+        "load": max(loads) - 1.0,
+        "paths": {path: before[path] for path in PATHS if path in before},
+    }
+    write_whole(kept, json.dumps(data, indent=1) + "\n")
+    write_whole(args.out / "start_up.md", report(data))
+
+
+if __name__ == "__main__":
+    main()
