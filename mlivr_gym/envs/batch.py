@@ -9,14 +9,19 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.bit_sets import NONE
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.envs.tasks import MOST_STEPS, WalkTasks, halves
+from mlivr_gym.envs.tasks import MOST_STEPS, Task, WalkTasks, halves
+from mlivr_gym.errors import StanceError
+from mlivr_gym.stances.step_tables import state_of
 from mlivr_gym.stances.table_steps import any_step, find_step
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mlivr_gym.envs.streams import Stream
+    from mlivr_gym.stances.moves import TableMoves
     from mlivr_gym.stances.step_tables import StepTables
+    from mlivr_gym.transitions.state import State
     from mlivr_gym.world.grasp_map import GraspMap
 
 TRIES = 1000
@@ -172,6 +177,36 @@ def _walk_towards(
         else:
             masks = int(tables.releasable[here, 0]), kept_on_edge(masks[1], kept[best])
     return here
+
+
+def draw_walk(
+    moves: TableMoves, tasks: WalkTasks, stream: Stream, tolerance: float, start: State | None
+) -> Task:
+    """A task as `tasks` draws it, number for number of the same stream, over tables of steps.
+
+    Args:
+        moves: Moves of the tables.
+        tasks: What draws it.
+        stream: Where its numbers come from.
+        tolerance: Radius of the goal region [m].
+        start: The start, in the posture of its stance, if it is given.
+
+    Raises:
+        StanceError: If none is found.
+    """
+    tables, grasp_map = moves.tables, moves.graph.grasp_map
+    stances, masks, goals = np.zeros(1, np.int64), np.zeros((1, 2), np.int64), np.empty((1, 3))
+    which, given = np.ones(1, np.bool_), np.full(1, start is not None)
+    if start is not None:
+        stances[0], masks[0] = moves.stance_at[start.stance], start.masks
+    robots = Robots(stances, masks, np.array([stream.state], dtype=np.uint64))
+    draws = Draws.of(grasp_map, tolerance, tasks)
+    if draw_tasks(which, given, draws, tables, robots, goals) >= 0:
+        raise StanceError(
+            f"no goal that can be reached was found on map {grasp_map.name!r} in {TRIES} draws"
+        )
+    stream.state = int(robots.streams[0])
+    return Task(state_of(tables, int(stances[0]), masks[0]) if start is None else start, goals[0])
 
 
 @entry
