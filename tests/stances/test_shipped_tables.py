@@ -1,0 +1,95 @@
+"""The complete tables that ship against what is worked out without them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlivr_gym import Settings, stance_graph
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.paper import CASES, MODES, case_graph, default_setup
+from mlivr_gym.postures.postures import FIELDS
+from mlivr_gym.stances.pair_files import file_name
+from mlivr_gym.stances.pair_graph import fill_rows
+
+WORLDS = {"default": stance_graph} | {
+    f"case {case}, {mode}": lambda case=case, mode=mode: case_graph(case, default_setup(), mode)
+    for mode in MODES
+    for case in CASES
+}
+STANCES = 500
+
+
+@pytest.fixture
+def without_tables(monkeypatch):
+    """Makes a graph as if no table shipped."""
+
+    def make(world):
+        with monkeypatch.context() as patched:
+            patched.setattr("mlivr_gym.stances.pair_graph.known_stances", lambda graph: None)
+            graph = world()
+        assert not graph.complete or not graph.settings.transitions
+        return graph
+
+    return make
+
+
+def assert_same_stances(graph, fresh):
+    np.testing.assert_array_equal(graph.points, fresh.points)
+    kept, worked_out = graph.kept(), fresh.kept()
+    assert dict(kept.counts) == dict(worked_out.counts)
+    for name in FIELDS:
+        ours, theirs = (getattr(one.postures, name) for one in (kept, worked_out))
+        np.testing.assert_array_equal(ours, theirs, err_msg=name)
+
+
+def assert_same_steps(graph, fresh, chosen):
+    """All steps of some stances, there and back, and what can be released there."""
+    for held in range(2):
+        for s in chosen:
+            row = fresh.row(held, s)
+            fresh.know_steps(np.full(len(row), held), np.full(len(row), s), row)
+            for before, after in ((s, row), (row, s)):
+                which = fresh._free.index(held, before, after)
+                np.testing.assert_array_equal(graph.steps.edges[which], fresh.steps.edges[which])
+    fresh.know_released(np.array([(s, limb) for s in chosen for limb in range(2)]))
+    for name in fresh.steps.released.dtype.names:
+        ours, theirs = (one.steps.released[name][chosen] for one in (graph, fresh))
+        np.testing.assert_array_equal(ours, theirs, err_msg=name)
+
+
+@pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
+def test_a_table_ships_for_each_world_of_the_paper(world):
+    graph = world()
+    assert asset_path(file_name(graph)).is_file()
+    assert graph.complete
+
+
+def test_no_other_table_ships():
+    names = {file_name(world()) for world in WORLDS.values()}
+    assert {path.name for path in Path(asset_path("")).glob("pairs-*")} == names
+
+
+def test_the_default_world_worked_out_afresh_is_that_which_ships(without_tables):
+    graph, fresh = stance_graph(), without_tables(stance_graph)
+    assert_same_stances(graph, fresh)
+    chosen = np.random.default_rng(11).choice(len(graph), STANCES, replace=False)
+    assert_same_steps(graph, fresh, chosen)
+
+
+def test_other_settings_are_worked_out():
+    graph = stance_graph(settings=Settings(clearance=0.021, limb_threshold=0.12))
+    assert not asset_path(file_name(graph)).exists()
+    assert not graph.complete
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
+def test_whole_tables_worked_out_afresh_are_those_that_ship(without_tables, world):
+    graph, fresh = world(), without_tables(world)
+    fill_rows(fresh)
+    assert_same_stances(graph, fresh)
+    ours, theirs = graph.kept(), fresh.kept()
+    if graph.settings.transitions:
+        np.testing.assert_array_equal(ours.edges, theirs.edges)
+        np.testing.assert_array_equal(ours.released, theirs.released)
