@@ -66,7 +66,8 @@ def load_npz(path: str | Path) -> Trajectory:
             arrays = {name: data[name] for name in (*ARRAYS, "points")}
         return Trajectory(**_checked(arrays))
     except Exception as error:  # NumPy, zipfile and zlib raise many kinds
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        told = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        reason = told.splitlines()[0]
         raise PlanError(f"cannot read trajectory {path_shown(path)}: {one_line(reason)}") from None
 
 
