@@ -13,6 +13,9 @@ from collections.abc import Iterable
 LONGEST_SHOWN = 400
 """Most characters of a value in a message."""
 
+LONGEST_PATH = 1024
+"""Most characters of a path in a message."""
+
 _BRIEF = reprlib.Repr()
 _BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = 80
 
@@ -24,6 +27,12 @@ def shown(value: object) -> str:
         return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
     except (ValueError, RecursionError):  # whole numbers of thousands of digits, deep nesting
         return f"a {type(value).__name__} too long to show"
+
+
+def path_shown(path: object) -> str:
+    """A path for a message, whole if a file may be called so."""
+    text = str(path)
+    return repr(text) if len(text) <= LONGEST_PATH else shown(text)
 
 
 def one_line(message: str) -> str:

@@ -12,13 +12,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from mlivr_gym.arguments import FileName
-from mlivr_gym.errors import MlivrError, shown
+from mlivr_gym.errors import MlivrError, path_shown, shown
 from mlivr_gym.schema import Place
 
 T = TypeVar("T")
-
-LONGEST_NAME = 1024
-"""Most characters of a path in a message."""
 
 LARGEST_FILE = 1 << 25
 """Most bytes of a JSON file: a map of 100,000 points takes half of it."""
@@ -51,12 +48,7 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         if name is not None:
             Path(name).unlink(missing_ok=True)
         reason = error.strerror if isinstance(error, OSError) else None
-        raise FileError(f"cannot write {_name(path)}: {reason or error}") from None
-
-
-def _name(path: str | Path) -> str:
-    """A path for a message, whole if a file may be called so."""
-    return repr(str(path)) if len(str(path)) <= LONGEST_NAME else shown(str(path))
+        raise FileError(f"cannot write {path_shown(path)}: {reason or error}") from None
 
 
 def checksum(data: Any, content: bytes = b"") -> str:
@@ -107,7 +99,7 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
         reason = str(fault)
     else:
         return data
-    raise error(f"cannot read {kind} {_name(path)}: {reason}")
+    raise error(f"cannot read {kind} {path_shown(path)}: {reason}")
 
 
 def load(

@@ -22,7 +22,7 @@ WALK: Kinds = {
     "plan": Of(Plan),
     "index": Whole(0, 10**6),
     "trajectory": Of(Trajectory),
-    "period": Tuples((), 1e-5, LONGEST_PERIOD, "s"),
+    "period": Tuples((), 1e-12, LONGEST_PERIOD, "s"),
     "path": FileName(),
     "title": Text(0),
     "progress": Maybe(Called()),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arguments import FileName, Kinds, Of, checked
-from mlivr_gym.errors import PlanError, one_line
+from mlivr_gym.errors import PlanError, one_line, path_shown
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import ARRAYS, FREE, Trajectory
@@ -66,8 +66,9 @@ def load_npz(path: str | Path) -> Trajectory:
             arrays = {name: data[name] for name in (*ARRAYS, "points")}
         return Trajectory(**_checked(arrays))
     except Exception as error:  # NumPy, zipfile and zlib raise many kinds
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise PlanError(f"cannot read trajectory {str(path)!r}: {one_line(reason)}") from None
+        told = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        reason = told.splitlines()[0]
+        raise PlanError(f"cannot read trajectory {path_shown(path)}: {one_line(reason)}") from None
 
 
 @checked(SAVED)

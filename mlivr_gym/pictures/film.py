@@ -16,7 +16,7 @@ from mlivr_gym.arguments import FileName, Of, Via, checked
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.errors import RenderError
+from mlivr_gym.errors import RenderError, path_shown
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan import Plan
@@ -232,7 +232,8 @@ def check_kind(path: str | Path) -> str:
     """
     kind = Path(FileName().read(path, Place("path", RenderError))).suffix.lower()
     if kind not in (".gif", ".mp4"):
-        raise RenderError(f"cannot write a film as {str(path)!r}; valid endings are '.gif', '.mp4'")
+        told = f"cannot write a film as {path_shown(path)}"
+        raise RenderError(f"{told}; valid endings are '.gif', '.mp4'")
     if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
         raise RenderError("an .mp4 needs the package imageio[ffmpeg]; without it, write a .gif")
     return kind

@@ -219,9 +219,7 @@ def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
     for period in (80.0, 50.0, 0.0):
         with pytest.raises(SettingError, match=f"period is {period}"):
             step_trajectory(checked_graph, plan, 0, Durations(), period=period)
-    with pytest.raises(
-        SettingError, match=r"duration of a step is 1e.09 s; it must be at most 3600 s"
-    ):
+    with pytest.raises(SettingError, match=r"total is 1000000000.0; .* to 3600 s"):
         Durations.of_step(1e9)
     with pytest.raises(
         SettingError, match="period is 1e-09: a step of 50 s has more than 1000000 samples"
