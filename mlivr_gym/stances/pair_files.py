@@ -151,8 +151,11 @@ def _checked(graph: StanceGraph, found: dict[str, NDArray[Any]]) -> PairStances:
     ]  # fmt: skip
     edges, released = found.get("edges"), found.get("released")
     if edges is not None and released is not None:
-        if edges.dtype != PairEdge.rows(0).dtype or released.dtype != Release.rows(0).dtype:
+        whole = PairEdge.rows(0).dtype, Release.rows(0).dtype
+        if (edges.dtype, released.dtype) != whole:
             raise ValueError
+        # A file does not tell that fields are aligned, which makes another type of them.
+        edges, released = edges.view(whole[0]), released.view(whole[1])
         bounds += [
             (edges["fold_on_line"], -1, folds), (edges["fold_on_arc"], -1, folds),
             (edges["pair"], -1, BRANCHES * BRANCHES), (released["root"], 0, folds),
