@@ -74,7 +74,7 @@ OLD = [
           "tests/envs/test_tasks.py"),
     Fault("P42", f"{ENVS}/batch.py", "inside and away > tolerance * tolerance", "inside",
           "tests/envs/test_tasks.py"),
-    Fault("P30", f"{STANCES}/step_tables.py", " + graph.robot.fingerprint.encode()", "",
+    Fault("P30", f"{STANCES}/stance_sets.py", " + graph.robot.fingerprint.encode()", "",
           "tests/stances/test_step_tables.py"),
     Fault("P31", "planners/estimates.py", "if not (self.graph.occupied or self.graph.obstacles):",
           "if True:", "tests/planners/test_estimates.py"),

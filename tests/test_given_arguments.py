@@ -259,9 +259,9 @@ def test_gymnasium_tells_the_same(things, name):
 
 @pytest.mark.parametrize(
     "options",
-    [{name: value} for name in ("start", "start_pose", "start_joints", "goal", "task")
-     for value in given_values() if value is not None],
-    ids=lambda options: shown(options)[:40],
+    [pytest.param({name: value}, id=f"{name}-{k}")
+     for name in ("start", "start_pose", "start_joints", "goal", "task")
+     for k, value in enumerate(given_values()) if value is not None],
 )  # fmt: skip
 def test_an_option_is_taken_or_refused_in_one_line(things, options):
     ((name, value),) = options.items()
