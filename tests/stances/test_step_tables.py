@@ -7,7 +7,7 @@ import pytest
 
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
-from mlivr_gym.stances.pair_graph import fill_rows
+from mlivr_gym.stances.pair_build import fill_rows
 from mlivr_gym.stances.step_tables import cache_file, step_tables, without_points
 
 
