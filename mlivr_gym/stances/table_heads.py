@@ -28,11 +28,12 @@ def difference(found: list[str], graph: StanceGraph, form: int) -> str:
     if found[1] != needed[1]:
         return f"of rules {found[1]}, and this version has rules {GRAPH_RULES}"
     others = [
-        name for name, one, other in zip(("robot", "map"), found[2:4], needed[2:4], strict=True)
+        f"another {name}"
+        for name, one, other in zip(("robot", "map"), found[2:4], needed[2:4], strict=True)
         if one != other
-    ]  # fmt: skip
+    ]
     theirs, ours = json.loads(found[4]), json.loads(needed[4])
     names = [name for name in sorted({*theirs, *ours}) if theirs.get(name) != ours.get(name)]
     if names:
-        others.append(f"settings ({', '.join(names)})")
-    return f"of another {' and other '.join(others)}"
+        others.append(f"other settings ({', '.join(names)})")
+    return f"of {' and '.join(others)}"
