@@ -13,8 +13,9 @@ import os
 from mlivr_gym import stance_graph
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.paper import CASES, MODES, case_graph, default_setup
+from mlivr_gym.stances.pair_build import fill_rows
 from mlivr_gym.stances.pair_files import file_name, write_stances
-from mlivr_gym.stances.pair_graph import PairGraph, fill_rows
+from mlivr_gym.stances.pair_graph import PairGraph
 
 
 def shipped_graphs() -> dict[str, PairGraph]:

@@ -5,11 +5,12 @@ Nothing is written without the number of the rules.
 
 import json
 import logging
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
-from mlivr_gym import stance_graph
+from mlivr_gym import Settings, stance_graph
 from mlivr_gym.agents.learned import CheckpointError, load_policy, made_for, save_policy
 from mlivr_gym.agents.networks import make_policy
 from mlivr_gym.agents.test_set import SPLITS, freeze_test_set, load_test_set
@@ -20,7 +21,9 @@ from mlivr_gym.errors import MlivrError, PlanError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.settings import GRAPH_RULES
-from mlivr_gym.stances.step_tables import FORMAT, cache_file, step_tables
+from mlivr_gym.stances.pair_files import FORMAT, kept_file
+from mlivr_gym.stances.step_tables import step_tables
+from mlivr_gym.stances.table_heads import head_of
 
 OTHERS = (None, 1, GRAPH_RULES + 1, str(GRAPH_RULES))
 
@@ -105,23 +108,30 @@ def test_what_ships_is_of_this_version(env):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("place", "value", "said"),
     [
-        ({"rules": GRAPH_RULES + 1}, f"of format {FORMAT} and rules {GRAPH_RULES + 1},"),
-        ({"format": FORMAT + 1}, f"of format {FORMAT + 1} and rules {GRAPH_RULES},"),
-        ({"rules": None, "format": None}, "of format 1 and rules 1,"),
+        (1, str(GRAPH_RULES + 1), f"is of rules {GRAPH_RULES + 1}, and this version has rules"),
+        (0, str(FORMAT + 1), f"is of format {FORMAT + 1}, and this version has format {FORMAT}:"),
+        (2, "0" * 16, "is of another robot:"),
+        (3, "0" * 16, "is of another map:"),
+        (4, json.dumps(asdict(Settings(clearance=0.01))), "is of other settings (clearance):"),
+        (None, None, f"holds no step table of format {FORMAT}:"),
     ],
 )
-def test_step_tables(small_map, tmp_path, monkeypatch, caplog, change, said):
-    """Those of another format or other rules are worked out anew, with one line that says so."""
+def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, said):
+    """Those of another format, rules or world are worked out anew; one line says what differs."""
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     world = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
-    first = step_tables(stance_graph(world))
-    file = cache_file(stance_graph(world))
+    graph = stance_graph(world)
+    first, file, head = step_tables(graph), kept_file(graph), head_of(graph, FORMAT)
     with np.load(file) as data:
         kept = {name: data[name] for name in data}
-    wrong = {**kept, "edges": np.zeros_like(kept["edges"])} | change
-    np.savez_compressed(file, **{name: value for name, value in wrong.items() if value is not None})
+    wrong = {**kept, "edges": np.zeros_like(kept["edges"])}
+    if place is None:
+        del wrong["head"]
+    else:
+        wrong["head"] = np.array([*head[:place], value, *head[place + 1 :]])
+    np.savez_compressed(file, **wrong)
     with caplog.at_level(logging.WARNING):
         second = step_tables(stance_graph(world))
     (record,) = caplog.records
@@ -131,7 +141,7 @@ def test_step_tables(small_map, tmp_path, monkeypatch, caplog, change, said):
     for ours, theirs in zip(first, second, strict=True):
         np.testing.assert_array_equal(ours, theirs)
     with np.load(file) as data:
-        assert (int(data["format"]), int(data["rules"])) == (FORMAT, GRAPH_RULES)
+        assert data["head"].tolist() == head
 
 
 @pytest.mark.parametrize("cut", [10, 0.5, 0.95])
@@ -139,7 +149,7 @@ def test_step_tables_that_were_cut_off_are_worked_out_anew(small_map, tmp_path, 
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     world = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
     first = step_tables(stance_graph(world))
-    file = cache_file(stance_graph(world))
+    file = kept_file(stance_graph(world))
     whole = file.read_bytes()
     file.write_bytes(whole[: cut if cut > 1 else int(cut * len(whole))])
     second = step_tables(stance_graph(world))

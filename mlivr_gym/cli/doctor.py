@@ -140,7 +140,7 @@ def _listed(packages: dict[str, str | None]) -> str:
 def _compiler() -> dict[str, Any]:
     """What is known of compiled code and of the folders where answers are kept."""
     tables, code = cache_folder(), kernel_root()
-    kept = list(tables.glob("steps-*.npz")) if tables is not None else []
+    kept = list(tables.glob("pairs-*.npz")) if tables is not None else []
     why = why_compiled(COMPILED.parent.name)
     return {
         "compiled_code": "switched off by NUMBA_DISABLE_JIT"

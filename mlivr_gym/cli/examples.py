@@ -35,7 +35,11 @@ EXAMPLES = {
     "dataset": ("mlivr-gym dataset --id mlivr/jem/astar-v0 --episodes 200",),
     "warmup": ("mlivr-gym warmup",),
     "roadmap": ("mlivr-gym roadmap --robot mlivr3 --no-collisions --expansions 200",),
-    "nodes": ("mlivr-gym nodes --robot mlivr4 --no-collisions --map few_points.json",),
+    "build": (
+        "mlivr-gym build --robot my_robot.json",
+        "mlivr-gym build --robot mlivr4 --no-collisions --map few_points.json",
+    ),
+    "cache": ("mlivr-gym cache", "mlivr-gym cache --limit 2GB", "mlivr-gym cache --clear"),
     "doctor": ("mlivr-gym doctor", "mlivr-gym doctor --json"),
     "completion": (
         'eval "$(mlivr-gym completion bash)"     # in ~/.bashrc',

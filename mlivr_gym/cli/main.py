@@ -15,12 +15,13 @@ import numpy as np
 
 from mlivr_gym import __version__
 from mlivr_gym.cli import (
+    build,
+    cache,
     completion,
     dataset,
     doctor,
     evaluate,
     info,
-    nodes,
     plan,
     render,
     roadmap,
@@ -54,8 +55,9 @@ COMMANDS = (
     evaluate,
     dataset,
     warmup,
+    build,
     roadmap,
-    nodes,
+    cache,
     doctor,
     completion,
 )

@@ -15,6 +15,24 @@ from mlivr_gym.files import FileError
 MOST_NAMED = 3
 """Most earlier files that are named; of others their number is told."""
 
+UNITS = ("B", "kB", "MB", "GB", "TB")
+"""Units of sizes, each a thousand of the one before."""
+
+
+def file_size(count: float) -> str:
+    """A number of bytes in words."""
+    unit = 0
+    while count >= 999.5 and unit + 1 < len(UNITS):
+        count, unit = count / 1000.0, unit + 1
+    return f"{count:.3g} {UNITS[unit]}"
+
+
+def about(seconds: float) -> str:
+    """A time that is not known exactly in words."""
+    if seconds < 90.0:
+        return f"{max(round(seconds), 1)} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
 
 def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
     """Refuse files that could not be written, and say which earlier ones will be replaced.

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import sys
 from functools import cache
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
 CACHE_VARIABLE = "MLIVR_GYM_CACHE"
-"""Environment variable that names another cache folder; empty: no step tables are kept."""
+"""Environment variable that names another cache folder; empty: no tables are kept."""
 
 PACKAGE = Path(__file__).parent.parent
 """The package whose imports are followed."""
@@ -22,7 +23,7 @@ IMPORT = re.compile(
 
 
 def cache_folder() -> Path | None:
-    """Where step tables are kept, or None if they are not: see `CACHE_VARIABLE`."""
+    """Where tables are kept, or None if they are not: see `CACHE_VARIABLE`."""
     given = os.environ.get(CACHE_VARIABLE)
     return _default_folder() if given is None else Path(given) if given else None
 
@@ -42,11 +43,7 @@ def kernel_root() -> Path:
 
 
 def _default_folder() -> Path:
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "mlivr-gym"
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", str(Path.home()))) / "mlivr-gym" / "cache"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mlivr-gym"
+    return user_cache_path("mlivr-gym", appauthor=False)
 
 
 @cache

@@ -6,6 +6,7 @@ import io
 import logging
 import lzma
 from collections import OrderedDict
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
@@ -14,9 +15,10 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.cache import cache_folder
+from mlivr_gym.compiled.kept import mark_used
 from mlivr_gym.compiled.limb_masks import unpacked
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.files import FileError, write_whole
+from mlivr_gym.files import write_whole
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import Joined, gather, spread
 from mlivr_gym.stances.node_table import (
@@ -26,7 +28,9 @@ from mlivr_gym.stances.node_table import (
     NodeTableError,
     table_of,
 )
+from mlivr_gym.stances.parts import keep_table
 from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.table_heads import difference, head_of
 from mlivr_gym.world.grasp_map import GraspMap
 
 FORMAT = 5
@@ -51,15 +55,17 @@ def node_table(graph: LazyGraph) -> NodeTable | None:
     The graph has it from then on. One that cannot be read is passed over with a warning.
     """
     key = key_of(graph)
-    if key not in _kept:
-        found = _found(graph, key)
-        if found is None:
-            return None
-        _kept[key] = found
-        if len(_kept) > KEPT:
-            _kept.popitem(last=False)
-    graph.table = _kept[key]
-    return _kept[key]
+    found = _kept.get(key) or _found(graph, key)
+    if found is not None:
+        remember(found, graph)
+    return found
+
+
+def remember(table: NodeTable, graph: LazyGraph) -> None:
+    """Give a graph its table, and keep it in memory for others of the same kind."""
+    _kept[key_of(graph)] = graph.table = table
+    if len(_kept) > KEPT:
+        _kept.popitem(last=False)
 
 
 def write_table(table: NodeTable, graph: LazyGraph, path: str | Path) -> None:
@@ -74,7 +80,7 @@ def write_table(table: NodeTable, graph: LazyGraph, path: str | Path) -> None:
     ]
     steps = gather(table)
     arrays = [
-        np.array([str(FORMAT), key_of(graph)]),
+        np.array([str(FORMAT), key_of(graph), *head_of(graph, FORMAT)[1:]]),
         np.diff(table.points.astype(np.int32), axis=0, prepend=0).astype(np.int16).T.copy(),
         *_coded(np.rint(away / RESOLUTION).astype(np.int64)),
         *_coded(np.stack(masks, axis=2).reshape(-1, 3)),
@@ -134,17 +140,26 @@ def _found(graph: LazyGraph, key: str) -> NodeTable | None:
         return None
     if path.is_file():
         try:
-            return NodeTable(*_mapped(path, len(NodeTable._fields)))
-        except (OSError, ValueError, EOFError):
+            head, *arrays = _mapped(path, 1 + len(NodeTable._fields))
+            another = difference(head.tolist(), graph, FORMAT)
+            if not another:
+                mark_used(path)
+                return NodeTable(*arrays)
+            log.warning("%r is a table of nodes %s: it is passed over", str(path), another)
+        except (OSError, ValueError, TypeError, EOFError):
             log.warning("%r holds no table of nodes: it is passed over", str(path))
-    for small in _small_files(graph, path.parent / small_name(key)):
+    given = path.parent / small_name(key)
+    for small in _small_files(graph, given):
         try:
             table = read_table(small, graph)
-            if table is not None:
-                write_unpacked(table, path)
-                return table
-        except (NodeTableError, FileError) as error:
+        except NodeTableError as error:
             log.warning("%s", error)
+            continue
+        if table is not None:
+            keep_table(path, partial(write_unpacked, table, graph))
+            return table
+        if small == given:
+            log.warning("%r is a table of nodes of another graph: it is passed over", str(small))
     return None
 
 
@@ -165,14 +180,14 @@ def unpacked_path(key: str) -> Path | None:
     return None if folder is None else folder / f"nodes-{key}-{FORMAT}.npy"
 
 
-def write_unpacked(table: NodeTable, path: Path) -> None:
+def write_unpacked(table: NodeTable, graph: LazyGraph, path: Path) -> None:
     """Write a table as it is read soonest.
 
     Raises:
         FileError: If the file cannot be written.
     """
     stream = io.BytesIO()
-    for one in table:
+    for one in (np.array(head_of(graph, FORMAT)), *table):
         stream.write(bytes(-stream.tell() % ALIGNED))
         np.save(stream, one)
     write_whole(path, stream.getvalue())

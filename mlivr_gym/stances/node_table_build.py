@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from itertools import permutations
 from typing import Any
 
@@ -19,6 +21,8 @@ from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import Joined, Pair, count_pairs, list_pairs, spread
 from mlivr_gym.stances.node_table import Nodes, NodeTable, NodeTableError, codes, table_of
+from mlivr_gym.stances.parts import Arrays, Parts
+from mlivr_gym.stances.stance_sets import StanceSets
 from mlivr_gym.stances.workers import Progress, Workers, tell
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -38,16 +42,42 @@ World = tuple[GraspMap, RobotSpec, Settings]
 """What a graph is made of."""
 
 
-def build(graph: LazyGraph, progress: Progress | None = None) -> NodeTable:
+def build(
+    graph: LazyGraph, progress: Progress | None = None, parts: Parts | None = None
+) -> NodeTable:
     """Work out every stance that holds one of the sets of points, in processes.
 
     Args:
         graph: The stance graph, without obstacles and occupied points.
         progress: Called now and then with the share of the work that is done.
+        parts: Where what is done is kept until all is.
 
     Raises:
         NodeTableError: If the sets of points are not known, which are those of three or four
             limbs; if steps are not checked, or there are obstacles or occupied points.
+    """
+    sets = sets_of(graph)
+    world, limbs = (graph.grasp_map, graph.robot, graph.settings), graph.limbs
+    each, parts = AT_ONCE // len(_orders(limbs)), parts or Parts(None)
+    sets_of_blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets), each)]
+    with Workers(workers(len(sets), FEW), STAGES, progress) as processes:
+        found = _in_blocks(processes, nodes_of_sets, sets_of_blocks, parts, (world,))
+        none = np.zeros((0, limbs), dtype=np.int64)
+        *columns, rotation = map(np.concatenate, zip(_no_node(none), *found, strict=True))
+        order = np.argsort(codes(columns[0]))
+        nodes = Nodes(*(one[order] for one in columns))
+        table = table_of(nodes)
+        shared = world, nodes, rotation[order], table
+        steps = _in_blocks(processes, _joined, _rests(table), parts, shared)
+    nothing = Joined.of(*np.zeros((2, 0), dtype=np.uint64))
+    return spread(table, Joined.joint([nothing, *(Joined(*one) for one in steps)]))
+
+
+def sets_of(graph: LazyGraph) -> StanceSets:
+    """The sets of points that nodes of a graph hold.
+
+    Raises:
+        NodeTableError: See `build`.
     """
     if not graph.settings.transitions or graph.obstacles or graph.occupied:
         raise NodeTableError(
@@ -59,70 +89,95 @@ def build(graph: LazyGraph, progress: Progress | None = None) -> NodeTable:
             f"robot {graph.robot.name!r} has {graph.limbs} limbs on {len(graph.grasp_map)} points: "
             f"nodes are worked out for three or four limbs and at most 40 million sets of points"
         )
-    world = graph.grasp_map, graph.robot, graph.settings
-    count = workers(len(sets), FEW)
-    with Workers(count, STAGES, progress) as processes:
-        found = processes.run(_nodes, [(world, sets.points[k::count]) for k in range(count)])
-        *found, rotation = map(np.concatenate, zip(*found, strict=True))
-        order = np.argsort(codes(found[0]))
-        nodes = Nodes(*(one[order] for one in found))
-        table = table_of(nodes)
-        joined = processes.run(_joined, _shared(world, nodes, rotation[order], table, count))
-    return spread(table, Joined.joint(joined))
+    return sets
 
 
-def _shared(
-    world: World, nodes: Nodes, rotation: Array, table: NodeTable, count: int
-) -> list[tuple[Any, ...]]:
-    """What each of some workers checks: rests with about as many pairs."""
-    cuts = np.searchsorted(table.offset, table.offset[-1] * np.arange(count + 1) // count)
-    return [(world, nodes, rotation, table, cuts[k], cuts[k + 1]) for k in range(count)]
+Block = tuple[int, Any]
+"""A number, and sets of points or the rest at which to end."""
 
 
-def _nodes(worker: int, world: World, sets: NDArray[np.uint16]) -> tuple[Any, ...]:
+def _in_blocks(
+    processes: Workers,
+    work: Callable[..., Arrays],
+    blocks: list[Block],
+    parts: Parts,
+    shared: tuple[Any, ...],
+) -> list[Arrays]:
+    """What `work` finds of each of some blocks and what they share; processes take turns."""
+    count = processes.count
+    given = [(work, blocks[k::count], parts, shared) for k in range(count)]
+    found = processes.run(_each, given)
+    return [found[k % count][k // count] for k in range(len(blocks))]
+
+
+def _each(
+    worker: int,
+    work: Callable[..., Arrays],
+    blocks: list[Block],
+    parts: Parts,
+    shared: tuple[Any, ...],
+) -> list[Arrays]:
+    """What one process finds of its blocks, each of which is a part."""
+    found = []
+    for k, block in enumerate(blocks, 1):
+        name = f"{work.__name__.strip('_')}-{block[0]}"
+        found.append(parts.get(name, partial(work, *block, *shared)))
+        tell(worker, k / len(blocks))
+    return found
+
+
+def _orders(limbs: int) -> IntArray:
+    """In which orders limbs may hold ascending points, shape (k, N)."""
+    # Of what turns make alike the lowest point comes first.
+    alike = same_after_turns(limbs)
+    return np.array([one for one in permutations(range(limbs)) if not (alike and one[0])])
+
+
+def _no_node(none: IntArray) -> tuple[NDArray[Any], ...]:
+    """What `nodes_of_sets` finds of no sets of points, shape (0, N)."""
+    return none, np.zeros((0, 3)), none, none, none, none[:, 0], np.zeros((0, 3, 3))
+
+
+def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> Arrays:
     """What `Nodes` lists of those that hold some sets of points, and base rotations."""
     limbs = sets.shape[1]
-    # Sets are ascending: of what turns make alike the lowest point comes first.
-    alike = same_after_turns(limbs)
-    orders = np.array([one for one in permutations(range(limbs)) if not (alike and one[0])])
-    none = np.zeros((0, limbs), dtype=np.int64)
-    found = [(none, np.zeros((0, 3)), none, none, none, none[:, 0], np.zeros((0, 3, 3)))]
-    each = AT_ONCE // len(orders)
-    for at in range(0, len(sets), each):
-        stances = sets[at : at + each].astype(np.int64)[:, orders].reshape(-1, limbs)
-        graph = _graph(world)
-        postures = graph.nodes(stances)
-        nodes = np.flatnonzero(graph.is_node(postures))
-        stances, postures = stances[nodes], postures.take(nodes)
-        released = graph.all_released(stances, postures)
-        base, rotation = postures.base_position, postures.base_rotation
-        folds = released["folds"].astype(np.int64)
-        branches = released["branches"].astype(np.int64)
-        found.append((stances, base, postures.mask, branches, folds, postures.tried, rotation))
-        tell(worker, min((at + each) / len(sets), 1.0))
-    return tuple(map(np.concatenate, zip(*found, strict=True)))
+    stances = sets.astype(np.int64)[:, _orders(limbs)].reshape(-1, limbs)
+    graph = _graph(world)
+    postures = graph.nodes(stances)
+    nodes = np.flatnonzero(graph.is_node(postures))
+    stances, postures = stances[nodes], postures.take(nodes)
+    released = graph.all_released(stances, postures)
+    base, rotation = postures.base_position, postures.base_rotation
+    folds = released["folds"].astype(np.int64)
+    branches = released["branches"].astype(np.int64)
+    return stances, base, postures.mask, branches, folds, postures.tried, rotation
+
+
+def _rests(table: NodeTable) -> list[Block]:
+    """First and last of rests that are checked at once."""
+    blocks: list[Block] = []
+    at, last = 0, len(table.offset) - 1
+    while at < last:
+        end = int(np.searchsorted(table.offset, table.offset[at] + PAIRS, "right")) - 1
+        end = min(max(end, at + 1), last)
+        blocks.append((at, end))
+        at = end
+    return blocks
 
 
 def _joined(
-    worker: int, world: World, nodes: Nodes, rotation: Array, table: NodeTable, *rests: int
-) -> Joined:
+    first: int, last: int, world: World, nodes: Nodes, rotation: Array, table: NodeTable
+) -> Arrays:
     """What steps keep at most between the pairs of `list_pairs` of rests, first to last."""
-    first, last = rests
-    found, at, start = [Joined.of(*np.zeros((2, 0), dtype=np.uint64))], first, table.start
-    while at < last:
-        end = max(int(np.searchsorted(table.offset, table.offset[at] + PAIRS, "right")) - 1, at + 1)
-        end = min(end, last)
-        pairs = np.empty((count_pairs(table, Pair.before(table, at), end), 2), dtype=np.int64)
-        list_pairs(table, Pair.before(table, at), end, pairs)
-        members = table.members[start[at] : start[end]].astype(np.int64)
-        found.append(_kept(_graph(world), nodes, rotation, members, pairs - start[at]))
-        at = end
-        done, every = (int(table.offset[k] - table.offset[first]) for k in (at, last))
-        tell(worker, done / max(every, 1))
-    return Joined.joint(found)
+    before = Pair.before(table, first)
+    pairs = np.empty((count_pairs(table, before.copy(), last), 2), dtype=np.int64)
+    list_pairs(table, before, last, pairs)
+    begin, end = table.start[first], table.start[last]
+    members = table.members[begin:end].astype(np.int64)
+    return kept_at_most(_graph(world), nodes, rotation, members, pairs - begin)
 
 
-def _kept(
+def kept_at_most(
     graph: LazyGraph, nodes: Nodes, rotation: Array, members: IntArray, pairs: IntArray
 ) -> Joined:
     """What steps between pairs of some members, shape (p, 2), keep at most: see `relaxed_steps`.

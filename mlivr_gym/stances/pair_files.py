@@ -21,17 +21,19 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
 from mlivr_gym.compiled.cache import cache_folder
+from mlivr_gym.compiled.kept import mark_used
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.files import FileError, write_whole
+from mlivr_gym.files import write_whole
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.tried_poses import bases_at
 from mlivr_gym.stances.pair_steps import PairEdge
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.table_heads import difference, head_of
 from mlivr_gym.transitions.records import Release
 
-FORMAT = 4
+FORMAT = 5
 """Version of the file format."""
 
 COUNTS = ("considered", "reachable", "no_departure", "self", "cabin", "handrail")
@@ -64,9 +66,13 @@ def known_stances(graph: StanceGraph) -> PairStances | None:
     """
     for path in filter(Path.is_file, table_files(graph)):
         try:
-            return read_stances(graph, path)
+            found = read_stances(graph, path)
         except PairTableError as error:
             logging.getLogger(__name__).warning("%s: it is worked out anew", error)
+            continue
+        if path == kept_file(graph):
+            mark_used(path)
+        return found
     return None
 
 
@@ -93,11 +99,16 @@ def write_stances(graph: StanceGraph, stances: PairStances, path: Path) -> None:
     Raises:
         FileError: If the file cannot be written.
     """
+    write_whole(path, content_of(graph, stances))
+
+
+def content_of(graph: StanceGraph, stances: PairStances) -> bytes:
+    """What a file with a table holds."""
     postures, buffer = stances.postures, io.BytesIO()
     w, which = np.unique(np.column_stack([postures.w_m, postures.w_b]), axis=0, return_inverse=True)
     np.savez_compressed(
         buffer,
-        head=np.array([str(FORMAT), key_of(graph)]),
+        head=np.array(head_of(graph, FORMAT)),
         counts=np.array([stances.counts[name] for name in COUNTS]),
         points=stances.points.astype(np.uint16),
         tried=postures.tried.astype(np.int16),
@@ -107,7 +118,7 @@ def write_stances(graph: StanceGraph, stances: PairStances, path: Path) -> None:
         which=which.reshape(-1).astype(np.int32),
         **({} if stances.edges is None else {"edges": stances.edges, "released": stances.released}),
     )
-    write_whole(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 def read_stances(graph: StanceGraph, path: Path) -> PairStances:
@@ -120,12 +131,9 @@ def read_stances(graph: StanceGraph, path: Path) -> PairStances:
         # np.load does not close a file that is no archive.
         with path.open("rb") as stream, np.load(stream) as data:
             found = dict(data.items())
-        head = found["head"].tolist()
-        if head != [str(FORMAT), key_of(graph)]:
-            raise PairTableError(
-                f"step table {str(path)!r} is of format {head[0]} and graph {head[1]}; format "
-                f"{FORMAT} of graph {key_of(graph)} is needed"
-            )
+        another = difference(found["head"].tolist(), graph, FORMAT)
+        if another:
+            raise PairTableError(f"step table {str(path)!r} is {another}")
         return _checked(graph, found)
     except (OSError, ValueError, TypeError, KeyError, IndexError, EOFError,
             zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
@@ -182,15 +190,3 @@ def _checked(graph: StanceGraph, found: dict[str, NDArray[Any]]) -> PairStances:
     )
     counts = dict(zip(COUNTS, found["counts"].tolist(), strict=True))
     return PairStances(points, postures, counts, released, edges)
-
-
-def keep_stances(graph: StanceGraph, stances: PairStances) -> None:
-    """Keep a table in the cache folder; one that cannot be written is no error, but told."""
-    path = kept_file(graph)
-    if path is None:
-        return
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_stances(graph, stances, path)
-    except (OSError, FileError) as error:
-        logging.getLogger(__name__).warning("the table of steps is not kept: %s", error)

@@ -7,7 +7,7 @@ limb can keep on a step: one entry for each ordered pair of stances of a row, fi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -41,23 +41,6 @@ from mlivr_gym.world.grasp_map import GraspMap
 REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
 """Causes that keep a stance out of the graph."""
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
-
-
-def fill_rows(graph: PairGraph, progress: Callable[[int, int], None] | None = None) -> None:
-    """Check every step of a graph, once; `progress` is called with rows done and rows in all."""
-    if graph.complete:
-        return
-    m = len(graph.grasp_map)
-    graph.know_released(np.indices((len(graph), 2)).reshape(2, -1).T)
-    chunk = max(1, m // 16)
-    for held in range(2):
-        for begin in range(0, m, chunk):
-            pairs = [graph.pairs_of_row(held, p) for p in range(begin, min(begin + chunk, m))]
-            before, after = np.concatenate(pairs, axis=1)
-            graph.know_steps(np.full(len(before), held, dtype=np.int64), before, after)
-            if progress is not None:
-                progress(held * m + min(begin + chunk, m), 2 * m)
-    graph.complete = True
 
 
 class PairGraph(StanceGraph):

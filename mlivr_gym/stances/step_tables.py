@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,11 +9,12 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
-from mlivr_gym.stances.pair_files import keep_stances
-from mlivr_gym.stances.pair_graph import PairGraph, fill_rows
+from mlivr_gym.stances.pair_build import build_pairs, fill_rows
+from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.pair_steps import gather_steps
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_steps import steps_of_state
+from mlivr_gym.stances.workers import Progress
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.state import State, Successors
 
@@ -70,16 +70,14 @@ class StepTables(NamedTuple):
         )
 
 
-def step_tables(
-    graph: StanceGraph, progress: Callable[[int, int], None] | None = None
-) -> StepTables:
+def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTables:
     """The steps of a two-limb graph among the obstacles and occupied points that there are now.
 
-    Steps that are not known are checked, and kept in the cache folder, see `pair_files`.
+    Steps that are not known are checked, and kept in the cache folder, see `pair_build`.
 
     Args:
         graph: The stance graph.
-        progress: Called with rows done and rows in all while steps are checked.
+        progress: Called with the share of the steps that are checked.
 
     Raises:
         SettingError: If the robot has more than two limbs.
@@ -88,10 +86,10 @@ def step_tables(
         raise SettingError(
             f"exact tables need two limbs; robot {graph.robot.name!r} has {graph.limbs}"
         )
-    if not graph.complete:
+    if graph.obstacles or graph.occupied:
         fill_rows(graph, progress)
-        if not (graph.obstacles or graph.occupied):
-            keep_stances(graph, graph.kept())
+    elif not graph.complete:
+        build_pairs(graph, progress)
     start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
     none, nothing = np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.uint16)
     gather_steps(graph.steps, False, start, none, nothing)

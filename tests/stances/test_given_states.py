@@ -17,7 +17,7 @@ from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.timing import plan_trajectory
 from mlivr_gym.stances import step_tables as tables_module
-from mlivr_gym.stances.pair_graph import fill_rows
+from mlivr_gym.stances.pair_build import fill_rows
 from mlivr_gym.stances.random_states import random_state
 
 NAN, HUGE = float("nan"), 2**70

@@ -272,7 +272,7 @@ def test_what_was_unpacked_is_found_again(graph, table, tmp_path, monkeypatch, c
     node_files._kept.clear()
     path = unpacked_path(key_of(graph))
     in_columns = table._replace(points=np.asfortranarray(table.points))
-    node_files.write_unpacked(in_columns, path)
+    node_files.write_unpacked(in_columns, graph, path)
     found = node_table(graph)
     for one, other in zip(found, table, strict=True):
         np.testing.assert_array_equal(one, other)

@@ -6,7 +6,7 @@ import pytest
 from mlivr_gym import State, stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.pair_graph import fill_rows
+from mlivr_gym.stances.pair_build import fill_rows
 from mlivr_gym.stances.pair_steps import longest_step
 from mlivr_gym.stances.step_tables import step_tables
 

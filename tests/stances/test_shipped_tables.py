@@ -9,8 +9,8 @@ from mlivr_gym import Settings, stance_graph
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.paper import CASES, MODES, case_graph, default_setup
 from mlivr_gym.postures.postures import FIELDS
+from mlivr_gym.stances.pair_build import fill_rows
 from mlivr_gym.stances.pair_files import file_name
-from mlivr_gym.stances.pair_graph import fill_rows
 
 WORLDS = {"default": stance_graph} | {
     f"case {case}, {mode}": lambda case=case, mode=mode: case_graph(case, default_setup(), mode)

@@ -1,0 +1,90 @@
+"""How long it takes to work out all nodes of a graph, told by a few of them."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from mlivr_gym.arrays import BoolArray, IntArray
+from mlivr_gym.compiled.kernels import workers
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_pairs import Joined, Pair, count_pairs, list_pairs
+from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
+from mlivr_gym.stances.node_table_build import FEW, kept_at_most, nodes_of_sets, sets_of
+from mlivr_gym.stances.pair_build import Estimate
+from mlivr_gym.stances.stance_sets import StanceSets
+
+SAMPLE = 300
+"""Sets of points that are tried, if there are as many."""
+
+PAIRS = 3000
+"""Most pairs of nodes that are tried."""
+
+
+def estimate_nodes(graph: LazyGraph) -> Estimate:
+    """What building the table of a graph takes.
+
+    Every node a move apart from another has a rest in common with it, so all sets with one of some
+    rests tell how many such pairs there are.
+
+    Raises:
+        NodeTableError: If there is no such table.
+    """
+    sets = sets_of(graph)
+    candidates = f"{len(sets):,} sets of points"
+    if not len(sets):
+        return Estimate(candidates, 0.0, 0.0)
+    chosen, tried = _some(sets)
+    world = graph.grasp_map, graph.robot, graph.settings
+    nodes_of_sets(0, sets.points[tried[:1]], world)  # compiles
+    began = time.perf_counter()
+    *columns, rotation = nodes_of_sets(0, sets.points[tried], world)
+    seconds = (time.perf_counter() - began) * len(sets) / len(tried)
+    order = np.argsort(codes(columns[0]))
+    nodes = Nodes(*(one[order] for one in columns))
+    table = table_of(nodes)
+    every, begun = len(chosen), np.flatnonzero(_of_rests(table, sets, chosen))
+    members = table.members.astype(np.int64)
+    pairs, more = _pairs(table, begun), sets.rest_count / every
+    some = pairs[:: max(1, len(pairs) // PAIRS)]
+    kept_at_most(graph, nodes, rotation[order], members, some[:1])
+    began = time.perf_counter()
+    found = Joined(*kept_at_most(graph, nodes, rotation[order], members, some))
+    spent = time.perf_counter() - began
+    seconds += spent * more * len(pairs) / max(len(some), 1)
+    each = sum(one.itemsize * one[:1].size for one in table[:7]) + members.itemsize * graph.limbs
+    squares = float((np.diff(table.start)[begun].astype(float) ** 2).sum()) * more
+    lost = 16.0 * len(found.lost) * more * len(pairs) / max(len(some), 1)
+    size = each * len(nodes.points) * len(sets) / len(tried) + squares * 20 / 64 + lost
+    return Estimate(candidates, seconds / workers(len(sets), FEW), size)
+
+
+def _some(sets: StanceSets) -> tuple[IntArray, IntArray]:
+    """Some rests, and the rows of all sets that have one of them."""
+    order = np.random.default_rng(0).permutation(sets.rest_count)
+    sizes = np.bincount(sets.rests.ravel(), minlength=sets.rest_count)
+    count = 1 + int(np.searchsorted(np.cumsum(sizes[order]), SAMPLE))
+    chosen = order[:count]
+    return chosen, np.flatnonzero(np.isin(sets.rests, chosen).any(axis=1))
+
+
+def _of_rests(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArray:
+    """Which rests of a table are some of the sets, whichever limb holds which point, shape (r,)."""
+    points = table.points.astype(np.int64)
+    place = np.argsort(np.argsort(points, axis=1), axis=1)
+    left = np.take_along_axis(sets.rests[sets.find(points)], place, axis=1)
+    found = np.zeros(len(table.start) - 1, dtype=np.bool_)
+    found[table.rests[np.isin(left, chosen)]] = True
+    return found
+
+
+def _pairs(table: NodeTable, rests: IntArray) -> IntArray:
+    """Pairs of members of some rests that share branches, shape (p, 2)."""
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    for rest in rests.tolist():
+        before = Pair.before(table, rest)
+        pairs = np.empty((count_pairs(table, before.copy(), rest + 1), 2), dtype=np.int64)
+        list_pairs(table, before, rest + 1, pairs)
+        found.append(pairs)
+    return np.concatenate(found)

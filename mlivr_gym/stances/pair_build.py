@@ -1,0 +1,150 @@
+"""The complete table of two limbs: worked out once, and kept where graphs find it."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from contextlib import suppress
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import IntArray
+from mlivr_gym.stances.pair_files import (
+    PairTableError,
+    content_of,
+    kept_file,
+    read_stances,
+    table_files,
+    write_stances,
+)
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.parts import Parts, keep_table
+from mlivr_gym.stances.workers import Progress
+
+SAMPLE = 5000
+"""Steps that are checked, if there are as many, to tell how long all take."""
+
+SIDE = 64
+"""Most stances of a row whose steps are in the sample."""
+
+
+class Estimate(NamedTuple):
+    """What building a table takes."""
+
+    candidates: str
+    """What is tried, and how many."""
+    seconds: float
+    """Time it takes on this machine [s]."""
+    size: float
+    """Size of its file [bytes]."""
+
+
+def fill_rows(
+    graph: PairGraph, progress: Progress | None = None, parts: Parts | None = None
+) -> None:
+    """Check every step of a graph, once.
+
+    Args:
+        graph: The graph.
+        progress: Called with the share of the rows that is done.
+        parts: Where what is done is kept until all is; without obstacles and occupied points alone.
+    """
+    if graph.complete:
+        return
+    m, known, parts = len(graph.grasp_map), graph.steps, parts or Parts(None)
+    known.released[...] = parts.get("released", partial(_releases, graph))[0]
+    first = np.append(known.offset.ravel(), len(known.edges))
+    chunk = max(1, m // 16)
+    for held, begin in product(range(2), range(0, m, chunk)):
+        end = min(begin + chunk, m)
+        edges = known.edges[first[held * m + begin] : first[held * m + end]]
+        check = partial(_check_rows, graph, held, range(begin, end), edges)
+        edges[...] = parts.get(f"rows-{held}-{begin}", check)[0]
+        if progress is not None:
+            progress((held * m + end) / (2 * m))
+    graph.complete = True
+
+
+def _releases(graph: PairGraph) -> list[NDArray[Any]]:
+    """Work out on which branches every limb can be released."""
+    graph.know_released(np.indices((len(graph), 2)).reshape(2, -1).T)
+    return [graph.steps.released]
+
+
+def _check_rows(
+    graph: PairGraph, held: int, points: range, edges: NDArray[Any]
+) -> list[NDArray[Any]]:
+    """Check the steps of some rows; `edges` are theirs."""
+    before, after = np.concatenate([graph.pairs_of_row(held, p) for p in points], axis=1)
+    graph.know_steps(np.full(len(before), held, dtype=np.int64), before, after)
+    return [edges]
+
+
+def built_pairs(graph: PairGraph) -> Path | None:
+    """Where the complete table of a graph lies; None if it has to be built."""
+    for path in filter(Path.is_file, table_files(graph)):
+        with suppress(PairTableError):
+            read_stances(graph, path)
+            return path
+    return None
+
+
+def build_pairs(graph: PairGraph, progress: Progress | None = None) -> Path | None:
+    """See `table_build.build_table`."""
+    path = built_pairs(graph)
+    if path is None:
+        parts = Parts.of(graph, __file__)
+        fill_rows(graph, progress, parts)
+        path = keep_table(kept_file(graph), lambda file: write_stances(graph, graph.kept(), file))
+        if path is not None:
+            parts.remove()
+    return path
+
+
+def estimate_pairs(graph: PairGraph) -> Estimate:
+    """What building the table of a graph takes, told by a few of its steps."""
+    candidates = f"{graph.considered:,} pairs of points"
+    size: float = len(content_of(graph, graph.kept()._replace(edges=None, released=None)))
+    steps = int((graph.degree * (graph.degree - 1) // 2).sum())
+    if graph.complete or not steps:
+        return Estimate(candidates, 0.0, size)
+    held, before, after = _sample(graph)
+    graph.know_steps(held[:1], before[:1], after[:1])  # compiles
+    stances = np.unique([before, after])
+    began = time.perf_counter()
+    graph.know_released(np.stack([np.repeat(stances, 2), np.tile([0, 1], len(stances))], axis=1))
+    released = time.perf_counter()
+    graph.know_steps(held, before, after)
+    checked = time.perf_counter()
+    seconds = (released - began) * len(graph) / len(stances)
+    seconds += (checked - released) * steps / len(held)
+    edges = graph.steps.edges[graph.steps.edges["known"] == 1]
+    size += _packed(edges) * 2 * steps + _packed(graph.steps.released[stances]) * len(graph)
+    return Estimate(candidates, seconds, size)
+
+
+def _sample(graph: PairGraph) -> tuple[IntArray, IntArray, IntArray]:
+    """Limb that holds, stance before and stance after of some steps, (k,) each."""
+    rows = list(zip(*np.nonzero(graph.degree > 1), strict=True))
+    found, count = [], 0
+    for k in np.random.default_rng(0).permutation(len(rows)):
+        held, point = rows[k]
+        begin, end = graph.row_start[held, point : point + 2]
+        row = graph.rows[held, begin : min(end, begin + SIDE)]
+        i, j = np.tril_indices(len(row), -1)
+        found.append(np.stack([np.full(len(i), held), row[i], row[j]]))
+        count += len(i)
+        if count >= SAMPLE:
+            break
+    held, before, after = np.concatenate(found, axis=1)
+    return held, before, after
+
+
+def _packed(rows: NDArray[Any]) -> float:
+    """Bytes that each of some rows takes in a file."""
+    return len(zlib.compress(rows.tobytes())) / len(rows)

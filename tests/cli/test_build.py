@@ -1,0 +1,130 @@
+"""The command `build`."""
+
+import json
+
+import numpy as np
+import pytest
+from small_tables import small_map as few_points
+
+from mlivr_gym import stance_graph
+from mlivr_gym.cli import build
+from mlivr_gym.stances import node_files
+from mlivr_gym.stances.node_files import node_table, read_table
+from mlivr_gym.stances.pair_files import file_name, kept_file, read_stances
+
+
+@pytest.fixture
+def part(tmp_path):
+    """A map file of a few points."""
+    path = tmp_path / "few.json"
+    path.write_text(json.dumps(few_points().to_dict()), encoding="utf-8")
+    return str(path)
+
+
+@pytest.fixture(autouse=True)
+def cache(monkeypatch, tmp_path):
+    """An empty cache folder, and no table in memory."""
+    monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "new"))
+    monkeypatch.setattr(node_files, "_kept", type(node_files._kept)())
+
+
+def test_nodes_are_worked_out_and_then_found_by_planners(run, part):
+    code, out, _ = run("build", "--robot", "mlivr3", "--map", part)
+    graph = stance_graph(part, "mlivr3")
+    sets = graph.sets()
+    node_files._kept.clear()
+    found = node_table(graph)
+    assert code == 0
+    first, last = out.splitlines()
+    assert first.startswith(f"{len(sets):,} sets of points: about ")
+    assert str(node_files.unpacked_path(node_files.key_of(graph))) in last
+    assert len(found.points) > 10
+
+
+def test_all_steps_of_two_limbs_are_worked_out_and_then_known_at_once(run, part):
+    code, out, _ = run("build", "--map", part)
+    graph = stance_graph(part)
+    assert code == 0
+    assert graph.complete
+    first, last = out.splitlines()
+    assert first.startswith(f"{graph.considered:,} pairs of points: about ")
+    assert last == f"kept: {kept_file(graph)}"
+    code, out, _ = run("build", "--map", part, "--json")
+    assert code == 0
+    told = json.loads(out)
+    assert told["file"] == told["kept"] == str(kept_file(graph))
+    assert "about_seconds" not in told
+
+
+def test_a_file_is_written_where_it_is_wanted(run, part, tmp_path):
+    path = tmp_path / "nodes.xz"
+    code, *_ = run("build", "--robot", "mlivr3", "--map", part, "--out", str(path))
+    assert code == 0
+    graph = stance_graph(part, "mlivr3")
+    assert len(read_table(path, graph).points)
+
+
+def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp_path, monkeypatch):
+    path = tmp_path / "mine.npz"
+    monkeypatch.setenv("MLIVR_GYM_CACHE", "")
+    code, out, _ = run("build", "--map", part, "--out", str(path))
+    graph = stance_graph(part)
+    assert code == 0
+    assert not graph.complete
+    assert f"{path} (in a cache folder: {file_name(graph)})" in out
+    assert np.array_equal(read_stances(graph, path).points, graph.points)
+    monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "other"))
+    (tmp_path / "other").mkdir()
+    path.rename(tmp_path / "other" / file_name(graph))
+    assert stance_graph(part).complete
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--robot", "mlivr3", "--no-transitions"], "where steps are checked"),
+        (["--robot", "five.json"], "three or four limbs"),
+    ],
+)
+def test_what_has_no_table_is_refused(run, part, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "five.json").write_text('{"name": "five", "limbs": 5}')
+    code, _, err = run("build", "--map", part, *arguments)
+    assert code == 2
+    assert words in err
+
+
+def test_without_a_cache_folder_a_file_must_be_named(run, part, monkeypatch):
+    monkeypatch.setenv("MLIVR_GYM_CACHE", "")
+    code, _, err = run("build", "--robot", "mlivr3", "--map", part)
+    assert code == 2
+    assert "--out" in err
+
+
+def test_what_cannot_be_written_is_refused_before_anything_is_built(
+    run, part, tmp_path, monkeypatch
+):
+    def begin(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(build, "build_table", begin)
+    for out in (tmp_path, tmp_path / "no" / "nodes.xz"):
+        code, _, err = run("build", "--robot", "mlivr3", "--map", part, "--out", str(out))
+        assert code == 2
+        assert err.startswith("mlivr-gym: cannot write ")
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "file"))
+    code, _, err = run("build", "--map", part)
+    assert code == 2
+    assert err.splitlines()[-1].startswith("mlivr-gym: cannot write ")
+
+
+def test_a_table_that_is_not_kept_in_the_end_is_no_success(run, part, monkeypatch, caplog):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("mlivr_gym.stances.pair_build.write_stances", full)
+    code, out, _ = run("build", "--map", part)
+    assert code == 1
+    assert "kept: " not in out
+    assert "the table is not kept: [Errno 28] No space left" in caplog.text

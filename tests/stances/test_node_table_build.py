@@ -1,0 +1,112 @@
+"""Tables of nodes: stopped and gone on with, and what is told beforehand."""
+
+from functools import wraps
+
+import numpy as np
+import pytest
+from small_tables import small_map, small_table
+
+from mlivr_gym import stance_graph
+from mlivr_gym.compiled import kernels
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
+from mlivr_gym.stances import node_files, node_table_build
+from mlivr_gym.stances.node_estimate import estimate_nodes
+from mlivr_gym.stances.node_files import unpacked_path
+from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.table_build import build_table
+
+
+@pytest.fixture(autouse=True)
+def cache(monkeypatch, tmp_path):
+    """An empty cache folder, nothing in memory, and small blocks."""
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setattr(node_files, "_kept", type(node_files._kept)())
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def small_blocks(monkeypatch):
+    monkeypatch.setattr(node_table_build, "AT_ONCE", 60)
+    monkeypatch.setattr(node_table_build, "PAIRS", 200)
+
+
+def assert_same(table, other):
+    for one, two in zip(table, other, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def stop_at(share):
+    def progress(done):
+        if done >= share:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+def counted(done, name):
+    """A function of the module that counts its calls."""
+    work = getattr(node_table_build, name)
+
+    @wraps(work)
+    def call(*args):
+        done[name] += 1
+        return work(*args)
+
+    return call
+
+
+@pytest.mark.usefixtures("small_blocks")
+@pytest.mark.parametrize("share", [0.3, 0.8])
+def test_a_build_that_was_stopped_goes_on_where_it_was(monkeypatch, cache, share):
+    (_, truth), done = small_table(3), {"nodes_of_sets": 0, "_joined": 0}
+    for name in done:
+        monkeypatch.setattr(node_table_build, name, counted(done, name))
+    graph = stance_graph(small_map(), "mlivr3")
+    with pytest.raises(KeyboardInterrupt):
+        build_table(graph, stop_at(share))
+    first = dict(done)
+    assert first["nodes_of_sets"] > 1
+    parts = len(list(cache.glob("parts-*/*.npz")))
+    assert parts == sum(first.values())
+    again = stance_graph(small_map(), "mlivr3")
+    assert build_table(again) == unpacked_path(key_of(again))
+    assert_same(again.table, truth)
+    assert not list(cache.glob("parts-*"))
+    together = dict(done)
+    node_files._kept.clear()
+    unpacked_path(key_of(again)).unlink()
+    build_table(stance_graph(small_map(), "mlivr3"))
+    assert {name: done[name] - together[name] for name in done} == together  # each part once
+
+
+@pytest.mark.usefixtures("small_blocks")
+def test_processes_stop_when_they_are_not_wanted_and_keep_what_is_done(monkeypatch, cache):
+    monkeypatch.setattr(node_table_build, "FEW", 1)
+    monkeypatch.setattr(kernels, "_cores", lambda: 2)
+    with pytest.raises(KeyboardInterrupt):
+        build_table(stance_graph(small_map(), "mlivr3"), stop_at(1e-9))
+    assert list(cache.glob("parts-*/nodes_of_sets-*.npz"))
+    graph = stance_graph(small_map(), "mlivr3")
+    build_table(graph)
+    assert_same(graph.table, small_table(3)[1])
+
+
+@pytest.mark.parametrize("limbs", [3, 4])
+def test_time_and_size_are_told_beforehand(limbs):
+    """Here all rests are in the sample, so the size is nearly that of the file."""
+    graph, _ = small_table(limbs)
+    told = estimate_nodes(graph)
+    assert told.candidates == f"{len(graph.sets()):,} sets of points"
+    assert told.seconds > 0.0
+    fresh = stance_graph(small_map(), f"mlivr{limbs}")
+    assert told.size == pytest.approx(build_table(fresh).stat().st_size, rel=0.5)
+
+
+def test_an_unpacked_table_of_another_graph_is_passed_over(caplog):
+    graph = stance_graph(small_map(), "mlivr3")
+    path, (_, table) = unpacked_path(key_of(graph)), small_table(3)
+    path.parent.mkdir()
+    other = stance_graph(small_map(), "mlivr4")
+    node_files.write_unpacked(table, other, path)
+    assert node_files.node_table(graph) is None
+    assert "of another robot: it is passed over" in caplog.text

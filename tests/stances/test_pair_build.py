@@ -1,0 +1,180 @@
+"""Complete tables of two limbs: stopped and gone on with, by several at once, on a full disk."""
+
+import json
+import logging
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from mlivr_gym import stance_graph
+from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
+from mlivr_gym.files import FileError
+from mlivr_gym.stances import parts
+from mlivr_gym.stances.pair_build import SAMPLE, build_pairs, estimate_pairs, fill_rows
+from mlivr_gym.stances.pair_files import kept_file
+from mlivr_gym.stances.pair_graph import PairGraph
+
+KERNELS = kernel_root()
+
+
+@pytest.fixture(autouse=True)
+def cache(monkeypatch, tmp_path):
+    """An empty cache folder."""
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture(scope="module")
+def fewer(small_map):
+    return small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
+
+
+@pytest.fixture(scope="module")
+def whole(fewer):
+    """The graph with every step checked at once."""
+    graph = stance_graph(fewer)
+    fill_rows(graph)
+    return graph
+
+
+@pytest.fixture
+def checked(monkeypatch):
+    """How many steps were asked to be checked."""
+    counts, know = [0], PairGraph.know_steps
+
+    def counted(self, held, before, after):
+        counts[0] += len(held)
+        know(self, held, before, after)
+
+    monkeypatch.setattr(PairGraph, "know_steps", counted)
+    return counts
+
+
+def assert_same(graph, whole):
+    assert graph.complete
+    for ours, theirs in (
+        (graph.steps.edges, whole.steps.edges),
+        (graph.steps.released, whole.steps.released),
+    ):
+        for name in theirs.dtype.names:
+            np.testing.assert_array_equal(ours[name], theirs[name])
+
+
+def stop_at(share):
+    def progress(done):
+        if done >= share:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+def test_a_build_that_was_stopped_goes_on_where_it_was(fewer, whole, cache, checked):
+    graph = stance_graph(fewer)
+    every = int((graph.degree * (graph.degree - 1) // 2).sum())
+    with pytest.raises(KeyboardInterrupt):
+        build_pairs(graph, stop_at(0.6))
+    first = checked[0]
+    assert 0.3 * every < first < every
+    assert not kept_file(graph).exists()
+    again = stance_graph(fewer)
+    assert build_pairs(again) == kept_file(again)
+    assert checked[0] == every  # each once
+    assert_same(again, whole)
+    assert_same(stance_graph(fewer), whole)
+    assert [path.name for path in cache.iterdir()] == [kept_file(again).name]
+    build_pairs(stance_graph(fewer), stop_at(0.0))  # nothing is left to do
+    assert checked[0] == every
+
+
+@pytest.mark.parametrize("torn", [b"", b"no archive", None])
+def test_a_part_that_was_cut_off_or_altered_is_worked_out_anew(fewer, whole, cache, torn):
+    with pytest.raises(KeyboardInterrupt):
+        build_pairs(stance_graph(fewer), stop_at(0.6))
+    for path in cache.glob("parts-*/rows-*"):
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 0xFF
+        path.write_bytes(content if torn is None else torn)
+    graph = stance_graph(fewer)
+    build_pairs(graph)
+    assert_same(graph, whole)
+
+
+BUILD = """
+import json, sys
+from mlivr_gym import GraspMap, stance_graph
+from mlivr_gym.stances.table_build import build_table
+graph = stance_graph(GraspMap.from_dict(json.loads(sys.stdin.read())))
+assert graph.complete is False
+print(build_table(graph), graph.complete)
+"""
+
+
+def test_two_processes_build_at_once(fewer, whole, cache):
+    cache.mkdir()
+    (cache / "kernels").symlink_to(KERNELS)  # to compile takes minutes
+    command, text = [sys.executable, "-c", BUILD], json.dumps(fewer.to_dict())
+    with ThreadPoolExecutor(2) as pool:
+        both = pool.map(
+            lambda _: subprocess.run(
+                command, input=text, stdout=subprocess.PIPE, text=True, check=True
+            ),
+            range(2),
+        )
+        told = [one.stdout.splitlines() for one in both]
+    graph = stance_graph(fewer)
+    assert told == [[f"{kept_file(graph)} True"]] * 2
+    assert_same(graph, whole)
+    assert {path.name for path in cache.iterdir()} == {"kernels", kept_file(graph).name}
+
+
+def test_a_full_disk_is_told_and_all_goes_on(fewer, whole, monkeypatch, caplog):
+    def full(path, _):
+        raise FileError(f"cannot write {str(path)!r}: No space left on device")
+
+    for module in ("parts", "pair_files"):
+        monkeypatch.setattr(f"mlivr_gym.stances.{module}.write_whole", full)
+    graph = stance_graph(fewer)
+    with caplog.at_level(logging.WARNING):
+        assert build_pairs(graph) is None
+    assert_same(graph, whole)
+    lines = [record.getMessage() for record in caplog.records]
+    assert len(lines) == 2  # not one for each part
+    assert all(line.endswith("No space left on device") for line in lines)
+
+
+def test_a_folder_that_cannot_be_made_is_told_and_all_goes_on(
+    fewer, whole, monkeypatch, tmp_path, caplog
+):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
+    graph = stance_graph(fewer)
+    with caplog.at_level(logging.WARNING):
+        assert build_pairs(graph) is None
+    assert_same(graph, whole)
+    assert "the table is not kept" in caplog.text
+
+
+def test_parts_of_another_source_are_not_used(fewer, cache, monkeypatch, checked):
+    with pytest.raises(KeyboardInterrupt):
+        build_pairs(stance_graph(fewer), stop_at(0.6))
+    graph = stance_graph(fewer)
+    checked[0] = 0
+    monkeypatch.setattr(parts, "source_digest", lambda _: "0" * 16)
+    build_pairs(graph)
+    assert checked[0] == int((graph.degree * (graph.degree - 1) // 2).sum())
+
+
+def test_time_and_size_are_told_beforehand(small_map, whole):
+    """The sample is not all there is to do, and the size is within a factor of two."""
+    graph = stance_graph(small_map)
+    told = estimate_pairs(graph)
+    steps = int((graph.degree * (graph.degree - 1) // 2).sum())
+    assert np.count_nonzero(graph.steps.edges["known"]) < steps
+    assert steps > 2 * SAMPLE
+    assert told.candidates == f"{graph.considered:,} pairs of points"
+    assert 0.0 < told.seconds < 600.0
+    path = build_pairs(graph)
+    assert 0.5 < told.size / path.stat().st_size < 2.0
