@@ -16,16 +16,16 @@ from typing import NamedTuple
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 
 TABLES = {
-    "all steps of two limbs": r"\.?(pairs|steps)-[0-9a-f]+\.npz",
-    "all nodes of three or four limbs": r"\.?nodes-[0-9a-f]+(-\d+\.npy|\.xz)",
-    "sets of points within reach": r"\.?sets-[0-9a-f-]+\.npz",
-    "roadmap of three or four limbs": r"\.?roadmap-[0-9a-f]+\.npz",
+    "all steps of two limbs": r"(pairs|steps)-[0-9a-f]+\.npz",
+    "all nodes of three or four limbs": r"nodes-[0-9a-f]+(-\d+\.npy|\.xz)",
+    "sets of points within reach": r"sets-[0-9a-f-]+\.npz",
+    "roadmap of three or four limbs": r"roadmap-[0-9a-f]+\.npz",
     "part of a table that was not finished": r"parts-[0-9a-f-]+",
 }
-"""Names of what is kept of graphs, by what it is; a dot is before what was never finished."""
+"""Names of what is kept of graphs, by what it is."""
 
-UNFINISHED = r"(\.\w+)?"
-"""What `files.write_whole` adds to the name of what is not yet written."""
+UNFINISHED = r"\.{}\.\w+"
+"""How `files.write_whole` calls what is not yet written."""
 
 MACHINE_CODE = "machine code"
 
@@ -91,7 +91,10 @@ def remove(files: Sequence[Kept]) -> list[OSError]:
 
 def _what(name: str) -> str:
     """What something is by its name; empty for what is not of the package."""
-    return next((what for what, one in TABLES.items() if re.fullmatch(one + UNFINISHED, name)), "")
+    for what, one in TABLES.items():
+        if re.fullmatch(one, name) or re.fullmatch(UNFINISHED.format(one), name):
+            return what
+    return ""
 
 
 def _inside(folder: Path) -> list[Path]:

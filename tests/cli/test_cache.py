@@ -18,7 +18,14 @@ FILES = {
 }
 """Size, and when it was used last, of what is kept."""
 
-OTHERS = ("notes.txt", "pairs.npz", "kernels/readme", "photos/one.npz", "nodes-backup/x")
+OTHERS = (
+    "notes.txt",
+    "pairs.npz",
+    "kernels/readme",
+    "photos/one.npz",
+    "pairs-a.npz.old",
+    "nodes-backup/x",
+)
 """Files of the user in the same folder."""
 
 

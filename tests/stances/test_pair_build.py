@@ -2,8 +2,10 @@
 
 import json
 import logging
+import os
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
+from mlivr_gym.compiled.kept import kept
 from mlivr_gym.files import FileError
 from mlivr_gym.stances import parts
 from mlivr_gym.stances.pair_build import SAMPLE, build_pairs, estimate_pairs, fill_rows
@@ -178,3 +181,13 @@ def test_time_and_size_are_told_beforehand(small_map, whole):
     assert 0.0 < told.seconds < 600.0
     path = build_pairs(graph)
     assert 0.5 < told.size / path.stat().st_size < 2.0
+
+
+def test_a_table_that_is_read_counts_as_used(fewer, whole):
+    path = build_pairs(stance_graph(fewer))
+    os.utime(path, (100, 100))
+    (one,) = kept()
+    assert one.used == 100
+    stance_graph(fewer)
+    (one,) = kept()
+    assert one.used > time.time() - 600
