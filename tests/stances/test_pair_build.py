@@ -191,3 +191,4 @@ def test_a_table_that_is_read_counts_as_used(fewer, whole):
     stance_graph(fewer)
     (one,) = kept()
     assert one.used > time.time() - 600
+    assert path.stat().st_mtime > 100  # reading alone does not change that
