@@ -50,7 +50,8 @@ def run(args: argparse.Namespace) -> int:
         args.result |= {"about_seconds": needed.seconds, "about_bytes": needed.size}
         print(
             f"{needed.candidates}: about {about(needed.seconds)}, "
-            f"and a file of about {file_size(needed.size)}",
+            f"and a file of about {file_size(needed.size)}"
+            + (f"; {needed.done} parts are done already" if needed.done else ""),
             flush=True,
         )
     with Progress("building [%]", PER_CENT, quiet=args.quiet) as progress:

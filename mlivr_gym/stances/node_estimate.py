@@ -11,7 +11,13 @@ from mlivr_gym.compiled.kernels import workers
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import Joined, Pair, count_pairs, list_pairs
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
-from mlivr_gym.stances.node_table_build import FEW, kept_at_most, nodes_of_sets, sets_of
+from mlivr_gym.stances.node_table_build import (
+    FEW,
+    kept_at_most,
+    nodes_of_sets,
+    parts_of_nodes,
+    sets_of,
+)
 from mlivr_gym.stances.pair_build import Estimate
 from mlivr_gym.stances.stance_sets import StanceSets
 
@@ -57,7 +63,8 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
     squares = float((np.diff(table.start)[begun].astype(float) ** 2).sum()) * more
     lost = 16.0 * len(found.lost) * more * len(pairs) / max(len(some), 1)
     size = each * len(nodes.points) * len(sets) / len(tried) + squares * 20 / 64 + lost
-    return Estimate(candidates, seconds / workers(len(sets), FEW), size)
+    seconds /= workers(len(sets), FEW)
+    return Estimate(candidates, seconds, size, parts_of_nodes(graph).count())
 
 
 def _some(sets: StanceSets) -> tuple[IntArray, IntArray]:
@@ -73,9 +80,9 @@ def _of_rests(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArray
     """Which rests of a table are some of the sets, whichever limb holds which point, shape (r,)."""
     points = table.points.astype(np.int64)
     place = np.argsort(np.argsort(points, axis=1), axis=1)
-    left = np.take_along_axis(sets.rests[sets.find(points)], place, axis=1)
+    others = np.take_along_axis(sets.rests[sets.find(points)], place, axis=1)
     found = np.zeros(len(table.start) - 1, dtype=np.bool_)
-    found[table.rests[np.isin(left, chosen)]] = True
+    found[table.rests[np.isin(others, chosen)]] = True
     return found
 
 

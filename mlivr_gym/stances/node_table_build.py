@@ -92,6 +92,11 @@ def sets_of(graph: LazyGraph) -> StanceSets:
     return sets
 
 
+def parts_of_nodes(graph: LazyGraph) -> Parts:
+    """What is done of the table of a graph."""
+    return Parts.of(graph, __file__)
+
+
 Block = tuple[int, Any]
 """A number, and sets of points or the rest at which to end."""
 
@@ -119,6 +124,7 @@ def _each(
 ) -> list[Arrays]:
     """What one process finds of its blocks, each of which is a part."""
     found = []
+    tell(worker, float(not blocks))  # of a process for which there is none all is done
     for k, block in enumerate(blocks, 1):
         name = f"{work.__name__.strip('_')}-{block[0]}"
         found.append(parts.get(name, partial(work, *block, *shared)))

@@ -42,6 +42,8 @@ class Estimate(NamedTuple):
     """Time it takes on this machine [s]."""
     size: float
     """Size of its file [bytes]."""
+    done: int = 0
+    """Parts that a build that was stopped has done; the time is that of all."""
 
 
 def fill_rows(
@@ -94,11 +96,16 @@ def built_pairs(graph: PairGraph) -> Path | None:
     return None
 
 
+def parts_of_pairs(graph: PairGraph) -> Parts:
+    """What is done of the table of a graph."""
+    return Parts.of(graph, __file__)
+
+
 def build_pairs(graph: PairGraph, progress: Progress | None = None) -> Path | None:
     """See `table_build.build_table`."""
     path = built_pairs(graph)
     if path is None:
-        parts = Parts.of(graph, __file__)
+        parts = parts_of_pairs(graph)
         fill_rows(graph, progress, parts)
         path = keep_table(kept_file(graph), lambda file: write_stances(graph, graph.kept(), file))
         if path is not None:
@@ -125,7 +132,7 @@ def estimate_pairs(graph: PairGraph) -> Estimate:
     seconds += (checked - released) * steps / len(held)
     edges = graph.steps.edges[graph.steps.edges["known"] == 1]
     size += _packed(edges) * 2 * steps + _packed(graph.steps.released[stances]) * len(graph)
-    return Estimate(candidates, seconds, size)
+    return Estimate(candidates, seconds, size, parts_of_pairs(graph).count())
 
 
 def _sample(graph: PairGraph) -> tuple[IntArray, IntArray, IntArray]:

@@ -64,6 +64,10 @@ class Parts:
             self._write(name, found)
         return found
 
+    def count(self) -> int:
+        """Number of parts that are kept."""
+        return len([] if self.folder is None else list(self.folder.glob("*.npz")))
+
     def remove(self) -> None:
         """Remove all parts; what another build writes at the same time it removes itself."""
         if self.folder is not None:

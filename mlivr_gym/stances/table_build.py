@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.stances import node_table_build
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_estimate import estimate_nodes
 from mlivr_gym.stances.node_files import (
@@ -17,10 +16,11 @@ from mlivr_gym.stances.node_files import (
     write_table,
     write_unpacked,
 )
+from mlivr_gym.stances.node_table_build import build, parts_of_nodes
 from mlivr_gym.stances.pair_build import Estimate, build_pairs, built_pairs, estimate_pairs
 from mlivr_gym.stances.pair_files import file_name, write_stances
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.parts import Parts, keep_table
+from mlivr_gym.stances.parts import keep_table
 from mlivr_gym.stances.stance_sets import key_of
 from mlivr_gym.stances.workers import Progress
 
@@ -56,8 +56,8 @@ def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) 
         return build_pairs(graph, progress)
     path, table = unpacked_path(key_of(graph)), node_table(graph)
     if table is None:
-        parts = Parts.of(graph, node_table_build.__file__)
-        table = node_table_build.build(graph, progress, parts)
+        parts = parts_of_nodes(graph)
+        table = build(graph, progress, parts)
         remember(table, graph)
         path = keep_table(path, partial(write_unpacked, table, graph))
         if path is not None:

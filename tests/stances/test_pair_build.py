@@ -82,6 +82,9 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(fewer, whole, cache, chec
     first = checked[0]
     assert 0.3 * every < first < every
     assert not kept_file(graph).exists()
+    told = estimate_pairs(stance_graph(fewer))
+    assert told.done == len(list(cache.glob("parts-*/*.npz"))) > 10
+    checked[0] = first
     again = stance_graph(fewer)
     assert build_pairs(again) == kept_file(again)
     assert checked[0] == every  # each once
