@@ -31,7 +31,7 @@ NUMBERS = {2: "two", 3: "three", 4: "four"}
 SINGLE: tuple[dict[str, Any], ...] = (
     {},
     {"collisions": False},
-    {"precompute": True},
+    {"clearance": 0.021},
     {"robot": "mlivr3"},
     {"robot": "mlivr4"},
     {"robot": "mlivr4", "collisions": False},
@@ -115,7 +115,7 @@ def settings_of(native: bool = False, **arguments: Any) -> str:
     """Arguments of an environment in words, the default ones too.
 
     Args:
-        native: Whether it is the vector environment, which works every step out beforehand.
+        native: Whether it is the vector environment, which needs every step.
         arguments: Arguments of `MlivrEnv`.
     """
     limbs = robot_spec(arguments.get("robot", "mlivr2")).limbs
@@ -123,10 +123,10 @@ def settings_of(native: bool = False, **arguments: Any) -> str:
         f"{NUMBERS[limbs]} limbs",
         "collisions on" if arguments.get("collisions", True) else "collisions off",
     ]
-    if native:
-        found.append("all steps precomputed")
-    elif arguments.get("precompute"):
-        found.append("`precompute=True`")
+    if "clearance" in arguments:
+        found.append(f"`clearance={arguments['clearance']}`, steps checked when met")
+    elif native or limbs == 2:
+        found.append("table that ships")
     elif limbs > 2 and arguments.get("collisions", True):
         found.append("table of nodes")
     else:
@@ -154,13 +154,13 @@ def measure(seconds: float) -> list[Measured]:
         env = gymnasium.make(ID, **plain, **arguments)
         run = partial(single, env, seconds, True)
         rows.append(best(ID, settings_of(**arguments), run))
-    for count in (64, 1024):
+    for count in (256, 1024):
         copies = gymnasium.make_vec(ID, num_envs=count)
         run = partial(vector, copies, seconds)
         rows.append(best(f"{ID}, native vector, {count} copies", settings_of(native=True), run))
-    sync = gymnasium.make_vec(ID, num_envs=4, vectorization_mode="sync", precompute=True)
+    sync = gymnasium.make_vec(ID, num_envs=4, vectorization_mode="sync")
     run = partial(vector, sync, seconds)
-    rows.append(best(f"{ID}, SyncVectorEnv, 4 copies", settings_of(precompute=True), run))
+    rows.append(best(f"{ID}, SyncVectorEnv, 4 copies", settings_of(), run))
     for name in ("Taxi-v4", "FrozenLake-v1", "Ant-v5"):
         env = gymnasium.make(name, **plain)
         rows.append(best(name, "", partial(single, env, seconds, name == "Taxi-v4")))

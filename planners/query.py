@@ -29,6 +29,9 @@ GOAL_TOLERANCE = 0.2
 """Radius of the goal region in the paper [m]."""
 
 
+MOST_EXPANSIONS = 10**30
+"""Most that may be asked for as a limit; no search is longer, and compiled ones take 64 bits."""
+
 QUERY: Kinds = {
     **WALK,
     **COST_KINDS,
@@ -41,7 +44,7 @@ QUERY: Kinds = {
     "method": Choice(METHODS),
     "heuristic": Maybe(Choice(HEURISTICS)),
     "inflation": Maybe(Tuples((), 1.0)),
-    "limit": Whole(1, sys.maxsize),
+    "limit": Whole(1, MOST_EXPANSIONS),
     "time_limit": Maybe(NOT_NEGATIVE),
     "seed": SEED,
 }
@@ -182,7 +185,8 @@ class Search:
             raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {name!r} has more")
         if heuristic == "cost_to_go" and plain:
             raise SettingError("method 'algorithm1' needs a heuristic other than 'cost_to_go'")
-        limit, inflation, seconds = options.limit, options.inflation, options.time_limit
+        limit, inflation = min(options.limit, sys.maxsize), options.inflation
+        seconds = options.time_limit
         if seconds is not None and (tables or plain):
             name = graph.robot.name
             raise SettingError(

@@ -60,7 +60,7 @@ def test_every_speed_tells_its_settings(pages):
     assert all(re.search(r"two limbs, collisions (on|off)", told) for told in settings)
     known = pages.benchmark_env.settings_of
     steps = [told for row, told in zip(rows, settings, strict=True) if "steps a second" in row]
-    assert steps == [known(), known(precompute=True), known(native=True)]
+    assert steps == [known(), known(native=True)]
 
 
 def test_every_part_is_shown_and_every_mark_is_of_a_part(pages, told):

@@ -9,8 +9,16 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.bit_sets import NONE
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.envs.tasks import MOST_STEPS, Task, WalkTasks, halves
+from mlivr_gym.envs.tasks import (
+    MOST_STEPS,
+    Task,
+    TaskGenerator,
+    WalkTasks,
+    draw_task,
+    halves,
+)
 from mlivr_gym.errors import StanceError
+from mlivr_gym.stances.moves import Moves, TableMoves
 from mlivr_gym.stances.step_tables import state_of
 from mlivr_gym.stances.table_steps import any_step, find_step
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
@@ -19,7 +27,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mlivr_gym.envs.streams import Stream
-    from mlivr_gym.stances.moves import TableMoves
     from mlivr_gym.stances.step_tables import StepTables
     from mlivr_gym.transitions.state import State
     from mlivr_gym.world.grasp_map import GraspMap
@@ -179,7 +186,20 @@ def _walk_towards(
     return here
 
 
-def draw_walk(
+def draw_over(
+    moves: Moves, tasks: TaskGenerator, stream: Stream, tolerance: float, start: State | None
+) -> Task:
+    """A task as `tasks.draw_task` draws it, from tables of steps where there are any.
+
+    Arguments and errors are those; the graph is that of the moves.
+    """
+    at_posture = start is None or start.pose is None
+    if isinstance(moves, TableMoves) and isinstance(tasks, WalkTasks) and at_posture:
+        return _draw_walk(moves, tasks, stream, tolerance, start)
+    return draw_task(tasks, moves.graph, stream, tolerance, start)
+
+
+def _draw_walk(
     moves: TableMoves, tasks: WalkTasks, stream: Stream, tolerance: float, start: State | None
 ) -> Task:
     """A task as `tasks` draws it, number for number of the same stream, over tables of steps.

@@ -14,7 +14,7 @@ from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.actions import action_number
 from mlivr_gym.envs.arguments import ENV
-from mlivr_gym.envs.batch import draw_walk
+from mlivr_gym.envs.batch import draw_over
 from mlivr_gym.envs.current_moves import CurrentMoves
 from mlivr_gym.envs.dynamics import check_dynamics, physical_walk
 from mlivr_gym.envs.grasp_failure import failure_probabilities
@@ -24,7 +24,7 @@ from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import REWARD, Reward, StepOutcome, TaskReward
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.tasks import TASKS, Task, TaskGenerator, WalkTasks, draw_task, fixed_task
+from mlivr_gym.envs.tasks import TASKS, TaskGenerator, fixed_task
 from mlivr_gym.envs.viewer import RENDER_FPS, Viewer
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.batches import distance
@@ -282,9 +282,8 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             start, goal = fixed_task(self.tasks, graph, given.task, self.goal_tolerance)
         goal = None if goal is None else graph.grasp_map.check_goal(goal)
         if start is None or goal is None:
-            task = self._draw(start)
-            start = task.start if start is None else start
-            goal = task.goal if goal is None else goal
+            task = draw_over(self.moves, self.tasks, self._stream, self.goal_tolerance, start)
+            start, goal = start or task.start, task.goal if goal is None else goal
         if walk is not None:
             start = walk.start(start, given.plan, walk.draw(self._stream))
             self._measures = walk.measures
@@ -295,13 +294,6 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self.steps, self.base_translation = 0, 0.0
         self._show("the start", None if walk is None else at_rest(walk.configuration))
         return self._observation(), self._info(False)
-
-    def _draw(self, start: State | None) -> Task:
-        """A task, with a start that may be given."""
-        moves, at_posture = self.moves, start is None or start.pose is None
-        if isinstance(moves, TableMoves) and isinstance(self.tasks, WalkTasks) and at_posture:
-            return draw_walk(moves, self.tasks, self._stream, self.goal_tolerance, start)
-        return draw_task(self.tasks, self.graph, self._stream, self.goal_tolerance, start)
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Move limb `action // m` to point `action % m`.

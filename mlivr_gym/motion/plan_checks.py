@@ -12,7 +12,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.warming import warming
@@ -177,13 +177,20 @@ def _flange(lengths: Array, joints: Array) -> tuple[Array, Array]:
     )
     for q, d, a, quarter in rows:
         place = place + turn @ np.array([a * np.cos(q), a * np.sin(q), d])
-        turn = turn @ Rotation.from_euler("ZX", [q, quarter * np.pi / 2]).as_matrix()
+        turn = (
+            turn
+            @ scipy.spatial.transform.Rotation.from_euler(
+                "ZX", [q, quarter * np.pi / 2]
+            ).as_matrix()
+        )
     return place, turn
 
 
 def _rotations(motion: Motion) -> Array:
     """Base rotations, shape (K, 3, 3)."""
-    turns: Array = Rotation.from_quat(motion.base_quaternions, scalar_first=True).as_matrix()
+    turns: Array = scipy.spatial.transform.Rotation.from_quat(
+        motion.base_quaternions, scalar_first=True
+    ).as_matrix()
     return turns
 
 

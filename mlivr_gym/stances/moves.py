@@ -43,6 +43,10 @@ class Place(NamedTuple):
 class Moves(Protocol):
     """What environments, baselines and policies ask of a stance graph."""
 
+    @property
+    def graph(self) -> StanceGraph:
+        """The stance graph."""
+
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
 

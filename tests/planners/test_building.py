@@ -3,12 +3,14 @@
 import math
 import threading
 import time
+from collections import OrderedDict
 
 import numpy as np
 import pytest
 from small_tables import small_map
 
 from mlivr_gym import stance_graph
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.building import finished
 from mlivr_gym.stances.random_states import random_state
@@ -41,6 +43,8 @@ def test_its_error_is_raised_where_it_is_waited_for():
 
 def test_a_query_ends_in_time_whatever_is_worked_out(monkeypatch):
     """And the next one finds what was worked out meanwhile."""
+    monkeypatch.setenv(CACHE_VARIABLE, "")
+    monkeypatch.setattr("mlivr_gym.stances.stance_sets._kept", OrderedDict())
     graph = stance_graph(small_map(), "mlivr3")
     start = random_state(graph, np.random.default_rng(0))
     goal = graph.posture_of(start).base_position[0] + (0.3, 0.0, 0.0)
