@@ -16,8 +16,8 @@ from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.timing import plan_trajectory
-from mlivr_gym.stances import step_tables as tables_module
 from mlivr_gym.stances.pair_build import fill_rows
+from mlivr_gym.stances.pair_files import PairTableError, read_stances, write_stances
 from mlivr_gym.stances.random_states import random_state
 
 NAN, HUGE = float("nan"), 2**70
@@ -180,12 +180,12 @@ def graph_and_tables(small_map, tmp_path_factory):
     """A graph that knows none of its steps, and the file and arrays of all of them."""
     full, path = stance_graph(small_map, settings=NO_COLLISIONS), tmp_path_factory.mktemp("steps")
     fill_rows(full)
-    tables_module._write(full, path / "steps.npz")
+    write_stances(full, full.kept(), path / "steps.npz")
     with np.load(path / "steps.npz") as data:
         found = {name: data[name] for name in data}
     fresh = stance_graph(small_map, settings=NO_COLLISIONS)
-    assert tables_module._read(fresh, path / "steps.npz")
-    return stance_graph(small_map, settings=NO_COLLISIONS), found
+    assert read_stances(fresh, path / "steps.npz")
+    return fresh, found
 
 
 @pytest.mark.parametrize(
@@ -204,8 +204,8 @@ def test_tables_of_steps_with_other_numbers_are_worked_out_anew(
     target = found[array] if field is None else found[array][field]
     target[(-1,) + (0,) * (target.ndim - 1)] = value
     np.savez(path, **found)
-    assert not tables_module._read(fresh, path)
-    assert not fresh.complete
+    with pytest.raises(PairTableError, match="holds no step table"):
+        read_stances(fresh, path)
 
 
 def test_no_stances_have_no_postures_and_no_steps(graph, state, small_map):
