@@ -55,7 +55,7 @@ def test_points_that_are_none_are_named(graph, state, number):
             lambda stance=stance: graph.step_to(state, stance),
             lambda stance=stance: graph.state(stance),
         ):
-            with pytest.raises(StanceError, match=r"0 to 37|38 points|stance\[\d\] is .* index"):
+            with pytest.raises(StanceError, match=r"0 to 37|38 points"):
                 ask()
 
 
@@ -146,7 +146,6 @@ def numbers_in(data, place=()):
 def test_a_plan_with_other_numbers_is_refused_or_followed(small_map, small_checked_graph):
     """Every number of the motion, one at a time: what is read is executed or told apart.
 
-    Without its map and its checksum, since with either of them all would be refused.
     Durations are worked out for the first that is followed in each place, since that takes longest.
     """
     graph = small_checked_graph
@@ -159,13 +158,12 @@ def test_a_plan_with_other_numbers_is_refused_or_followed(small_map, small_check
         timed = False
         for number in (-1, 7, 8, 99, HUGE, NAN, 1e300, 3.7):
             data = json.loads(whole)
-            del data["checksum"]
             inner = data["motion"]
             for key in places[place][:-1]:
                 inner = inner[key]
             inner[places[place][-1]] = number
             try:
-                changed = Plan.from_dict(data)
+                changed = Plan.from_dict(data, small_map)
                 for k in range(len(changed.steps)):
                     step_motion(graph, changed, k, 4)
                 if not timed:
@@ -179,14 +177,15 @@ def test_a_plan_with_other_numbers_is_refused_or_followed(small_map, small_check
 
 @pytest.fixture(scope="module")
 def graph_and_tables(small_map, tmp_path_factory):
-    """A graph, and the arrays of the file of its steps."""
+    """A graph that knows none of its steps, and the file and arrays of all of them."""
     full, path = stance_graph(small_map, settings=NO_COLLISIONS), tmp_path_factory.mktemp("steps")
     fill_rows(full)
     write_stances(full, full.kept(), path / "steps.npz")
     with np.load(path / "steps.npz") as data:
         found = {name: data[name] for name in data}
-    assert len(read_stances(full, path / "steps.npz").edges)
-    return full, found
+    fresh = stance_graph(small_map, settings=NO_COLLISIONS)
+    assert read_stances(fresh, path / "steps.npz")
+    return fresh, found
 
 
 @pytest.mark.parametrize(
@@ -202,10 +201,11 @@ def test_tables_of_steps_with_other_numbers_are_worked_out_anew(
 ):
     fresh, path = graph_and_tables[0], tmp_path / "steps.npz"
     found = {name: part.copy() for name, part in graph_and_tables[1].items()}
+    found["mask"] = found["mask"].astype(np.int64)
     target = found[array] if field is None else found[array][field]
     target[(-1,) + (0,) * (target.ndim - 1)] = value
     np.savez(path, **found)
-    with pytest.raises(PairTableError, match="holds no"):
+    with pytest.raises(PairTableError, match="holds no step table"):
         read_stances(fresh, path)
 
 
