@@ -156,7 +156,8 @@ def report(data: dict[str, Any]) -> str:
         "of processor time: with caches empty and all compiled on the machine, with caches empty",
         "and the ready-made machine code, and once more.",
         "",
-        f"Measured on {data['machine']}; other work ran beside at a load of {data['load']:.1f}, so",
+        f"Measured on {data['machine']}; other work ran beside at a load of "
+        f"{max(data['load'], 0.0):.1f}, so",
         "that processor time is what can be compared.",
         "",
         "| path | compiled: functions | s | ready-made: functions | s | again: s |",
