@@ -88,10 +88,16 @@ def _check_rows(
 
 
 def built_pairs(graph: PairGraph) -> Path | None:
-    """Where the complete table of a graph lies; None if it has to be built."""
+    """Where the complete table of a graph lies; None if it has to be built.
+
+    A graph that was made before the table was kept has all its steps from then on.
+    """
     for path in filter(Path.is_file, table_files(graph)):
         with suppress(PairTableError):
-            read_stances(graph, path)
+            known = read_stances(graph, path)
+            if not (graph.complete or graph.obstacles or graph.occupied):
+                graph.steps.edges[...], graph.steps.released[...] = known.edges, known.released
+                graph.complete = True
             return path
     return None
 

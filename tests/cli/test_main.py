@@ -145,14 +145,17 @@ def test_an_option_that_would_be_ignored_is_refused(run, arguments, words):
 
 
 def test_ctrl_c_ends_a_search_with_one_line_and_130(tmp_path):
-    """Also in the middle of the compiled search, which would go on for a minute."""
+    """Also in the middle of the compiled search, which would go on for a minute.
+
+    No table ships for that threshold.
+    """
     code = """
 import signal
 from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores the signal
 print("ready", flush=True)
-exit(main(["plan", "--method", "dijkstra", "--quiet"]))
+exit(main(["plan", "--method", "dijkstra", "--limb-threshold", "0.09", "--quiet"]))
 """
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", code], **pipes) as process:

@@ -9,11 +9,12 @@ import pytest
 from pinocchio_robots import pinocchio_robot
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import Limb, Settings, robot_spec
+from mlivr_gym import Limb, Settings, robot_spec, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import RobotError
 from mlivr_gym.motion.trajectory import FREE
+from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.scene import set_configuration
@@ -117,8 +118,10 @@ def test_another_arm_is_not_simulated_with_masses_of_the_ur5e(
     with refused:
         MlivrEnv(robot, dynamics="mujoco", collisions=False)
     path, out = tmp_path / "plan.json", tmp_path / "walk"
-    world = replace(plan.world, robot=robot, settings=Settings(collisions=False))
-    replace(plan, world=world).save(path)
+    graph = stance_graph(jem, robot, Settings(collisions=False))
+    goal = graph.base_in_world[graph.row(0, 0)[0]]
+    start = graph.points[0].tolist()
+    Planner(graph).plan(start, goal, "steps", goal_tolerance=0.01).unwrap().save(path)
     assert main(["simulate", "--plan", str(path), "--out", str(out)]) == 2
     assert "robot 'own' cannot be simulated" in capsys.readouterr().err
     assert not out.exists()

@@ -55,7 +55,7 @@ def test_points_that_are_none_are_named(graph, state, number):
             lambda stance=stance: graph.step_to(state, stance),
             lambda stance=stance: graph.state(stance),
         ):
-            with pytest.raises(StanceError, match=r"0 to 37|38 points"):
+            with pytest.raises(StanceError, match=r"0 to 37|38 points|stance\[\d\] is .* index"):
                 ask()
 
 
@@ -146,6 +146,7 @@ def numbers_in(data, place=()):
 def test_a_plan_with_other_numbers_is_refused_or_followed(small_map, small_checked_graph):
     """Every number of the motion, one at a time: what is read is executed or told apart.
 
+    Without its map and its checksum, since with either of them all would be refused.
     Durations are worked out for the first that is followed in each place, since that takes longest.
     """
     graph = small_checked_graph
@@ -158,12 +159,13 @@ def test_a_plan_with_other_numbers_is_refused_or_followed(small_map, small_check
         timed = False
         for number in (-1, 7, 8, 99, HUGE, NAN, 1e300, 3.7):
             data = json.loads(whole)
+            del data["checksum"]
             inner = data["motion"]
             for key in places[place][:-1]:
                 inner = inner[key]
             inner[places[place][-1]] = number
             try:
-                changed = Plan.from_dict(data, small_map)
+                changed = Plan.from_dict(data)
                 for k in range(len(changed.steps)):
                     step_motion(graph, changed, k, 4)
                 if not timed:
@@ -177,15 +179,14 @@ def test_a_plan_with_other_numbers_is_refused_or_followed(small_map, small_check
 
 @pytest.fixture(scope="module")
 def graph_and_tables(small_map, tmp_path_factory):
-    """A graph that knows none of its steps, and the file and arrays of all of them."""
+    """A graph, and the arrays of the file of its steps."""
     full, path = stance_graph(small_map, settings=NO_COLLISIONS), tmp_path_factory.mktemp("steps")
     fill_rows(full)
     write_stances(full, full.kept(), path / "steps.npz")
     with np.load(path / "steps.npz") as data:
         found = {name: data[name] for name in data}
-    fresh = stance_graph(small_map, settings=NO_COLLISIONS)
-    assert read_stances(fresh, path / "steps.npz")
-    return fresh, found
+    assert len(read_stances(full, path / "steps.npz").edges)
+    return full, found
 
 
 @pytest.mark.parametrize(

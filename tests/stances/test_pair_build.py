@@ -195,3 +195,10 @@ def test_a_table_that_is_read_counts_as_used(fewer, whole):
     (one,) = kept()
     assert one.used > time.time() - 600
     assert path.stat().st_mtime > 100  # reading alone does not change that
+
+
+def test_a_graph_made_before_the_table_was_kept_has_all_its_steps(fewer, whole):
+    early, late = (stance_graph(fewer) for _ in range(2))
+    build_pairs(late)
+    build_pairs(early)
+    assert_same(early, whole)
