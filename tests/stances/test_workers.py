@@ -3,24 +3,9 @@
 import time
 
 import pytest
+from shared_work import quick, slow
 
-from mlivr_gym.stances.workers import Workers, tell
-
-PARTS = 200
-
-
-def slow(worker):
-    """Takes 20 s unless it is stopped."""
-    for k in range(PARTS):
-        time.sleep(0.1)
-        tell(worker, (k + 1) / PARTS)
-    return worker
-
-
-def quick(worker, add):
-    tell(worker, 0.5)
-    return worker + add
-
+from mlivr_gym.stances.workers import Workers
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_what_is_found_comes_in_order_and_shares_grow(count):
