@@ -7,6 +7,7 @@ from shared_work import quick, slow
 
 from mlivr_gym.stances.workers import Workers
 
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_what_is_found_comes_in_order_and_shares_grow(count):
     shares = []
