@@ -15,6 +15,7 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.node_costs import costs_to_goal
 from mlivr_gym.planners.node_levels import fewest_steps
+from mlivr_gym.planners.node_obstacles import NodesAmongObstacles
 from mlivr_gym.planners.pair_search import weights_of
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -48,9 +49,16 @@ class NodeBounds:
     """Lower bounds to the goals that were asked last."""
 
     def __init__(self, graph: LazyGraph, table: NodeTable) -> None:
-        """Of a graph, without obstacles, and all its nodes."""
+        """Of a graph and all its nodes."""
         self.graph, self.table = graph, table
+        self._world: NodesAmongObstacles | None = None
         self._kept: OrderedDict[tuple[Any, ...], Bounds] = OrderedDict()
+
+    def world(self) -> NodesAmongObstacles:
+        """The nodes among the present obstacles, with what was looked at before."""
+        if self._world is None or self._world.version != self.graph.version:
+            self._world = NodesAmongObstacles(self.graph, self.table)
+        return self._world
 
     def known(self, goal: Goal, starts: IntArray) -> Bounds | None:
         """What is kept that serves from some nodes; None if nothing does."""

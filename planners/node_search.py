@@ -31,7 +31,6 @@ from mlivr_gym.postures.turns import turned
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import ends_of
-from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.transitions.state import State
 
 
@@ -57,6 +56,9 @@ SOON = Manner(1.0, ROOM, 500_000, bounds=True)
 ROUNDS = FIRST, SOON, Manner(1.1, 8), Manner(1.0, ROOM, bounds=True), Manner(1.0, ROOM)
 """One round after the other."""
 
+ROUND = 200
+"""Nodes that are looked at about one which touches an obstacle."""
+
 SAME = 1e-9
 """A walk whose cost is less by no more than this share is no better."""
 
@@ -74,11 +76,13 @@ class NodeSearch:
         """Look up where walks may begin.
 
         Args:
-            bounds: What is left at least, of a graph without obstacles.
+            bounds: What is left at least.
             goal: Where to go.
             start: Where to start, no goal.
         """
-        self.graph, self.table, self.goal, self._bounds = bounds.graph, bounds.table, goal, bounds
+        self.graph, self.goal, self._bounds = bounds.graph, goal, bounds
+        self._world = bounds.world()
+        self.table = self._world.table
         self.low, self.generated, self.found = 0.0, 0, False
         self._known, self._nothing = (KnownSteps.none(len(self.table.points)) for _ in range(2))
         self._labels = Labels.of(len(self.table.points))
@@ -163,6 +167,9 @@ class NodeSearch:
                 self.low = max(self.low, low)
             if walk is None:
                 return None
+            if self._world.look_at(walk.nodes):
+                self._look_round(walk.nodes)
+                continue
             self._learn(walk.bits)
             states = self._states(walk) if self._stands(walk) else None
             if states is not None:
@@ -175,6 +182,13 @@ class NodeSearch:
             if manner.bounds:
                 return None
         return None
+
+    def _look_round(self, nodes: IntArray) -> None:
+        """Look at nodes that were reached about those of a walk which touches something."""
+        touching = nodes[self.table.masks[nodes] != self._bounds.table.masks[nodes]]
+        reached = self._labels.waiting.node[: self._labels.used].astype(np.int64)
+        for node in touching.tolist():
+            self._world.look_at(reached, ROUND, self.table.base_position[node])
 
     def _cost(self, states: list[At]) -> float:
         """What a walk costs."""
@@ -189,10 +203,11 @@ class NodeSearch:
             return
         (before, i), (after, j), back = ends_of(self.table, new)
         rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
-        stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
+        stances = self._world.stances(rows, turns)
         here = np.arange(len(new))
         steps = graph.step_rows(stances, here, here + len(new), stances.mask[here])
         found = graph.masks_of_steps(steps, stances)
+        self._world.learn_released(rows, turns, stances)
         kept = packed(turned(found, i + 1)[:, : graph.limbs - 1])
         kept[~found.all(axis=1)] = 0
         self._known = self._known.with_steps(before, new, kept)

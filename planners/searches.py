@@ -219,17 +219,16 @@ class LazySearcher:
             if not finished(("nodes", key), lambda: node_table(graph), search.until):
                 return False
             node_table(graph)
-        if graph.table is not None and not graph.obstacles:
+        if graph.table is not None:
             return True
         work_out = self.work_out
         return finished(("sets", key), lambda: graph.sets(work_out=work_out), search.until)
 
     def _node_bounds(self) -> NodeBounds | None:
-        """What is left over all nodes; None where these are not known, or there are obstacles."""
-        table = None if self.graph.obstacles else self.graph.table
-        if table is None:
+        """What is left over all nodes; None where these are not known."""
+        if self.graph.table is None:
             return None
-        self._bounds = self._bounds or NodeBounds(self.graph, table)
+        self._bounds = self._bounds or NodeBounds(self.graph, self.graph.table)
         return self._bounds
 
     def find(self, search: Search, first: State) -> Path | None:
