@@ -28,7 +28,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import observations, stance_observations
 from mlivr_gym.envs.rewards import StepReward
 from mlivr_gym.envs.tasks import WalkTasks
-from mlivr_gym.planners.table_values import TableValues
+from mlivr_gym.planners.table_values import TableValues, stances_at
 from mlivr_gym.stances.step_tables import StepTables, without_points
 
 SAME_GOAL = 0.01
@@ -177,7 +177,7 @@ class Imitation:
             return _nothing(self.m), 1.0
         env = self.env
         cost, risk = cost_of(env), env.failure_probability
-        values = TableValues(tables, goals, env.goal_tolerance, cost, risk)
+        values = TableValues(tables, stances_at(tables, goals, env.goal_tolerance), cost, risk)
         which, stances = self._starts(values)
         layout = _Layout(free, goals, values, sum(map(len, self._reach)))
         held = (tables.masks != 0).all(axis=1)

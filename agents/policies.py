@@ -17,7 +17,7 @@ from mlivr_gym.planners.baselines import find_walk
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.query import Goal
-from mlivr_gym.planners.table_values import TableValues
+from mlivr_gym.planners.table_values import TableValues, stances_at
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.pair_graph import PairGraph
 
@@ -72,7 +72,8 @@ class ExpertPolicy:
             risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
             cost = cost_of(env)
             self._moves, self._goal = moves, goal
-            self._values = TableValues(moves.tables, env.goal[None], env.goal_tolerance, cost, risk)
+            goals = stances_at(moves.tables, env.goal[None], env.goal_tolerance)
+            self._values = TableValues(moves.tables, goals, cost, risk)
         if env.state.pose is not None:
             # No stance of the table; a first grasp that fails is not expected.
             steps = moves.successors(env.state)

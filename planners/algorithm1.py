@@ -1,6 +1,6 @@
 """Algorithm 1 of the paper in plain Python: best-first search over stances.
 
-This is the search to read first, and what the compiled ones (`pair_search`, `lazy_search`) are
+This is the search to read first, and what the others (`table_search`, `lazy_search`) are
 compared with. It asks a stance graph for nothing but `posture_of`, `successors` and `max_step`, so
 it serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
 `heuristic="paper"` nodes, edges and estimate are the paper's. Where steps are checked, a node is a
@@ -29,7 +29,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.planners.pair_search import EXHAUSTED, FOUND, LIMIT
+from mlivr_gym.planners.outcome import EXHAUSTED, FOUND, LIMIT
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -40,7 +40,7 @@ class Explored:
     """The tree of a search: its expanded states in order, the goal last if it was found."""
 
     status: int = EXHAUSTED
-    """`FOUND`, `EXHAUSTED` or `LIMIT` of `pair_search`."""
+    """`FOUND`, `EXHAUSTED` or `LIMIT`."""
     states: list[State] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
     """Index of the state that each one was reached from, -1 at the start."""

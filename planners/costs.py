@@ -12,6 +12,7 @@ import numpy as np
 
 from mlivr_gym.arguments import Kinds, checked
 from mlivr_gym.arrays import Array
+from mlivr_gym.compiled.records import Record
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.schema import Choice, Maybe, Tuples
@@ -101,3 +102,19 @@ class Cost:
             return EAGERNESS * distance * (self.base_weight + self.step_weight / STRIDE)
         price = max(self.step_weight, MOVE * self.base_weight)
         return HASTE * (price * moves + (self.base_weight + PER_METRE * price) * distance)
+
+
+class Weights(Record):
+    """What compiled searches charge for a step."""
+
+    base: float
+    """Weight of the base displacement [1/m]."""
+    step: float
+    """Charge for each step."""
+
+
+def weights_of(cost: Cost) -> Weights:
+    """A cost as compiled searches read it."""
+    out: Weights = Weights.row()
+    out["base"], out["step"] = cost.base_weight, cost.step_weight
+    return out

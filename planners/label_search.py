@@ -1,197 +1,392 @@
-"""The cheapest walk over a roadmap on which every limb that holds keeps a branch (compiled).
+"""Label-setting A* over the nodes of a table, for any number of limbs (compiled).
 
-A robot that comes to a stance may be on some branches of each limb only, by the steps that it took;
-so a stance is entered once for each set of masks that no cheaper way there covers: a label.
+A state is a node and a label: the branches that each limb may still be on. An edge takes from the
+label of each limb that holds the branches that it cannot keep; a label is dropped where another of
+the same node costs no more and has all its branches, which dominates it. Edges that were checked
+keep what was found; the others are taken to keep what the table says they keep at most, so that the
+least cost found without the former is a lower bound of the cost of all plans.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.planners.queue import Queue, first, has_room, pop, push, queue
-from mlivr_gym.transitions.rule import can_release, kept_on_edge
+from mlivr_gym.compiled.limb_masks import (
+    NO_LIMB,
+    all_keep_one,
+    beside,
+    has_bit,
+    held_beside,
+    mask_of,
+)
+from mlivr_gym.compiled.records import Record
+from mlivr_gym.planners.backward_search import degree, least_cost
+from mlivr_gym.planners.bucket_queue import (
+    NOTHING,
+    NodeQueue,
+    least_waiting,
+    nothing_at_hand,
+    put,
+    put_back,
+    take,
+    width_for,
+)
+from mlivr_gym.planners.costs import Weights
+from mlivr_gym.planners.known_steps import KnownSteps, place_of
+from mlivr_gym.stances.node_pairs import lost_on, row_of
+from mlivr_gym.stances.node_table import NodeTable
 
-ROOM = 1 << 17
+ROOM = 1 << 22
 """Most labels of a search."""
 
-NO_LABEL, NO_ROOM = -1, -2
-"""What a search ends with that found nothing: no walk, or too many labels."""
+PAUSE = 1 << 14
+"""Labels that are taken before a search looks at the clock."""
+
+NO_LABEL, NO_ROOM, PAUSED, LIMIT, PENDING = -1, -2, -3, -4, -5
+"""How a search ends: with no label waiting, its arrays full, to look at the clock and go on, at its
+limit of expansions, or for the edges to some labels to be checked."""
+
+BATCH = 64
+"""Most edges that are checked at once."""
+
+Check = Callable[[IntArray, NDArray[np.uint64]], NDArray[np.uint64]]
+"""Checks edges, by their bits and the branches before them; returns those after, 0 for none."""
+
+Steps = tuple[NodeTable, KnownSteps, Weights]
+"""The nodes, the steps known of them, and what is minimised."""
 
 
-class Roads(NamedTuple):
-    """Steps between n stances, in both directions, by the stance that they leave.
+class Manner(NamedTuple):
+    """How a search looks for a walk."""
 
-    There are millions, so numbers are small: memory that is used first costs more than all else.
-    """
-
-    start: NDArray[np.int32]
-    """First step of each stance, and their number, shape (n + 1,)."""
-    other: NDArray[np.int32]
-    """Stance after each step, shape (e,)."""
-    limb: NDArray[np.uint8]
-    """Limb that it moves, shape (e,)."""
-    turn: NDArray[np.uint8]
-    """Turn that puts the limbs in the places that they have at the stance after it, shape (e,)."""
-    kept: NDArray[np.uint16]
-    """Masks that limbs keep that hold; of the one that moves those it may be on then, (e, N).
-
-    The limbs are those of the stance before.
-    """
-    released: NDArray[np.uint16]
-    """Masks on which each limb can be released at each stance, shape (n, N)."""
+    g: float = 1.0
+    """Weight of the cost so far in the order of the queue, that of the bound being 1: 1 for A*,
+    `1 / w` for a walk that costs at most w times the least, 0 for greedy search."""
+    most: int = ROOM
+    """Most labels of a node."""
+    room: int = ROOM
+    """Labels after which it gives up."""
+    limit: int = ROOM
+    """Most labels that are expanded."""
+    lazy: bool = False
+    """Whether the edge to a label is checked when the label is taken from the queue; otherwise the
+    edges of the walk that is found remain to be checked."""
 
 
-class Origins(NamedTuple):
-    """K stances at which walks begin."""
+class Running(Record):
+    """Where a search is."""
 
-    stance: IntArray
-    """Shape (k,)."""
-    masks: IntArray
-    """Branches that each limb may be on, shape (k, N)."""
+    g: float
+    """See `Manner`."""
+    most: int
+    """See `Manner`."""
+    room: int
+    """See `Manner`."""
+    limit: int
+    """See `Manner`."""
+    lazy: bool
+    """See `Manner`."""
+    below: float
+    """Cost that a walk must not reach; once one was found its own: the incumbent."""
+    pause: int
+    """Labels that are taken before the search looks at the clock."""
+    seeded: bool
+    """Whether the origins are in the queue."""
+    found: int
+    """Label of the cheapest walk found, `NO_LABEL` without one."""
+    expanded: int
+    """Labels expanded."""
+    pending: int
+    """Labels whose edges are to be checked."""
+
+
+class Labels(NamedTuple):
+    """Labels of a search, each an entry of its queue: which nodes are reached on which branches."""
+
+    waiting: NodeQueue
+    """The queue, with the node of each label."""
+    cost: NDArray[np.float64]
+    """Cost of each, shape (room,)."""
+    link: NDArray[np.int32]
+    """Label before on the walk, or -1 less the origin, shape (room,)."""
+    bits: NDArray[np.int64]
+    """Bit of the step from there, see `node_pairs`, shape (room,)."""
+    masks: NDArray[np.uint64]
+    """Branches that the limbs may be on, see `limb_masks`, shape (room,)."""
+    previous: NDArray[np.int32]
+    """Label before at the same node, shape (room,)."""
+    last: NDArray[np.int32]
+    """Last label of each node, shape (n,)."""
+    expanded: NDArray[np.int32]
+    """Labels in the order in which they were expanded, shape (room,)."""
+    checked: NDArray[np.bool_]
+    """Labels the edge to which was checked, shape (room,)."""
+    pending: IntArray
+    """Labels the edges to which are to be checked, shape (BATCH,)."""
+
+    @classmethod
+    def of(cls, nodes: int) -> Labels:
+        """Room for the labels of some number of nodes."""
+        link, previous = (np.empty(ROOM, dtype=np.int32) for _ in range(2))
+        bits, masks = np.empty(ROOM, dtype=np.int64), np.empty(ROOM, dtype=np.uint64)
+        last, expanded = np.empty(nodes, dtype=np.int32), np.empty(ROOM, dtype=np.int32)
+        return cls(
+            NodeQueue.of(ROOM), np.empty(ROOM), link, bits, masks, previous, last, expanded,
+            np.empty(ROOM, dtype=np.bool_), np.empty(BATCH, dtype=np.int64),
+        )  # fmt: skip
+
+    @property
+    def used(self) -> int:
+        """Labels made by the last search."""
+        filled: Any = self.waiting.filled
+        return int(filled["used"])
+
+    def walk_to(self, label: int) -> NodeWalk:
+        """The walk that leads to a label."""
+        chain = [label]
+        while self.link[chain[-1]] >= 0:
+            chain.append(int(self.link[chain[-1]]))
+        chain.reverse()
+        origin, cost = -1 - int(self.link[chain[0]]), float(self.cost[label])
+        nodes = self.waiting.node[chain].astype(np.int64)
+        return NodeWalk(cost, origin, nodes, self.bits[chain[1:]], self.masks[chain])
+
+
+class NodeWalk(NamedTuple):
+    """A walk over nodes."""
+
+    cost: float
+    """What it costs."""
+    origin: int
+    """Which origin it begins at."""
+    nodes: IntArray
+    """Rows of the nodes, shape (k + 1,)."""
+    bits: IntArray
+    """Bits of the steps between them, shape (k,)."""
+    masks: NDArray[np.uint64]
+    """Branches that the limbs may be on at the nodes, shape (k + 1,)."""
+
+
+class NodeOrigins(NamedTuple):
+    """Where walks begin, k nodes."""
+
+    nodes: IntArray
+    """Rows, shape (k,)."""
+    masks: NDArray[np.uint64]
+    """Branches that the limbs may be on, shape (k,)."""
     cost: Array
     """What it cost to get there, shape (k,)."""
 
 
-class Labels(NamedTuple):
-    """What goes with the entries of the queue."""
+class Outcome(NamedTuple):
+    """What a search found."""
 
-    masks: IntArray
-    """Branches that each limb may be on, shape (room, N)."""
-    previous: IntArray
-    """Label before at the same stance, shape (room,)."""
-    last: IntArray
-    """Last label of each stance, shape (n,)."""
-
-
-class RoadmapWalk(NamedTuple):
-    """A walk over a roadmap."""
-
-    origin: int
-    """Which origin it begins at."""
-    stances: list[int]
-    """Stances from there on."""
-    steps: list[int]
-    """Steps between them."""
-    masks: IntArray
-    """Branches that each limb may be on at the stances, shape (k, N)."""
+    walk: NodeWalk | None
+    """The walk, None if none was found."""
+    low: float
+    """No walk costs less; `below` if none costs less than that. Only with weight 1 of the cost."""
+    end: int
+    """Why it ended: `NO_LABEL`, `NO_ROOM`, `LIMIT`, or `PAUSED` if its time was over."""
+    expanded: int
+    """Labels expanded."""
 
 
 def cheapest_walk(
-    roads: Roads, cost: Array, h: Array, origins: Origins, factors: Sequence[float]
-) -> RoadmapWalk | None:
-    """The walk of least cost to a stance of which `h` is 0, or one within a factor of it.
+    steps: Steps,
+    h: Array,
+    origins: NodeOrigins,
+    labels: Labels,
+    manner: Manner,
+    *,
+    below: float = np.inf,
+    until: float = np.inf,
+    check: Check | None = None,
+) -> Outcome:
+    """A walk to a node of which `h` is 0.
+
+    With weight 1 of the cost and any number of labels it is one of least cost.
 
     Args:
-        roads: The steps.
-        cost: Cost of each, infinite if it cannot be taken, shape (e,).
-        h: Lower bounds of the cost from each stance, infinite if none leads on, shape (n,).
-        origins: Where walks begin.
-        factors: Weights of `h`, at least 1, ascending: more labels are looked at the smaller it is,
-            so the next is taken where that takes more than `ROOM`.
-
-    Returns:
-        The walk; None if there is none, or if it takes too many labels with every factor.
+        steps: The nodes, the steps known of them, and what is minimised.
+        h: Consistent lower bounds of the cost from each node, shape (n,).
+        origins: Where it may begin.
+        labels: Room.
+        manner: How it is looked for.
+        below: Cost that it must not reach.
+        until: When to give up, on the clock of `time.perf_counter`.
+        check: What checks edges, where they are checked one by one.
     """
-    room, limbs = ROOM + len(origins.stance), roads.kept.shape[1]
-    item = NO_ROOM
-    for factor in factors:
-        entries = queue(room)
-        labels = Labels(
-            np.empty((room, limbs), dtype=np.int64),
-            np.empty(room, dtype=np.int64),
-            np.full(len(h), NO_LABEL),
-        )
-        item = int(_cheapest((roads, cost), h, factor, origins, entries, labels))
-        if item != NO_ROOM:
-            break
-    if item < 0:
-        return None
-    chain = [item]
-    while entries.link[chain[-1]] >= 0:
-        chain.append(int(entries.link[chain[-1]]))
-    chain.reverse()
-    origin = -1 - int(entries.link[chain[0]])
-    stances, steps = entries.node[chain].tolist(), entries.bits[chain[1:]].tolist()
-    return RoadmapWalk(origin, stances, steps, labels.masks[chain])
+    how = Running.row()
+    how["g"], how["most"], how["room"], how["limit"], how["lazy"] = manner
+    how["below"], how["pause"], how["found"] = below, PAUSE, NO_LABEL
+    estimates = how["g"] * origins.cost + h[origins.nodes]
+    labels.waiting.empty(float(estimates.min(initial=np.inf)), width_for(steps[2]))
+    labels.last[:] = NO_LABEL
+    end = PAUSED
+    while end in (PAUSED, PENDING) and time.perf_counter() < until:
+        end = int(_cheapest(steps, h, how, origins, labels))
+        if end == PENDING:
+            assert check is not None
+            pending = labels.pending[: int(how["pending"])]
+            left = check(labels.bits[pending], labels.masks[labels.link[pending]])
+            put_back_checked(labels, pending, left)
+            how["pending"] = 0
+    if not how["seeded"]:
+        return Outcome(None, 0.0, end, 0)
+    low, found = float(how["below"]), int(how["found"])
+    if end != NO_LABEL:
+        low = min(low, labels.waiting.least)
+    walk = None if found == NO_LABEL else labels.walk_to(found)
+    return Outcome(walk, low, end, int(how["expanded"]))
 
 
 @entry
 def _cheapest(
-    steps: tuple[Roads, Array],
+    steps: Steps,
     h: Array,
-    factor: float,
-    origins: Origins,
-    entries: Queue,
+    manner: Running,
+    origins: NodeOrigins,
     labels: Labels,
 ) -> int:
-    """Entry of the first label taken at a stance of which `h` is 0, see `cheapest_walk`."""
-    roads, cost = steps
-    for k in range(len(origins.stance)):
-        s, item = origins.stance[k], entries.filled.used
-        if h[s] < np.inf:
-            for i in range(labels.masks.shape[1]):
-                labels.masks[item, i] = origins.masks[k, i]
-            _note(item, s, labels)
-            push(entries, origins.cost[k] + factor * h[s], origins.cost[k], 0.0, s, -1 - k, -1)
-    while entries.filled.size > 0:
-        here = first(entries)
-        s = entries.node[here]
+    """Go on until the cheapest label of a node of which `h` is 0 is found, see `cheapest_walk`.
+
+    Returns:
+        `NO_LABEL` at the end, or why it stopped: `NO_ROOM`, `PAUSED` or `LIMIT`.
+    """
+    table, _, _ = steps
+    waiting, count = labels.waiting, 0
+    if not manner.seeded:
+        manner.seeded = True
+        for k in range(len(origins.nodes)):
+            s, cost = origins.nodes[k], origins.cost[k]
+            if h[s] < np.inf:
+                if waiting.filled.used >= len(waiting.node):
+                    return NO_ROOM
+                _note(labels, s, origins.masks[k], cost, -1 - k, -1)
+                labels.checked[waiting.filled.used] = True
+                put(waiting, manner.g * cost + h[s], s)
+    while True:
+        if count == manner.pause:
+            return PAUSED
+        count += 1
+        if manner.pending and nothing_at_hand(waiting):
+            return PENDING
+        here = take(waiting)
+        if here == NOTHING:
+            return NO_LABEL
+        s, cost = int(waiting.node[here]), labels.cost[here]
+        if manner.found != NO_LABEL and least_waiting(waiting) >= manner.below:
+            return NO_LABEL
+        if not cost + h[s] < manner.below:
+            continue
+        if manner.lazy and not labels.checked[here]:
+            if not _covered(labels, s, labels.masks[here], cost, here, manner):
+                labels.pending[manner.pending] = here
+                manner.pending += 1
+                if manner.pending == BATCH:
+                    return PENDING
+            continue
         if h[s] == 0.0:
-            return int(here)
-        start, stop = int(roads.start[s]), int(roads.start[s + 1])
-        if not has_room(entries, stop - start):
+            manner.found, manner.below = here, cost
+            if manner.g < 1.0:
+                return NO_LABEL
+            continue
+        if waiting.filled.used + degree(table, s) > min(len(waiting.node), manner.room):
+            put_back(waiting, here)
             return NO_ROOM
-        pop(entries)
-        for e in range(start, stop):
-            other, g = int(roads.other[e]), entries.g[here] + cost[e]
-            item = entries.filled.used
-            if not (g + h[other] < np.inf and _may_step(here, item, e, roads, entries, labels)):
+        if not _covered(labels, s, labels.masks[here], cost, here, manner):
+            if manner.expanded >= manner.limit:
+                put_back(waiting, here)
+                return LIMIT
+            labels.expanded[manner.expanded] = here
+            manner.expanded += 1
+            _expand(steps, h, manner, here, labels)
+
+
+@kernel
+def _expand(
+    steps: Steps,
+    h: Array,
+    manner: Running,
+    here: int,
+    labels: Labels,
+) -> None:
+    """Note what steps lead to from a label."""
+    table, known, weights = steps
+    limbs = table.points.shape[1]
+    s, masks = int(labels.waiting.node[here]), labels.masks[here]
+    for limb in range(limbs):
+        row = row_of(table, s, limb)
+        if row < 0 or mask_of(masks & table.released[s], limb) == NO_LIMB:
+            continue
+        rest, held = table.rests[s, limb], held_beside(masks, limb, limbs)
+        begin, end = int(table.start[rest]), int(table.start[rest + 1])
+        for k in range(end - begin):
+            if not has_bit(table.bits, row + k):
                 continue
-            if not _covered(item, other, g, entries, labels):
-                _note(item, other, labels)
-                push(entries, g + factor * h[other], g, 0.0, other, here, e)
-    return NO_LABEL
+            other, moved = divmod(int(table.members[begin + k]), limbs)
+            if h[other] == np.inf:
+                continue
+            kept = held & held_beside(table.masks[other], moved, limbs) & ~lost_on(table, row + k)
+            if known.at[s]:
+                place = place_of(known, row + k)
+                if known.keys[place] == row + k:
+                    kept &= known.kept[place]
+            if not all_keep_one(kept, limbs):
+                continue
+            cost = labels.cost[here] + least_cost(table, s, other, weights)
+            if not cost + h[other] < manner.below:
+                continue
+            after = beside(kept, mask_of(table.released[other], moved), moved, limbs)
+            if not _covered(labels, other, after, cost, -1, manner):
+                _note(labels, other, after, cost, here, row + k)
+                put(labels.waiting, manner.g * cost + h[other], other)
 
 
 @kernel
-def _note(item: int, s: int, labels: Labels) -> None:
-    """Note a label as the last of its stance."""
-    labels.previous[item] = labels.last[s]
-    labels.last[s] = item
+def _note(labels: Labels, s: int, masks: np.uint64, cost: float, link: int, bit: int) -> None:
+    """Note a label as the last of its node; it is put into the queue next."""
+    item = labels.waiting.filled.used
+    labels.masks[item], labels.cost[item] = masks, cost
+    labels.link[item], labels.bits[item] = link, bit
+    labels.previous[item], labels.last[s] = labels.last[s], item
+    labels.checked[item] = False
 
 
 @kernel
-def _may_step(here: int, item: int, e: int, roads: Roads, entries: Queue, labels: Labels) -> bool:
-    """Masks of `item` after step `e` from label `here`; whether the step can be taken."""
-    limb, turn, masks = int(roads.limb[e]), int(roads.turn[e]), labels.masks
-    limbs = masks.shape[1]
-    if not can_release(masks[here, limb], int(roads.released[entries.node[here], limb])):
-        return False
-    for i in range(limbs):
-        kept = int(roads.kept[e, i])
-        if i != limb:
-            kept = kept_on_edge(masks[here, i], kept)
-        if kept == 0:
-            return False
-        masks[item, (i - turn + limbs) % limbs] = kept
-    return True
+def _covered(
+    labels: Labels, s: int, masks: np.uint64, g: float, item: int, manner: Running
+) -> bool:
+    """Whether another label of a node dominates a label: costs no more and has all its branches.
 
-
-@kernel
-def _covered(item: int, s: int, g: float, entries: Queue, labels: Labels) -> bool:
-    """Whether a label of a stance costs no more than `g` and has all branches of `item`."""
-    masks, other = labels.masks, labels.last[s]
+    Also whether the node has its most labels, if `item`, the number of the label, is -1 for a new
+    one. Of two that are equal the earlier one covers the other. Where edges are checked one by one
+    a label counts once that to it was.
+    """
+    other, count = labels.last[s], 0
     while other >= 0:
-        more = 0
-        for i in range(masks.shape[1]):
-            more |= masks[item, i] & ~masks[other, i]
-        if more == 0 and entries.g[other] <= g:
-            return True
+        if not manner.lazy or labels.checked[other]:
+            cost = labels.cost[other]
+            earlier = item < 0 or cost < g or masks != labels.masks[other] or other < item
+            if other != item and cost <= g and masks & ~labels.masks[other] == NO_LIMB and earlier:
+                return True
+            count += 1
         other = labels.previous[other]
-    return False
+    return item < 0 and count >= manner.most
+
+
+@entry
+def put_back_checked(labels: Labels, pending: IntArray, left: NDArray[np.uint64]) -> None:
+    """Put labels back whose edges were checked, with the branches that are left, if any are."""
+    for k in range(len(pending)):
+        item = pending[k]
+        labels.masks[item], labels.checked[item] = left[k], True
+        if left[k] != NO_LIMB:
+            put_back(labels.waiting, item)

@@ -11,28 +11,31 @@ Every entry has a lower bound of the cost of the plans through it, from the tria
 cost of every plan, so a plan is told with the factor within which it is proved. A search for the
 least cost takes entries by their bound. Others take them by turns in an order of promise, which may
 lead into a pocket, and by their bound with what is left inflated, which leads out again; once there
-is a plan now and then also by bound alone, to prove it good. Where there is a table of all nodes
-plans come from that and are bounded by it before an entry is taken, see `node_search`. Where there
-is a roadmap instead the first plan comes from there, see `first_walk`.
+is a plan now and then also by bound alone, to prove it good. Where there is a table
+of all nodes plans come from that instead, see `table_search`.
 """
 
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.planners.first_walk import At, Joining
-from mlivr_gym.planners.found import Found, Improvement
 from mlivr_gym.planners.move_bounds import MoveBounds
-from mlivr_gym.planners.node_bounds import NodeBounds
-from mlivr_gym.planners.node_search import NodeSearch
-from mlivr_gym.planners.pair_search import FOUND, LIMIT
+from mlivr_gym.planners.outcome import (
+    EXHAUSTED,
+    FOUND,
+    LIMIT,
+    Improvement,
+    Path,
+    chain_to,
+    tree_of,
+)
 from mlivr_gym.planners.query import Search
 from mlivr_gym.planners.queues import Block, Entry, Queue
-from mlivr_gym.planners.roadmap import Roadmap
 from mlivr_gym.planners.set_bounds import SetBounds
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
@@ -49,38 +52,52 @@ INFLATED = 2.0
 PROVING = 5
 """Once there is a plan one entry of so many is taken by bound alone, to prove it good."""
 
-JOINING = 0.8
-"""Most of the time that goes into a first walk over the roadmap."""
-
-EXPANDED = 2000
-"""Most states that are expanded to join the roadmap."""
-
 ROUNDING = 1e-9
 """Costs that differ by this share are equal."""
 
 
-def lazy_search(
-    graph: LazyGraph,
-    start: State,
-    search: Search,
-    roadmap: Roadmap | None = None,
-    bounds: NodeBounds | None = None,
-) -> Found:
+@dataclass
+class Found:
+    """Outcome of a search: expanded states with their parents, costs and postures.
+
+    Attributes:
+        status: `FOUND`, `EXHAUSTED` or `LIMIT`.
+        goal: Index of the state that ends the best plan, or of the last expanded one.
+        bound: Factor of the least cost within which the plan is proved.
+    """
+
+    status: int = EXHAUSTED
+    states: list[State] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    costs: list[float] = field(default_factory=list)
+    postures: list[Postures] = field(default_factory=list)
+    generated: int = 1
+    goal: int = -1
+    bound: float = np.inf
+    improvements: list[Improvement] = field(default_factory=list)
+
+
+def lazy_search(graph: LazyGraph, start: State, search: Search) -> Path | None:
     """Best-first search from a state to any stance whose base lies in the goal region.
 
     Args:
         graph: The stance graph.
         start: Where to start.
         search: What to look for, and how.
-        roadmap: What leads to a first plan, where that is wanted.
-        bounds: What is left from all nodes, to plan over these.
+
+    Returns:
+        What was found; None if no moves lead to the goal, whatever steps there are.
     """
-    running = _LazySearch(graph, start, search)
-    if bounds is not None:
-        running.over_nodes(bounds)
-    elif roadmap is not None:
-        running.join(roadmap)
-    return running.run()
+    found = _LazySearch(graph, start, search).run()
+    if not found.states:
+        return None
+    position = np.concatenate([p.base_position for p in found.postures])
+    states = tuple(found.states[k] for k in chain_to(found.parents, found.goal))
+    counts, tree = (len(found.states), found.generated), tree_of(position, found.parents)
+    return Path(
+        found.status, states, found.costs[found.goal], *counts, tree,
+        bound=found.bound, improvements=tuple(found.improvements),
+    )  # fmt: skip
 
 
 class _LazySearch:
@@ -90,7 +107,7 @@ class _LazySearch:
         self.graph, self.search, self.began = graph, search, search.began
         self.start, self.goal, self.cost = start, search.goal, search.goal.cost
         self.max_step = graph.max_step
-        self.found, self.turn, self.least, self.begun, self.over = Found(), 0, 0.0, False, False
+        self.found, self.turn = Found(), 0
         self.by_bound, self.by_promise, self.inflated = Queue(), Queue(), Queue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
         """Masks and costs with which each stance was expanded."""
@@ -105,53 +122,12 @@ class _LazySearch:
 
     def _begin(self) -> None:
         """Put the start into the queues."""
-        start, first, self.begun = self.start, self.graph.posture_of(self.start), True
+        start, first = self.start, self.graph.posture_of(self.start)
         entry = Entry(start.stance, -1, 0.0, 0.0, 0.0, first, start)
         if start.pose is None:  # from another pose limbs may reach farther
             stance = np.array([start.stance])
             entry.low = float(self._low(stance, first.base_position, np.zeros(1))[0])
         self._push(entry)
-
-    def join(self, roadmap: Roadmap) -> None:
-        """Begin with the walk that a roadmap leads to."""
-        self._begin()
-        until = self.began + JOINING * self.search.time_limit
-        joining = Joining(self.graph, roadmap, self.goal, until, EXPANDED)
-        walk = joining.walk(self.start)
-        self.found.generated += len(joining.reached)
-        if walk is not None:
-            self._take(walk)
-
-    def over_nodes(self, bounds: NodeBounds) -> None:
-        """Begin with walks over the table of all nodes."""
-        posture = self.graph.posture_of(self.start)
-        if self.goal.reached(posture.base_position[0], self.start.stance):
-            return
-        nodes = NodeSearch(bounds, self.goal, self.start)
-        if self.start.pose is None:  # from another pose limbs may reach farther
-            away = self.goal.distance(posture.base_position[0])
-            self.least = float(self.search.estimate(away, self.max_step))
-        for walk in nodes.walks(self.search.until):
-            self.least = max(self.least, nodes.low)
-            self._take(walk)
-            if not self._goes_on():
-                break
-        self.least = max(self.least, nodes.low)
-        self.found.generated += nodes.generated
-        if nodes.low == np.inf and self.found.goal < 0:
-            self._note(self.start, posture, -1, 0.0)
-            self.over = True
-
-    def _take(self, walk: list[At]) -> None:
-        """Note a walk to the goal."""
-        found, cost, before = self.found, 0.0, len(self.found.states)
-        for k, (state, posture) in enumerate(walk):
-            if k:
-                shift = posture.base_position[0] - found.postures[-1].base_position[0]
-                cost += self.cost.base_weight * float(np.linalg.norm(shift))
-                cost += self.cost.step_weight
-            self._note(state, posture, before + k - 1 if k else -1, cost)
-        self._arrived()
 
     def _note(self, state: State, posture: Postures, parent: int, cost: float) -> None:
         """Note a state that was reached."""
@@ -171,8 +147,7 @@ class _LazySearch:
     def run(self) -> Found:
         """Work entries out until a plan is as good as is asked for."""
         found = self.found
-        if not self.begun and self._goes_on():
-            self._begin()
+        self._begin()
         while self._goes_on():
             queue = self._queue()
             item = queue.pop()
@@ -198,8 +173,7 @@ class _LazySearch:
     def _bound(self) -> float:
         """Factor of the least cost within which the best plan is proved."""
         top = self.by_bound.top()
-        others = top.low if top is not None else np.inf if self.begun else 0.0
-        low = min(self.best, max(self.least, others))
+        low = min(self.best, top.low if top is not None else np.inf)
         if self.best <= low * (1.0 + ROUNDING):
             return 1.0
         return self.best / low if low > 0.0 else np.inf
@@ -207,8 +181,6 @@ class _LazySearch:
     def _goes_on(self) -> bool:
         """Whether to search on."""
         search, found = self.search, self.found
-        if self.over:
-            return False
         if found.goal >= 0 and self._bound() <= search.inflation:
             return False
         late = time.perf_counter() > search.until

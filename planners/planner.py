@@ -18,23 +18,24 @@ from mlivr_gym.motion.commitment import CommittedMotion, committed_motion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
-from mlivr_gym.planners.estimates import CACHED_TABLES, Estimates, unchecked
-from mlivr_gym.planners.found import Improvement
-from mlivr_gym.planners.pair_search import FOUND, LIMIT, NO_LIMIT
-from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY, Goal, Search, SearchOptions
-from mlivr_gym.planners.refinement import refined
-from mlivr_gym.planners.searches import (
-    Algorithm1Searcher,
-    LazySearcher,
-    PairSearcher,
-    Path,
-    Searcher,
+from mlivr_gym.planners.outcome import FOUND, LIMIT, Improvement, Path
+from mlivr_gym.planners.query import (
+    GOAL_TOLERANCE,
+    MOST_EXPANSIONS,
+    QUERY,
+    Goal,
+    Search,
+    SearchOptions,
 )
+from mlivr_gym.planners.refinement import refined
+from mlivr_gym.planners.searches import Algorithm1Searcher, GraphSearcher, Searcher
 from mlivr_gym.planners.why_not import Cause, cause_of
-from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
+
+CACHED_TABLES = 16
+"""Exact costs-to-go that a planner keeps."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -110,13 +111,7 @@ class Planner:
     @checked(QUERY)
     def __init__(self, graph: StanceGraph) -> None:
         """Plan on `graph`, as `stance_graph` makes it."""
-        self.graph = graph
-        self._estimates: Estimates | None = None
-        if isinstance(graph, PairGraph):
-            self._estimates = Estimates(graph)
-            self._searcher: Searcher = PairSearcher(graph, self._estimates)
-        elif isinstance(graph, LazyGraph):
-            self._searcher = LazySearcher(graph)
+        self.graph, self._searcher = graph, GraphSearcher(graph)
         self._exact: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
 
     @checked(QUERY)
@@ -165,9 +160,8 @@ class Planner:
                 that hold the points at that pose, on their windings (`Limb.windows`): the plan
                 then keeps their branches for as long as each limb holds.
             limit: Most expansions.
-            time_limit: With more than two limbs, how long a plan is looked for and improved [s],
-                unless one is proved within `inflation` (by default 1) before. What is found then
-                depends on the machine.
+            time_limit: How long a plan is looked for and improved [s], unless one is proved within
+                `inflation` (by default 1) before. What is found then depends on the machine.
             progress: Called with the number of expansions now and then (`"algorithm1"`, or more
                 than two limbs).
 
@@ -189,7 +183,7 @@ class Planner:
             return _no_plan("start infeasible", str(error), clock)
         clock.feasibility = clock.lap()
         plain = search.method == "algorithm1"
-        searcher = Algorithm1Searcher(self.graph) if plain else self._searcher
+        searcher: Searcher = Algorithm1Searcher(self.graph) if plain else self._searcher
         path = searcher.find(search, first)
         clock.search = clock.lap()
         if path is None:
@@ -241,7 +235,9 @@ class Planner:
         """
         target = Goal.checked(self.graph, goal, "steps", None, goal_tolerance, goal_face)
         first = self._first(start, start_pose, start_joints)
-        return cause_of(self.graph, first, target, NO_LIMIT if self._estimates else limit)
+        return cause_of(
+            self.graph, first, target, MOST_EXPANSIONS if self.graph.has_tables else limit
+        )
 
     def _first(
         self,
@@ -305,19 +301,16 @@ class Planner:
     ) -> None:
         """Work the `"cost_to_go"` heuristic out for all stances: further plans there are fast.
 
-        Where steps are checked it is the exact cost, so that a plan among obstacles explores little
-        beside them.
+        It is the exact cost if limbs may change their branches, and stays a lower bound when points
+        are occupied or obstacles come.
 
         Raises:
             SettingError: If the robot has more than two limbs.
         """
-        estimates = self._two_limbs()
-        graph = estimates.graph
+        graph, bounds = self._two_limbs(), self._searcher.bounds()
+        assert bounds is not None
         target = Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
-        if graph.settings.transitions:
-            estimates.keep(target, self._cost_to_go(target).values)
-        else:
-            estimates.keep(target, unchecked(graph, estimates.region(target).goal, target.cost))
+        bounds.to(target, np.arange(len(graph)))
 
     @checked(QUERY)
     def cost_to_go(
@@ -334,25 +327,20 @@ class Planner:
         Raises:
             SettingError: If the robot has more than two limbs.
         """
-        graph = self._two_limbs().graph
-        return self._cost_to_go(
-            Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
-        )
-
-    def _cost_to_go(self, goal: Goal) -> CostToGo:
-        graph = self._two_limbs().graph
-        key = (*goal.key, graph.version)
+        graph = self._two_limbs()
+        target = Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
+        key = (*target.key, graph.version)
         if key not in self._exact:
-            self._exact[key] = CostToGo(graph, goal)
+            self._exact[key] = CostToGo(graph, target)
             if len(self._exact) > CACHED_TABLES:
                 self._exact.popitem(last=False)
         return self._exact[key]
 
-    def _two_limbs(self) -> Estimates:
-        if self._estimates is None:
+    def _two_limbs(self) -> PairGraph:
+        if not isinstance(self.graph, PairGraph):
             name = self.graph.robot.name
             raise SettingError(f"cost-to-go tables need two limbs; robot {name!r} has more")
-        return self._estimates
+        return self.graph
 
 
 def _not_connected(goal: Goal) -> str:

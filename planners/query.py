@@ -187,12 +187,8 @@ class Search:
             raise SettingError("method 'algorithm1' needs a heuristic other than 'cost_to_go'")
         limit, inflation = min(options.limit, sys.maxsize), options.inflation
         seconds = options.time_limit
-        if seconds is not None and (tables or plain):
-            name = graph.robot.name
-            raise SettingError(
-                f"time_limit is {seconds!r}; it is for more than two limbs and other methods than "
-                f"'algorithm1': robot {name!r} has {graph.limbs}, and the method is {method!r}"
-            )
+        if seconds is not None and plain:
+            raise SettingError(f"time_limit is {seconds!r}; method 'algorithm1' takes none")
         seconds = math.inf if seconds is None else seconds
         optimal = tables or plain or method == "dijkstra" or seconds < math.inf
         if inflation is None:

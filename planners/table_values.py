@@ -1,9 +1,9 @@
 """Cost-to-go over `StepTables`, with costs that may depend on the point a limb takes hold of.
 
-The table is that of `cost_to_go`: `U[s, i, b]`, the least cost from stance s when limb i holds on
-branch b and the other limb moves next. Here it is found by relaxing until nothing changes, over
-arrays that any set of points can be taken out of in a millisecond: what training on many layouts
-needs, and expected costs where grasps may fail.
+The table holds `U[s, i, b]`, the least cost from stance s when limb i holds on branch b and the
+other limb moves next. It is found by relaxing until nothing changes, over arrays that any set of
+points can be taken out of in a millisecond: what training on many layouts needs, and expected costs
+where grasps may fail.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.bit_sets import has, only
 from mlivr_gym.compiled.kernels import entry
+from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
@@ -176,6 +177,11 @@ def expected_charges(cost: Cost, failure: Array) -> Charges:
     return Charges(step, cost.base_weight * (1.0 + failure) / (1.0 - failure))
 
 
+def stances_at(tables: StepTables, goals: Array, tolerance: float) -> BoolArray:
+    """Which stances have their base within a tolerance [m] of goal positions, (g, 3) -> (g, n)."""
+    return np.array([distances(tables.base_in_world, goal) <= tolerance for goal in goals])
+
+
 class TableValues:
     """Least costs to g goals on one layout of the points.
 
@@ -188,19 +194,13 @@ class TableValues:
     """
 
     def __init__(
-        self,
-        tables: StepTables,
-        goals: Array,
-        tolerance: float,
-        cost: Cost,
-        failure: Array | None = None,
+        self, tables: StepTables, goals: BoolArray, cost: Cost, failure: Array | None = None
     ) -> None:
-        """Search backward from each goal position, shape (g, 3) [m].
+        """Search backward from the stances of each goal.
 
         Args:
             tables: The steps.
-            goals: Goal positions [m], shape (g, 3).
-            tolerance: Radius of the goal region [m].
+            goals: Which stances are at each goal, shape (g, n).
             cost: Cost of a step.
             failure: Probability that an attempt at each point fails, shape (m,); costs are then
                 expected costs.
@@ -209,13 +209,7 @@ class TableValues:
         points = int(tables.points.max()) + 1 if failure is None else len(failure)
         self.charges = expected_charges(cost, np.zeros(points) if failure is None else failure)
         n, count = len(tables.points), len(goals)
-        held = (tables.masks != 0).all(axis=1)
-        self.goals: BoolArray = np.array(
-            [
-                (np.linalg.norm(tables.base_in_world - goal, axis=1) <= tolerance) & held
-                for goal in goals
-            ]
-        )
+        self.goals: BoolArray = goals & (tables.masks != 0).all(axis=1)
         self._costs = Costs(np.full((count, n, 2, 16), np.inf), np.full((count, n, 2), np.inf))
         self.values, self.grasped = self._costs
         for g in range(count):

@@ -13,10 +13,9 @@ import numpy as np
 
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.estimates import Estimates
-from mlivr_gym.planners.pair_search import FOUND
+from mlivr_gym.planners.outcome import FOUND
 from mlivr_gym.planners.query import Goal, Search, SearchOptions
-from mlivr_gym.planners.searches import LazySearcher, PairSearcher, Searcher
+from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -119,10 +118,6 @@ def _leads(
         return False
     steps = replace(goal, cost=Cost.named("steps"))
     search = Search.checked(other, steps, SearchOptions(limit=limit))
-    searcher: Searcher
-    if isinstance(other, PairGraph):
-        searcher = PairSearcher(other, Estimates(other))
-    else:
-        searcher = LazySearcher(other, work_out=False)  # they would be asked for this once
-    path = searcher.find(search, start)
+    # What is worked out once for a graph would be asked for this once.
+    path = GraphSearcher(other, work_out=False).find(search, start)
     return path is not None and path.status == FOUND

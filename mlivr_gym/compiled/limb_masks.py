@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.kernels import entry, kernel
 
 MOST_LIMBS = 4
 """Limbs whose masks fit into a number."""
@@ -93,6 +93,13 @@ def has_bit(bits: NDArray[np.uint64], k: int) -> bool:
 def set_bit(bits: NDArray[np.uint64], k: int) -> None:
     """Set bit `k` of a row of numbers."""
     bits[k // WORD] |= ONE << np.uint64(k % WORD)
+
+
+@entry
+def clear_bits(bits: NDArray[np.uint64], which: IntArray) -> None:
+    """Clear some bits of a row of numbers, by their indices, shape (k,)."""
+    for k in which:
+        bits[k // WORD] &= ~(ONE << np.uint64(k % WORD))
 
 
 @kernel

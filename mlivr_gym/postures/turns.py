@@ -22,8 +22,11 @@ from mlivr_gym.world.grasp_map import GraspMap
 
 
 def same_after_turns(limbs: int) -> bool:
-    """Whether all of a robot, the cube of its body too, is as before after any turn."""
-    return 4 % limbs == 0
+    """Whether all of a robot, the cube of its body too, is as before after any turn.
+
+    Of two limbs the rule of postures begins with limb 0, which a half turn makes the other.
+    """
+    return limbs == 4
 
 
 def turned(values: NDArray[Any], turns: NDArray[Any]) -> NDArray[Any]:

@@ -13,7 +13,6 @@ from mlivr_gym.postures.tried_poses import OPPOSED_HEIGHTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_steps import moves_of, node_stances
-from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import Progress, StanceSets
 from mlivr_gym.transitions.records import StanceSet
@@ -30,8 +29,6 @@ class LazyGraph(StanceGraph):
         super().__init__(grasp_map, robot, settings)
         self._released: dict[tuple[bytes, int], Any] = {}
         self._sets: StanceSets | None = None
-        self.table: NodeTable | None = None
-        """All nodes, where they are known: see `node_files.node_table`."""
 
     def sets(self, progress: Progress | None = None, *, work_out: bool = True) -> StanceSets | None:
         """The sets of points that limbs may hold at once; see `StanceSets.of`.

@@ -94,11 +94,17 @@ def ends_of(
 @kernel
 def row_of(table: NodeTable, node: int, limb: int) -> int:
     """The first bit of the row of a member of a rest; -1 if its limb cannot be released."""
-    rest, limbs = table.rests[node, limb], table.points.shape[1]
+    rest, member = table.rests[node, limb], node * table.points.shape[1] + limb
     first, last = int(table.start[rest]), int(table.start[rest + 1])
-    for k in range(first, last):
-        if table.members[k] == node * limbs + limb:
-            return int(table.offset[rest]) + (k - first) * (last - first)
+    low, high = first, last
+    while low < high:
+        middle = (low + high) // 2
+        if table.members[middle] < member:
+            low = middle + 1
+        else:
+            high = middle
+    if low < last and table.members[low] == member:
+        return int(table.offset[rest]) + (low - first) * (last - first)
     return -1
 
 

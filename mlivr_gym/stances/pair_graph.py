@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy
@@ -23,7 +24,9 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
+from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.pair_files import COUNTS, PairStances, known_stances
+from mlivr_gym.stances.pair_nodes import pair_nodes
 from mlivr_gym.stances.pair_rows import connected_parts, rows_of
 from mlivr_gym.stances.pair_steps import (
     PairTable,
@@ -90,6 +93,18 @@ class PairGraph(StanceGraph):
             stances = stances._replace(released=known.released)
         self._free = KnownSteps(self.checks, stances, rows, self.base_in_world, known.edges)
         self._known = self._free
+        self._table: NodeTable | None = None
+
+    @property
+    def table(self) -> NodeTable:  # type: ignore[override]
+        """All stances and what was known of their steps when it was asked for first.
+
+        Once all steps are known it is made anew, complete.
+        """
+        if self._table is None or (self._free.complete and not self._table_complete):
+            self._table = pair_nodes(self._free.table, self.tried)
+            self._table_complete = self._free.complete
+        return self._table
 
     def _worked_out(self) -> PairStances:
         """Every stance, no step."""
@@ -335,14 +350,19 @@ class PairGraph(StanceGraph):
         limb_of, chosen = np.concatenate(limbs), np.concatenate(rows)
         return limb_of, self.points[chosen, limb_of], self.node_postures(chosen)
 
-    def edge_masks(self, held: int, s: int, row: IntArray) -> IntArray:
-        """Branches that limb `held` can keep on the steps from `s` to each stance of `row`."""
+    def edge_masks(self, held: Any, before: Any, after: IntArray) -> IntArray:
+        """Branches that limbs which hold can keep on steps, which are checked, once, shape (k,).
+
+        Args:
+            held: The limb that holds, or that of each step, shape (k,).
+            before: The stance before, or that before each step, shape (k,).
+            after: The stance after each step, shape (k,).
+        """
         if not self.settings.transitions:
-            return np.full(len(row), ALL, dtype=np.int64)
-        known = self._known
-        which, before = np.full(len(row), held, dtype=np.int64), np.full(len(row), s)
-        known.know_steps(which, before, row)
-        kept: IntArray = known.table.edges["kept"][known.index(which, before, row)].astype(np.int64)
+            return np.full(len(after), ALL, dtype=np.int64)
+        steps = [np.array(one) for one in np.broadcast_arrays(held, before, after)]
+        self.know_steps(*steps)
+        kept: IntArray = self.steps.edges["kept"][self._known.index(*steps)].astype(np.int64)
         return kept
 
     def successors(self, state: State) -> Successors:

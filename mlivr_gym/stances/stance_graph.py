@@ -31,6 +31,7 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Place
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.checked_steps import CheckedSteps, join
+from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.point_pairs import pairs_within
 from mlivr_gym.transitions.state import State, Successors, check_numbers, check_state
 from mlivr_gym.world.grasp_map import STANCE, GraspMap
@@ -50,6 +51,9 @@ class StanceGraph(CheckedSteps):
 
     solver_class: type[PostureSolver] = PostureSolver
     """What works postures out."""
+    table: NodeTable | None = None
+    """All stances that can be held and what is known of the steps between them, where there is such
+    a table; without obstacles and occupied points."""
     has_tables: ClassVar[bool] = False
     """Whether the graph holds all its stances, so that tables of steps and costs can be made."""
 

@@ -115,3 +115,9 @@ def put_back(waiting: NodeQueue, entry: int) -> None:
 def least_waiting(waiting: NodeQueue) -> float:
     """What the estimates of all that wait are not less than, once a list was looked at."""
     return waiting.filled.low + waiting.filled.width * waiting.filled.list
+
+
+@kernel
+def nothing_at_hand(waiting: NodeQueue) -> bool:
+    """Whether the list that was looked at last is empty."""
+    return bool(waiting.first[waiting.filled.list] == NOTHING)

@@ -1,7 +1,8 @@
-"""What is left at least from every node of many limbs to a goal, kept for further plans there.
+"""Admissible lower bounds of the cost from every node to a goal, kept for further plans there.
 
-Points that are taken later only make plans dearer. So what was worked out for a goal serves when
-the robot stands elsewhere on its way, or finds a point occupied, and a plan is there at once.
+They are the exact cost-to-go if limbs may change their branches. Obstacles and points that are
+occupied later only make plans dearer. So what was worked out for a goal serves when the robot
+stands elsewhere on its way, or finds a point occupied, and a plan is there at once.
 """
 
 from __future__ import annotations
@@ -12,14 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.node_costs import costs_to_goal
-from mlivr_gym.planners.node_levels import fewest_steps
-from mlivr_gym.planners.node_obstacles import NodesAmongObstacles
-from mlivr_gym.planners.pair_search import weights_of
-from mlivr_gym.planners.query import Goal
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.kinematics.batches import distances
+from mlivr_gym.planners.backward_search import LEAST, costs_to_goal
+from mlivr_gym.planners.costs import Cost, weights_of
+from mlivr_gym.planners.fewest_steps import fewest_steps
+from mlivr_gym.planners.label_search import Labels
+from mlivr_gym.planners.node_world import NodeWorld, world_of
+from mlivr_gym.planners.query import Goal, Search
 from mlivr_gym.stances.node_table import ROUNDED, NodeTable
+from mlivr_gym.stances.stance_graph import StanceGraph
 
 FARTHER_BY = (0.03, 2)
 """How much farther than to the start they are worked out: a share of the cost, and steps."""
@@ -27,8 +29,11 @@ FARTHER_BY = (0.03, 2)
 FARTHEST = 1 << 14
 """More steps than any node is away."""
 
-KEPT = 4
-"""Goals, or costs to one, that are kept."""
+KEPT = 4, 16
+"""Goals, or costs to one, that are kept at least and at most."""
+
+KEPT_NODES = 2_000_000
+"""Nodes of all that are kept, if there are more than the least."""
 
 
 class Bounds(NamedTuple):
@@ -45,19 +50,26 @@ class Bounds(NamedTuple):
     """Points that were taken."""
 
 
-class NodeBounds:
+class LowerBounds:
     """Lower bounds to the goals that were asked last."""
 
-    def __init__(self, graph: LazyGraph, table: NodeTable) -> None:
-        """Of a graph and all its nodes."""
+    def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
+        """Of a graph and its table without obstacles."""
         self.graph, self.table = graph, table
-        self._world: NodesAmongObstacles | None = None
+        self.labels = Labels.of(len(table.points))
+        """Room for searches."""
+        self._world: NodeWorld | None = None
         self._kept: OrderedDict[tuple[Any, ...], Bounds] = OrderedDict()
+        least, most = KEPT
+        self._most = max(least, min(most, KEPT_NODES // max(len(table.points), 1)))
+        self._rounded = 0.0 if graph.has_tables else 2.0 * ROUNDED
 
-    def world(self) -> NodesAmongObstacles:
-        """The nodes among the present obstacles, with what was looked at before."""
+    @property
+    def world(self) -> NodeWorld:
+        """The nodes in the world as it is now, with what was found of them before."""
         if self._world is None or self._world.version != self.graph.version:
-            self._world = NodesAmongObstacles(self.graph, self.table)
+            self._world = world_of(self.graph)
+        assert self._world is not None
         return self._world
 
     def known(self, goal: Goal, starts: IntArray) -> Bounds | None:
@@ -70,8 +82,24 @@ class NodeBounds:
         return kept._replace(h=np.where(self._taken(), np.inf, kept.h))
 
     def to(self, goal: Goal, starts: IntArray) -> Bounds:
-        """Bounds from some nodes with the points that are taken now."""
-        table, cost, goals, taken = self.table, goal.cost, self._goals(goal), self._taken()
+        """Bounds from some nodes with the points that are taken now; kept."""
+        bounds = self._worked_out(self.table, goal, starts, self._taken())
+        self._kept[goal.key] = bounds
+        self._kept.move_to_end(goal.key)
+        if len(self._kept) > self._most:
+            self._kept.popitem(last=False)
+        return bounds
+
+    def among_obstacles(self, goal: Goal, starts: IntArray) -> Bounds:
+        """Closer ones, by all that was found of the nodes and edges as the world is now."""
+        table = self.world.table
+        return self._worked_out(table, goal, starts, self._taken() | (table.masks == 0))
+
+    def _worked_out(
+        self, table: NodeTable, goal: Goal, starts: IntArray, taken: BoolArray
+    ) -> Bounds:
+        """Bounds from some nodes where walks do not enter some that are taken."""
+        cost, goals = goal.cost, self._goals(goal)
         if cost.base_weight:
             farther = FARTHER_BY[0], FARTHER_BY[1] * cost.step_weight
             toward = self._toward(cost, starts, taken)
@@ -81,12 +109,16 @@ class NodeBounds:
             exact = steps >= 0
             h = cost.step_weight * np.where(exact, steps, least)
             h[taken] = np.inf
-        bounds = Bounds(cost, h, exact, frozenset(self.graph.occupied))
-        self._kept[goal.key] = bounds
-        self._kept.move_to_end(goal.key)
-        if len(self._kept) > KEPT:
-            self._kept.popitem(last=False)
-        return bounds
+        return Bounds(cost, h, exact, frozenset(self.graph.occupied))
+
+    def by_distance(self, search: Search) -> Bounds:
+        """Those that the name of a heuristic tells, from the distance to the goal alone."""
+        distance = distances(self.table.base_position, search.goal.target)
+        h = search.estimate(distance, self.graph.max_step)
+        h = np.where(self._goals(search.goal), 0.0, np.maximum(h, LEAST))
+        h[self._taken()] = np.inf
+        none = np.zeros(len(h), dtype=np.bool_)
+        return Bounds(search.goal.cost, h, none, frozenset(self.graph.occupied))
 
     def _taken(self) -> BoolArray:
         """Nodes that hold an occupied point, shape (n,)."""
@@ -97,8 +129,7 @@ class NodeBounds:
 
     def _goals(self, goal: Goal) -> BoolArray:
         """Nodes that may be at the goal, shape (n,)."""
-        away = self.table.base_position - goal.target
-        close = np.einsum("ij,ij->i", away, away) <= (goal.tolerance + 2.0 * ROUNDED) ** 2
+        close = distances(self.table.base_position, goal.target) <= goal.tolerance + self._rounded
         close[close] = goal.held(self.table.points[close])
         return np.asarray(close)
 

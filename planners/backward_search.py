@@ -1,4 +1,4 @@
-"""Costs to a goal over all nodes of many limbs when steps are not checked (compiled).
+"""Costs to a goal over the nodes of a table when steps are not checked (compiled).
 
 Every step of the graph joins two nodes that `node_pairs` does not rule out. So the least cost over
 those, found by a search backward from the goal, never exceeds that of a plan. It goes on until the
@@ -14,8 +14,8 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import has_bit
 from mlivr_gym.compiled.records import Record, Rows
-from mlivr_gym.planners.node_queue import NOTHING, NodeQueue, least_waiting, put, take, width_for
-from mlivr_gym.planners.pair_search import Weights
+from mlivr_gym.planners.bucket_queue import NOTHING, NodeQueue, least_waiting, put, take, width_for
+from mlivr_gym.planners.costs import Weights
 from mlivr_gym.stances.node_pairs import row_of
 from mlivr_gym.stances.node_table import NodeTable
 

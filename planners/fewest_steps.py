@@ -1,4 +1,4 @@
-"""Fewest steps to a goal over all nodes of many limbs when steps are not checked (compiled).
+"""Fewest steps to a goal over the nodes of a table when steps are not checked (compiled).
 
 By breadth from the goal. What is a move apart has a rest in common, so rests are gone through, each
 as long as a member of it waits: in the order in which they lie in memory, which takes a third of

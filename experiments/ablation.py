@@ -1,0 +1,163 @@
+"""What each device of the search of three and four limbs is worth: each is switched off in turn.
+
+    python experiments/ablation.py [--out results] [--tasks 50] [--seconds 2]
+
+Random tasks on the JEM with collisions checked, without obstacles, with a box on the straight line
+to the goal, and with such a box and ten occupied points. All variants get the same tasks, cost of
+steps. Writes `ablation.json` and `ablation.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from many_limbs import random_task
+
+from mlivr_gym import stance_graph
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import StanceError
+from mlivr_gym.files import write_whole
+from mlivr_gym.planners import Planner, lazy_search, node_search, searches
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.transitions.state import State
+from mlivr_gym.world.boxes import Box
+
+ROBOTS = ("mlivr3", "mlivr4")
+WORLDS = ("free", "box", "box and ten points")
+
+
+def _no_table() -> None:
+    searches.node_table = lambda graph: None  # type: ignore[attr-defined]
+
+
+def _no_sets() -> None:
+    _no_table()
+    LazyGraph.sets = lambda self, *args, **kinds: None  # type: ignore[method-assign,assignment]
+
+
+def _one_round() -> None:
+    node_search.ROUNDS = (node_search.Manner(1.0, node_search.ROOM, bounds=True),)  # type: ignore[assignment]
+
+
+def _no_inflation() -> None:
+    _no_table()
+    lazy_search.INFLATED = 1.0
+
+
+def _by_bound() -> None:
+    _no_table()
+    lazy_search._LazySearch._queue = lambda self: self.by_bound  # type: ignore[method-assign]
+
+
+VARIANTS: dict[str, Callable[[], None]] = {
+    "all": lambda: None,
+    "no inflated rounds over the table": _one_round,
+    "no table of nodes": _no_table,
+    "neither table nor sets of points": _no_sets,
+    "no table, entries by promise and bound alone": _no_inflation,
+    "no table, entries by bound alone": _by_bound,
+}
+
+
+def tasks(robot: str, world: str, count: int) -> list[tuple[State, Array, list[Box], list[int]]]:
+    """Start, goal, boxes and occupied points of random tasks whose start can be held."""
+    graph, found = stance_graph(robot=robot), []
+    seed = 0
+    while len(found) < count:
+        rng = np.random.default_rng([seed, graph.limbs, 7])
+        seed += 1
+        start, goal = random_task(graph, rng)
+        here = graph.posture_of(start).base_position[0]
+        centre = here + rng.uniform(0.3, 0.7) * (goal - here) + rng.uniform(-0.3, 0.3, 3)
+        half = rng.uniform(0.05, 0.15, 3)
+        points = rng.permutation(len(graph.grasp_map))
+        points = points[~np.isin(points, start.stance)][:10]
+        if world == "free":
+            found.append((start, goal, [], []))
+            continue
+        box = Box("box", "obstacle", tuple(centre.tolist()), tuple(half.tolist()))
+        taken = points.tolist() if world == WORLDS[2] else []
+        graph.add_obstacles([box])
+        try:
+            graph.state(start.stance)
+        except StanceError:
+            continue
+        finally:
+            graph.remove_obstacles()
+        found.append((start, goal, [box], taken))
+    return found
+
+
+def solved(robot: str, world: str, count: int, seconds: float) -> list[dict[str, Any]]:
+    """What the search makes of the tasks."""
+    out = []
+    for start, goal, boxes, taken in tasks(robot, world, count):
+        graph = stance_graph(robot=robot)
+        graph.add_obstacles(boxes)
+        graph.occupy(taken)
+        began = time.perf_counter()
+        found = Planner(graph).plan(start.stance, goal.tolist(), "steps", time_limit=seconds)
+        out.append(
+            {
+                "seconds": time.perf_counter() - began,
+                "reason": found.reason,
+                "first": found.improvements[0].time if found.improvements else None,
+                "steps": len(found.plan.steps) if found.plan else None,
+                "bound": found.plan.statistics.bound if found.plan else None,
+            }
+        )
+    return out
+
+
+def table(rows: dict[str, Any], seconds: float) -> str:
+    """The table of the page."""
+    lines = [
+        f"| robot, world | variant | plan within {seconds:g} s | none exists | undecided | "
+        "first plan, median [s] | proved the fewest |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for place, variants in rows.items():
+        for name, found in variants.items():
+            plans = [one for one in found if one["first"] is not None and one["steps"] is not None]
+            none = sum(one["reason"] in ("search exhausted", "goal outside the reachable set") for one in found)
+            first = statistics.median(one["first"] for one in plans) if plans else float("nan")
+            proved = sum(one["bound"] == 1.0 for one in plans)
+            lines.append(
+                f"| {place} | {name} | {len(plans)} | {none} | {len(found) - len(plans) - none} | "
+                f"{first:.2f} | {proved} |"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Ask all tasks of one variant, or of all."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser.add_argument("--tasks", type=int, default=50)
+    parser.add_argument("--seconds", type=float, default=2.0)
+    parser.add_argument("--variant", choices=list(VARIANTS))
+    parser.add_argument("--name")
+    given = parser.parse_args()
+    path = given.out / "ablation.json"
+    rows: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
+    name = given.name or given.variant
+    VARIANTS[given.variant]()
+    for robot in ROBOTS:
+        solved(robot, WORLDS[0], 1, given.seconds)  # compiles, and unpacks the table
+        for world in WORLDS:
+            found = solved(robot, world, given.tasks, given.seconds)
+            rows.setdefault(f"{robot}, {world}", {})[name] = found
+            write_whole(path, json.dumps(rows))
+            write_whole(given.out / "ablation.md", table(rows, given.seconds))
+            print(robot, world, name, sum(o["first"] is not None for o in found), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,312 @@
+"""Nodes and edges of a table in the world as it is now, worked out when a walk comes to them.
+
+Obstacles and occupied points only take branches, stances and steps away, and a stance keeps its
+posture. So the table without them bounds what is possible among them, and what a search has not
+looked at is taken to be free: lazy evaluation of edges (Dellin and Srinivasa, ICAPS 2016). What was
+found is kept for the next query.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.compiled.limb_masks import clear_bits, packed, unpacked
+from mlivr_gym.planners.known_steps import KnownSteps
+from mlivr_gym.planners.label_search import NodeWalk
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.turns import turned
+from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_pairs import ends_of
+from mlivr_gym.stances.node_steps import node_stances
+from mlivr_gym.stances.node_table import NodeTable
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
+
+
+class Walk(NamedTuple):
+    """A walk whose steps were checked."""
+
+    states: tuple[State, ...]
+    """K states."""
+    positions: Array
+    """Base positions there [m], shape (k, 3)."""
+
+
+class NodeWorld(ABC):
+    """The nodes and edges of a table in the world as it is now.
+
+    Attributes:
+        table: The table; of nodes that were looked at it has the branches that are left.
+        known: Edges that were checked.
+        complete: Whether the table holds every edge as it is, so that none needs a check.
+        exact: Whether an edge that was checked keeps what was found whatever the label.
+    """
+
+    complete: bool
+    exact: bool
+
+    def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
+        """Look at nothing yet."""
+        self.version, self.table = graph.version, table
+        self.known = KnownSteps.none(len(table.points))
+
+    def new(self, bits: IntArray) -> IntArray:
+        """Those of some edges that were not checked, each once."""
+        return np.asarray(np.unique(bits[~self.known.has(bits)]))
+
+    def look_at(self, rows: IntArray, most: int | None = None, about: Array | None = None) -> bool:
+        """Work out what obstacles leave of nodes; whether they take something of one.
+
+        Args:
+            rows: Rows of nodes, shape (k,).
+            most: Most nodes that are looked at.
+            about: Position to which those that are looked at are the closest [m], shape (3,).
+        """
+        return False
+
+    @abstractmethod
+    def check(self, bits: IntArray) -> None:
+        """Check edges that are not known."""
+
+    @abstractmethod
+    def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        """Branches that limbs may be on after edges, which are checked; 0 where there is none.
+
+        Args:
+            bits: Bits of the edges, shape (k,).
+            masks: Branches that the limbs may be on before them, shape (k,).
+        """
+
+    @abstractmethod
+    def walk(self, start: Walk, turn: int, found: NodeWalk) -> Walk | None:
+        """The states of a walk whose edges were checked; None if a step is none after all.
+
+        Args:
+            start: What leads to the first node of the walk.
+            turn: Turn after which its stance is that of the table.
+            found: The walk over nodes.
+        """
+
+
+class PairWorld(NodeWorld):
+    """Two limbs: the graph itself keeps what is known of stances and steps."""
+
+    exact = True
+
+    def __init__(self, graph: PairGraph) -> None:
+        """Begin with what the graph knows."""
+        super().__init__(graph, graph.table)
+        self.graph, self.complete = graph, graph.complete
+        if graph.obstacles or graph.occupied or not graph.complete:
+            masks = packed(graph.mask)
+            released = self.table.released & masks
+            bits = self.table.bits.copy()
+            self.table = self.table._replace(masks=masks, released=released, bits=bits)
+            if graph.settings.transitions:
+                self._learn_released(np.flatnonzero(graph.steps.released["known"].all(axis=1)))
+
+    def _learn_released(self, rows: IntArray) -> None:
+        self.table.released[rows] = packed(self.graph.releasable[rows].astype(np.int64))
+
+    def check(self, bits: IntArray) -> None:
+        """Check edges that are not known."""
+        new = self.new(bits)
+        if self.complete or not len(new):
+            return
+        (before, limb), (after, _), back = ends_of(self.table, new)
+        held = 1 - limb
+        kept = self.graph.edge_masks(held, before, after).astype(np.uint64)
+        self.known = self.known.with_steps(before, new, kept).with_steps(after, back, kept)
+        clear_bits(self.table.bits, np.concatenate([new, back])[np.tile(kept == 0, 2)])
+        self._learn_released(np.concatenate([before, after]))
+
+    def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        """See `NodeWorld.masks_after`."""
+        self.check(bits)
+        (before, limb), (after, _), _ = ends_of(self.table, bits)
+        rows = np.arange(len(bits))
+        found, leaves, grasps = (
+            unpacked(one, 2)
+            for one in (masks, self.table.released[before], self.table.released[after])
+        )
+        able = found[rows, limb] & leaves[rows, limb] != 0
+        found[rows, 1 - limb] &= self.known.of(bits).astype(np.int64)
+        found[rows, limb] = grasps[rows, limb]
+        left = packed(found)
+        left[~able | ~found.all(axis=1)] = 0
+        return left
+
+    def walk(self, start: Walk, turn: int, found: NodeWalk) -> Walk | None:
+        """The states of a walk whose edges were checked."""
+        points, masks = self.table.points[found.nodes[1:]], unpacked(found.masks[1:], 2)
+        states = zip(map(tuple, points.tolist()), map(tuple, masks.tolist()), strict=True)
+        positions = np.concatenate([start.positions, self.table.base_position[found.nodes[1:]]])
+        return Walk((*start.states, *(State(*one) for one in states)), positions)
+
+
+class ManyWorld(NodeWorld):
+    """More limbs: postures, releases and steps are worked out where a walk leads."""
+
+    complete = exact = False
+
+    def __init__(self, graph: LazyGraph, table: NodeTable) -> None:
+        """Look at nothing yet."""
+        super().__init__(graph, table)
+        self.graph, self._free = graph, table
+        self._unseen = np.zeros(len(table.points), dtype=np.bool_)
+        if graph.obstacles:
+            masks, released = table.masks.copy(), table.released.copy()
+            self.table = table._replace(masks=masks, released=released)
+            self._near = self._close()
+            self._unseen = self._near.copy()
+
+    def _close(self) -> BoolArray:
+        """Nodes whose robot may touch an obstacle, shape (n,)."""
+        reach = self.graph.robot.extent + self.graph.settings.clearance
+        positions, close = self._free.base_position, self._unseen
+        for box in self.graph.obstacles:
+            low, high = box.bounds
+            away = positions - np.clip(positions, low, high)
+            close = close | (np.einsum("ij,ij->i", away, away) <= reach**2)
+        return np.asarray(close)
+
+    def look_at(self, rows: IntArray, most: int | None = None, about: Array | None = None) -> bool:
+        """See `NodeWorld.look_at`."""
+        rows = np.unique(rows[self._unseen[rows]])
+        if most is not None and about is not None and len(rows) > most:
+            away = self._free.base_position[rows] - about
+            rows = rows[np.argpartition(np.einsum("ij,ij->i", away, away), most)[:most]]
+        if not len(rows):
+            return False
+        self._unseen[rows] = False
+        graph, none = self.graph, np.zeros((len(rows), self.graph.limbs), dtype=np.int64)
+        stances = node_stances(graph.grasp_map, graph.robot, self._free, rows, none[:, 0])
+        postures = Postures(
+            stances.base["position"], stances.base["rotation"], none.astype(float),
+            none[:, 0].astype(float), none, stances.mask.copy(), none[:, 0], none[:, 0],
+        )  # fmt: skip
+        graph.clear_of_obstacles(np.arange(len(rows)), stances.points, postures)
+        left = packed(postures.mask)
+        left[~graph.is_node(postures)] = 0
+        self.table.masks[rows] = left
+        self.table.released[rows] &= left
+        return bool((left != self._free.masks[rows]).any())
+
+    def check(self, bits: IntArray) -> None:
+        """Check edges that are not known."""
+        graph, new = self.graph, self.new(bits)
+        if not len(new):
+            return
+        (before, i), (after, j), back = ends_of(self.table, new)
+        rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
+        stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
+        if graph.obstacles:
+            stances.released["known"][self._near[rows]] = False
+        here = np.arange(len(new))
+        steps = graph.step_rows(stances, here, here + len(new), stances.mask[here])
+        found = graph.masks_of_steps(steps, stances)
+        if graph.obstacles:
+            self._learn_released(rows, turned(stances.released, -turns))
+        kept = packed(turned(found, i + 1)[:, : graph.limbs - 1])
+        kept[~found.all(axis=1)] = 0
+        self.known = self.known.with_steps(before, new, kept).with_steps(after, back, kept)
+
+    def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        """See `NodeWorld.masks_after`."""
+        graph, left = self.graph, np.zeros(len(bits), dtype=np.uint64)
+        (before, i), (after, j), _ = ends_of(self.table, bits)
+        self.look_at(np.concatenate([before, after]))
+        refused = self.known.has(bits)
+        refused[refused] = self.known.of(bits[refused]) == 0
+        some = np.flatnonzero((self.table.masks[after] != 0) & ~refused)
+        if not len(some):
+            return left
+        before, i, after, j = before[some], i[some], after[some], j[some]
+        rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
+        stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
+        if graph.obstacles:
+            stances.released["known"][self._near[rows]] = False
+        here = np.arange(len(some))
+        wanted = unpacked(masks[some], graph.limbs)
+        steps = graph.step_rows(stances, here, here + len(some), wanted)
+        found = graph.masks_of_steps(steps, stances)
+        found[~found.all(axis=1)] = 0
+        left[some] = packed(turned(found, i - j))
+        return left
+
+    def _learn_released(self, rows: IntArray, released: Array) -> None:
+        """Keep what was worked out of releases, rows of `Release` of shape (k, N)."""
+        for row, one in zip(rows.tolist(), released, strict=True):
+            before = unpacked(self.table.released[row : row + 1], self.graph.limbs)
+            told = np.where(one["known"], one["branches"].astype(np.int64), before)
+            self.table.released[row] = packed(told)[0]
+
+    def walk(self, start: Walk, turn: int, found: NodeWalk) -> Walk | None:
+        """See `NodeWorld.walk`: every step is checked once more, as the robot stands."""
+        graph = self.graph
+        (before, i), (after, j), backward = ends_of(self.table, found.bits)
+        turns = -np.cumsum([turn, *(i - j).tolist()])
+        stances = turned(self.table.points[found.nodes].astype(np.int64), turns)
+        masks = turned(unpacked(found.masks, graph.limbs), turns)
+        followed = graph.nodes(stances[1:])
+        postures = join(graph.posture_of(start.states[-1]), followed)
+        after_steps = masks_along(graph, stances, masks, postures)
+        bad = np.flatnonzero(~after_steps.all(axis=1))
+        if len(bad):
+            none = np.zeros(len(bad), dtype=np.uint64)
+            self.known = self.known.with_steps(before[bad], found.bits[bad], none)
+            self.known = self.known.with_steps(after[bad], backward[bad], none)
+            return None
+        states = zip(map(tuple, stances[1:].tolist()), map(tuple, masks[1:].tolist()), strict=True)
+        positions = np.concatenate([start.positions, followed.base_position])
+        return Walk((*start.states, *(State(*one) for one in states)), positions)
+
+
+def masks_along(
+    graph: LazyGraph, stances: IntArray, masks: IntArray, postures: Postures
+) -> IntArray:
+    """Masks after the steps of a walk, 0 where there is no step, shape (k, N).
+
+    Where they are others than a table tells, which may be one of the robot after a turn, the steps
+    from there on are checked anew.
+
+    Args:
+        graph: The stance graph.
+        stances: The k + 1 stances.
+        masks: The masks there that the table tells; those found take their place.
+        postures: Their postures.
+    """
+    begin, count = 0, len(stances) - 1
+    found = np.zeros_like(masks[1:])
+    while begin < count:
+        rows = np.arange(begin, count)
+        states = [
+            State(tuple(s), tuple(m))
+            for s, m in zip(stances[rows].tolist(), masks[rows].tolist(), strict=True)
+        ]
+        found[begin:] = graph.masks_after(
+            states, postures.take(rows), np.arange(len(rows)), stances[rows + 1],
+            postures.take(rows + 1),
+        )  # fmt: skip
+        other = np.flatnonzero((found[begin:] != masks[begin + 1 :]).any(axis=1))
+        if not len(other) or not found[begin:].all():
+            break
+        begin += int(other[0]) + 1
+        masks[begin] = found[begin - 1]
+    return found
+
+
+def world_of(graph: StanceGraph) -> NodeWorld | None:
+    """The nodes of a graph in the world as it is now; None where they are not all known."""
+    if isinstance(graph, PairGraph):
+        return PairWorld(graph)
+    if isinstance(graph, LazyGraph) and graph.table is not None:
+        return ManyWorld(graph, graph.table)
+    return None
