@@ -133,6 +133,8 @@ def _distance(
             point = table.points[s, held]
             for k in range(table.row_start[held, point], table.row_start[held, point + 1]):
                 s2 = table.rows[held, k]
+                if cost.value[s2] <= spent:
+                    continue
                 dx = table.row_base[held, k, 0] - x
                 dy = table.row_base[held, k, 1] - y
                 dz = table.row_base[held, k, 2] - z
