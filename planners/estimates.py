@@ -45,10 +45,6 @@ class Estimates:
         self._regions: OrderedDict[tuple[Any, ...], Region] = OrderedDict()
         self._relaxed: OrderedDict[tuple[Any, ...], Array] = OrderedDict()
 
-    def has(self, goal: Goal) -> bool:
-        """Whether bounds are kept for a goal."""
-        return goal.key in self._relaxed
-
     def region(self, goal: Goal) -> Region:
         """The region of a goal; kept."""
         graph, key = self.graph, goal.key[:-1]
@@ -98,13 +94,14 @@ class Estimates:
         return table
 
     def learn(
-        self, goal: Goal, start: int, origin: Array, h: Array, limit: int, *, learnt: bool
+        self, goal: Goal, start: int, origin: Array, h: Array, limit: int
     ) -> tuple[Array, Array]:
         """Two lower bounds closer than `h`, from a search backward that checks steps.
 
         The first holds for plans from stance `start`, whose base is at `origin` [m], the second
         from anywhere. For a robot that stands in a given pose, or may be on some of its branches
-        only, `start` is -1.
+        only, `start` is -1. The search is led by the straight line to the start, which with a
+        price on displacements takes less than to work the cost from there out.
 
         Args:
             goal: The goal.
@@ -112,15 +109,12 @@ class Estimates:
             origin: Base position at the start [m], shape (3,).
             h: Lower bound so far, shape (n,).
             limit: Most entries that the search takes from its queue.
-            learnt: Whether `h` was learnt before: where obstacles came since, little is to be
-                mended, and the straight line to the start is estimate enough; else the cost from
-                there is worked out.
         """
         graph, n, cost = self.graph, len(self.graph), goal.cost
         away = distances(graph.base_in_world, origin)
         if start < 0:
             toward = cost.base_weight * away
-        elif learnt and cost.base_weight:
+        elif cost.base_weight:
             toward = cost.heuristic("consistent", away, 0.0, graph.max_step)
         else:
             toward = self._counted(unchecked(graph, np.arange(n) == start, cost))

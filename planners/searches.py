@@ -125,7 +125,7 @@ class PairSearcher:
     ) -> tuple[int, Expanded, int, int]:
         """Search, and learn from the goal where the estimate misleads; counts of all rounds."""
         graph, goal, estimates = self.graph, search_.goal, self.estimates
-        cost, region, learnt = goal.cost, estimates.region(goal), estimates.has(goal)
+        cost, region = goal.cost, estimates.region(goal)
         tables = search_.heuristic == "cost_to_go"
         if tables:
             h = estimates.table(goal, seeds.start)
@@ -150,7 +150,6 @@ class PairSearcher:
                 origin.base_position[0],
                 bound,
                 LEARNING * patience,
-                learnt=learnt,
             )
             estimates.keep(goal, bound)
             patience *= 4

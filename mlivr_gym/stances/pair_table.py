@@ -184,7 +184,9 @@ class StepsAmongObstacles(KnownSteps):
         self.free, self.close = free, close
         self.checks, self.collisions = free.checks, free.collisions
         self._world = self.checks.world(obstacles, again=True)
-        released = free.stances.released.copy()
+        # As bytes, since NumPy copies records field by field, which takes fourteen times as long.
+        released = free.stances.released
+        released = released.view(np.uint8).copy().view(released.dtype)
         released["branches"][gone] = 0
         released["known"][gone] = True
         released["known"][close & ~gone] = False
