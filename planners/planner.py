@@ -14,7 +14,7 @@ import numpy as np
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
-from mlivr_gym.motion.commitment import CommittedMotion, committed_motion
+from mlivr_gym.motion.commitment import CommittedMotion, CommittedSteps, committed_motion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
@@ -112,6 +112,7 @@ class Planner:
     def __init__(self, graph: StanceGraph) -> None:
         """Plan on `graph`, as `stance_graph` makes it."""
         self.graph, self._searcher = graph, GraphSearcher(graph)
+        self._committed = CommittedSteps(graph)
         self._exact: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
 
     @checked(QUERY)
@@ -190,7 +191,7 @@ class Planner:
             return _no_plan("goal outside the reachable set", _not_connected(target), clock)
         if path.status != FOUND:
             return self._not_found(path, search, first, clock)
-        committed = committed_motion(self.graph, path.states)
+        committed = committed_motion(self.graph, path.states, None, self._committed)
         if committed.motion is None:
             return _no_plan("no swing", self._no_swing(path, committed), clock, path)
         times = clock.feasibility, clock.search

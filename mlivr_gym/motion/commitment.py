@@ -8,9 +8,10 @@ together.
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from mlivr_gym.postures.selection import base_along, reach_all
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb
+
+KEPT_STEPS = 4096
+"""Steps that `CommittedSteps` keeps."""
 
 LENGTH_SAMPLES = 17
 """Places on a base path at which joints of limbs that hold are looked at to tell its length."""
@@ -69,8 +73,40 @@ def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None
     swing = finder.find(*ends, points, edge)
     if swing is None:
         return None
-    rounded = finder.rounded(swing.knots, _lengths(path, swing.knots))
+    rounded = np.zeros((2, 2))
+    if len(swing.knots) > 2:
+        rounded = finder.rounded(swing.knots, _lengths(path, swing.knots))
     return Committed(replace(regrasp, knots=swing.knots, rounded=rounded), swing.kind)
+
+
+class CommittedSteps:
+    """Steps to which a robot was committed before, the last `KEPT_STEPS`: walks share many.
+
+    They are found again by all that tells what the robot does on a step, and forgotten when the
+    obstacles change.
+    """
+
+    def __init__(self, graph: StanceGraph) -> None:
+        """Know no step of `graph`."""
+        self.graph, self._obstacles = graph, graph.obstacles
+        self._kept: OrderedDict[tuple[Any, ...], Committed | None] = OrderedDict()
+
+    def commit(self, regrasp: Regrasp, edge: Edge) -> Committed | None:
+        """See `commit`."""
+        graph, kept, step = self.graph, self._kept, regrasp
+        if self._obstacles != graph.obstacles:
+            kept.clear()
+            self._obstacles = graph.obstacles
+        arrays = step.positions, step.rotations, step.joints, step.grasp_joints
+        key = (
+            step.limb, step.before, step.to_point, step.kind, step.branches, edge.fold, edge.pair,
+            *(array.tobytes() for array in arrays),
+        )  # fmt: skip
+        if key not in kept:
+            kept[key] = commit(graph, regrasp, edge)
+            if len(kept) > KEPT_STEPS:
+                kept.popitem(last=False)
+        return kept[key]
 
 
 def _lengths(path: RegraspPath, knots: Array) -> Array:
@@ -93,7 +129,10 @@ def holds(points: IntArray, limb: int) -> list[tuple[int, int]]:
 
 
 def committed_motion(
-    graph: StanceGraph, states: Sequence[State], postures: Postures | None = None
+    graph: StanceGraph,
+    states: Sequence[State],
+    postures: Postures | None = None,
+    known: CommittedSteps | None = None,
 ) -> CommittedMotion:
     """The motion of a walk.
 
@@ -104,15 +143,16 @@ def committed_motion(
         graph: The stance graph.
         states: K states, each with the branches kept.
         postures: Postures in which the robot stands in them; by default those of the graph.
+        known: Steps that are known, to which those of this walk are added.
 
     Raises:
         PlanError: If a limb is on no branch on which it can be released where it moves next; no
             walk of the graph is such.
     """
     draft = _Draft(graph, states, graph.postures_of(states) if postures is None else postures)
-    steps = []
+    known, steps = known or CommittedSteps(graph), []
     for k in range(len(states) - 1):
-        committed = draft.commit(k)
+        committed = draft.commit(k, known)
         if committed is None:
             return CommittedMotion(None, k, tuple(draft.edges))
         steps.append(draft.step(k, committed))
@@ -213,7 +253,7 @@ class _Draft:
         centres: Array = (positions * held[..., None]).sum(axis=1) / held.sum(axis=1)[:, None]
         return centres
 
-    def commit(self, k: int) -> Committed | None:
+    def commit(self, k: int, known: CommittedSteps) -> Committed | None:
         """Commit the robot to step `k`."""
         limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
         regrasp = Regrasp(
@@ -231,7 +271,7 @@ class _Draft:
         )
         if not self.edges:
             return Committed(regrasp, "unchecked")
-        return commit(self.graph, regrasp, self.edges[k])
+        return known.commit(regrasp, self.edges[k])
 
     def step(self, k: int, committed: Committed) -> Step:
         """Step `k` as a plan has it."""

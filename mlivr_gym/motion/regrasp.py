@@ -81,7 +81,7 @@ class Regrasp:
         """Point index of each limb after the step."""
         return (*self.before[: self.limb], self.to_point, *self.before[self.limb + 1 :])
 
-    @property
+    @cached_property
     def base_path(self) -> BasePath:
         """The base path as compiled code takes it."""
         first, last = map(pose, self.positions, self.rotations)

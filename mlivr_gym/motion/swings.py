@@ -80,7 +80,7 @@ class SwingFinder:
     ) -> None:
         """Look at the step in which `limb` moves while the base follows `path`."""
         self.graph, self.limb, self.path, self.holds = graph, limb, path, holds
-        self._robots = graph.checks.robots
+        self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
         self._rows = motions.Hold.rows(len(holds))
         for row, hold in zip(self._rows, holds, strict=True):
             row["limb"], row["point"], row["branch"] = hold
@@ -207,10 +207,12 @@ class SwingFinder:
 
     def _clear_line(self, a: Array, b: Array) -> bool:
         """Whether the robot touches nothing from one knot to the next."""
-        piece, world = self._pieces[0], self.graph.checks.world(self.graph.obstacle_grid)
+        piece = self._pieces[0]
         piece["begin"], piece["finish"] = a[0], b[0]
         piece["start"]["q"], piece["end"]["q"] = a[1:], b[1:]
-        clear = motions.piece_clear(self._pieces, self._rows, self._robots, world, self._rooms)
+        clear = motions.piece_clear(
+            self._pieces, self._rows, self._robots, self._world, self._rooms
+        )
         return bool(clear)
 
 

@@ -244,7 +244,7 @@ class PairGraph(StanceGraph):
         """Index of a stance given by point indices, or -1 if it is no node."""
         self.check_stance(stance)
         key = stance[0] * len(self.grasp_map) + stance[1]
-        k = int(np.searchsorted(self._keys, key))
+        k = int(self._keys.searchsorted(key))
         return k if k < len(self._keys) and self._keys[k] == key else -1
 
     def posture(self, stance: Sequence[int]) -> Postures:
@@ -294,7 +294,8 @@ class PairGraph(StanceGraph):
         s = self._node(stance, posture)
         if s < 0:
             return super().released(stance, posture, limb)
-        self._known.know_released(np.array([[s, limb]]))
+        if not self.steps.released["known"][s, limb]:
+            self._known.know_released(np.array([[s, limb]]))
         return int(self.releasable[s, limb])
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:

@@ -100,11 +100,15 @@ class KnownSteps:
         step["pivot"] = self.checks.solver.grasps["point"][point]
         step["wanted"][held] = mask[before, held] & mask[after, held]
         self.checks.check(steps, self.stances, self._world)
-        kept, on_arc, pair = int(step["kept"][held]), int(step["on_arc"]), int(step["pair"])
-        folds = step["folds"].tolist()
-        edge, back = (kept, on_arc, 1, *folds), pair if pair < 0 else 8 * (pair % 8) + pair // 8
-        table.edges[self.index(held, before, after)] = (*edge, pair)
-        table.edges[self.index(held, after, before)] = (*edge, back)
+        found = int(step["kept"][held]), int(step["on_arc"])
+        self._note(held, before, after, (*found, 1, *step["folds"].tolist(), int(step["pair"])))
+
+    def _note(self, held: int, before: int, after: int, edge: tuple[int, ...]) -> None:
+        """Keep what was found of one step, the fields of `PairEdge`, in both directions."""
+        edges, pair = self.table.edges, edge[-1]
+        back = pair if pair < 0 else 8 * (pair % 8) + pair // 8
+        edges[self.index(held, before, after)] = edge
+        edges[self.index(held, after, before)] = (*edge[:-1], back)
 
     def know_released(self, todo: IntArray) -> None:
         """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""
@@ -177,9 +181,12 @@ class StepsAmongObstacles(KnownSteps):
         obstacles: BoxGrid | None,
     ) -> None:
         """See `KnownSteps.among_obstacles`."""
-        self.free, self.close, self.obstacles = free, close, obstacles
+        self.free, self.close = free, close
         self.checks, self.collisions = free.checks, free.collisions
-        released = free.stances.released.copy()
+        self._world = self.checks.world(obstacles, again=True)
+        # As bytes, since NumPy copies records field by field, which takes fourteen times as long.
+        released = free.stances.released
+        released = released.view(np.uint8).copy().view(released.dtype)
         released["branches"][gone] = 0
         released["known"][gone] = True
         released["known"][close & ~gone] = False
@@ -190,23 +197,47 @@ class StepsAmongObstacles(KnownSteps):
         self.table = free.table._replace(mask=mask, released=released, edges=edges)
 
     def know_step(self, held: int, before: int, after: int) -> None:
-        """Check one step, as `know_steps` does."""
-        self.know_steps(*(np.array([k], dtype=np.int64) for k in (held, before, after)))
+        """Check one step, as `know_steps` does, with less to do around it."""
+        if self.collisions and before > after:
+            before, after = after, before
+        kept, on_arc, _, *folds, pair = self.free.step(held, before, after).item()
+        released, mask, moving = self.stances.released, self.stances.mask, 1 - held
+        known = released["known"]
+        ends = [(s, limb) for s in (before, after) for limb in (0, 1) if not known[s, limb]]
+        if ends:
+            self._know_released(np.array(ends))
+        if self.table.edges is self.free.table.edges:
+            return
+        branches, wanted = released["branches"], int(mask[before, held] & mask[after, held])
+        able = branches[before, moving] and branches[after, moving]
+        kept = kept & wanted if able else 0
+        if kept and (self.close[before] or self.close[after]):
+            steps = self.checks.steps(1)
+            step = steps[0]
+            step["limb"], step["before"], step["after"], step["again"] = moving, before, after, True
+            step["pivot"] = self.checks.solver.grasps["point"][self.table.points[before, held]]
+            step["wanted"][held], step["kept"][held] = wanted, kept
+            step["on_arc"], step["folds"], step["pair"] = on_arc, folds, pair
+            self.checks.check(steps, self.stances, self._world)
+            kept, on_arc = int(step["kept"][held]), int(step["on_arc"])
+        self._note(held, before, after, (kept, on_arc & kept, 1, *folds, pair))
 
     def know_released(self, todo: IntArray) -> None:
         """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""
+        todo = todo[~self.stances.released["known"][todo[:, 0], todo[:, 1]]]
+        if len(todo):
+            self._know_released(np.unique(todo, axis=0))
+
+    def _know_released(self, todo: IntArray) -> None:
+        """Work out what is not known, each once."""
         released, mask = self.stances.released, self.stances.mask
-        todo = todo[~released["known"][todo[:, 0], todo[:, 1]]]
-        if not len(todo):
-            return
-        todo = np.unique(todo, axis=0)
         self.free.know_released(todo)
         s, limb = todo.T
         released[s, limb] = self.free.stances.released[s, limb]
         blocked = mask[s, 1 - limb] == 0
         released["branches"][s[blocked], limb[blocked]] = 0
         again = todo[self.close[s] & ~blocked]
-        self.checks.release(self.stances, again, self.checks.world(self.obstacles, again=True))
+        self.checks.release(self.stances, again, self._world)
 
     def know_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps, once: limb that holds, stance before and stance after, shape (k,)."""
@@ -232,7 +263,7 @@ class StepsAmongObstacles(KnownSteps):
         steps["folds"][:, 0], steps["folds"][:, 1] = known["fold_on_line"], known["fold_on_arc"]
         close = self.close[before] | self.close[after]
         checked = steps[close]
-        self.checks.check(checked, self.stances, self.checks.world(self.obstacles, again=True))
+        self.checks.check(checked, self.stances, self._world)
         steps[close] = checked
         steps["on_arc"] &= steps["kept"][rows, held]
         self._keep(held, before, after, steps)
