@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.stances.moves import Place
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -114,33 +115,93 @@ class Observer:
         return observation(seen, state, goal)
 
 
-def stance_observations(graph: PairGraph) -> PlaceObservation:
-    """What belongs to each of the n stances of a graph: arrays with a leading axis n."""
-    return {
-        "stance": graph.points.astype(np.int64),
-        "grasps": graph.grasp_map.positions[graph.points].reshape(-1, 6).astype(np.float32),
-        "base_position": graph.base_in_world.astype(np.float32),
-        "base_quaternion": quaternion(graph.base_axes_in_world).astype(np.float32),
-    }
+class PlaceTable(NamedTuple):
+    """What belongs to each of the n stances of a two-limb graph on m points."""
+
+    points: NDArray[np.int32]
+    """Point that each limb holds, shape (n, 2)."""
+    positions: Array
+    """Positions of the points [m], shape (m, 3)."""
+    places: Array
+    """Base position [m], quaternion, limb and base manipulability, shape (n, 3 + 4 + 2 + 1)."""
+
+    @classmethod
+    def of(cls, graph: PairGraph) -> PlaceTable:
+        """The table of a graph."""
+        turns = quaternion(graph.base_axes_in_world)
+        places = np.column_stack([graph.base_in_world, turns, graph.w_m, graph.w_b])
+        return cls(graph.points.astype(np.int32), graph.grasp_map.positions, places)
 
 
-def observations(
-    rows: PlaceObservation, stances: IntArray, masks: IntArray, goals: Array
-) -> Observation:
-    """What k agents see: arrays with a leading axis k.
+class Looks(NamedTuple):
+    """What k agents see, as in `Observation` with a leading axis k, and what `info` tells."""
 
-    Args:
-        rows: What belongs to each stance, see `stance_observations`.
-        stances: Stance indices, shape (k,).
-        masks: Branches each limb may be on, shape (k, 2).
-        goals: Goal positions [m], shape (k, 3).
-    """
-    bits = masks[:, :, None] >> np.arange(16) & 1
-    return {
-        "stance": rows["stance"][stances],
-        "grasps": rows["grasps"][stances],
-        "base_position": rows["base_position"][stances],
-        "base_quaternion": rows["base_quaternion"][stances],
-        "goal": goals.astype(np.float32),
-        "branches": bits.reshape(len(stances), -1).astype(np.int8),
-    }
+    stance: IntArray
+    grasps: Floats
+    base_position: Floats
+    base_quaternion: Floats
+    goal: Floats
+    branches: NDArray[np.int8]
+    base_in_world: Array
+    """Base positions in full [m], shape (k, 3)."""
+    w_m: Array
+    """Limb manipulability, shape (k, 2)."""
+    w_b: Array
+    """Base manipulability, shape (k,)."""
+    away: Array
+    """Distances of the base from the goal [m], shape (k,)."""
+
+    @classmethod
+    def of(cls, table: PlaceTable, stances: IntArray, masks: IntArray, goals: Array) -> Looks:
+        """What is seen in new arrays.
+
+        Args:
+            table: What belongs to each stance.
+            stances: Stance indices, shape (k,).
+            masks: Branches each limb may be on, shape (k, 2).
+            goals: Goal positions [m], shape (k, 3).
+        """
+        k, reals = len(stances), np.float32
+        made = cls(
+            np.empty((k, 2), dtype=np.int64), np.empty((k, 6), dtype=reals),
+            np.empty((k, 3), dtype=reals), np.empty((k, 4), dtype=reals),
+            np.empty((k, 3), dtype=reals), np.empty((k, 32), dtype=np.int8),
+            np.empty((k, 3)), np.empty((k, 2)), np.empty(k), np.empty(k),
+        )  # fmt: skip
+        look(stances, masks, goals, table, made)
+        return made
+
+    def observation(self) -> Observation:
+        """What of it agents see."""
+        stance, grasps, base_position, base_quaternion, goal, branches, *_ = self
+        return {
+            "stance": stance,
+            "grasps": grasps,
+            "base_position": base_position,
+            "base_quaternion": base_quaternion,
+            "goal": goal,
+            "branches": branches,
+        }
+
+
+@entry
+def look(stances: IntArray, masks: IntArray, goals: Array, table: PlaceTable, out: Looks) -> None:
+    """Write what k agents see; arguments as those of `Looks.of`."""
+    for k in range(len(stances)):
+        s, square = stances[k], 0.0
+        for limb in range(2):
+            point = table.points[s, limb]
+            out.stance[k, limb] = point
+            out.w_m[k, limb] = table.places[s, 7 + limb]
+            for axis in range(3):
+                out.grasps[k, 3 * limb + axis] = table.positions[point, axis]
+            for branch in range(16):
+                out.branches[k, 16 * limb + branch] = masks[k, limb] >> branch & 1
+        for axis in range(3):
+            here, goal = table.places[s, axis], goals[k, axis]
+            out.base_in_world[k, axis] = out.base_position[k, axis] = here
+            out.goal[k, axis] = goal
+            square += (here - goal) ** 2
+        for part in range(4):
+            out.base_quaternion[k, part] = table.places[s, 3 + part]
+        out.w_b[k], out.away[k] = table.places[s, 9], np.sqrt(square)

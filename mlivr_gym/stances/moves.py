@@ -139,11 +139,10 @@ class TableMoves:
         """Which actions a state allows, shape (2 m,)."""
         if state.pose is not None:
             return self._from_given_pose.mask(state)
-        out = np.zeros((1, 2 * len(self.stance_at)), dtype=np.int8)
+        out = np.zeros((1, 2, len(self.stance_at)), dtype=np.int8)
         stance = np.array([self.stance_at[state.stance]], dtype=np.int64)
         legal_actions(stance, np.array([state.masks], dtype=np.int64), self.tables, out)
-        allowed: BoolArray = out[0].view(np.bool_)
-        return allowed
+        return out.ravel().view(np.bool_)
 
     def take(self, state: State, action: int) -> State:
         """Where an action that a state allows leads."""
