@@ -187,21 +187,26 @@ class Looks(NamedTuple):
 @entry
 def look(stances: IntArray, masks: IntArray, goals: Array, table: PlaceTable, out: Looks) -> None:
     """Write what k agents see; arguments as those of `Looks.of`."""
-    for k in range(len(stances)):
-        s, square = stances[k], 0.0
+    for k in range(len(stances)):  # what lies far apart in memory comes first: reads overlap then
+        s = stances[k]
         for limb in range(2):
-            point = table.points[s, limb]
-            out.stance[k, limb] = point
+            out.stance[k, limb] = table.points[s, limb]
             out.w_m[k, limb] = table.places[s, 7 + limb]
+        for axis in range(3):
+            out.base_in_world[k, axis] = table.places[s, axis]
+        for part in range(4):
+            out.base_quaternion[k, part] = table.places[s, 3 + part]
+        out.w_b[k] = table.places[s, 9]
+    for k in range(len(stances)):
+        square = 0.0
+        for limb in range(2):
+            point = out.stance[k, limb]
             for axis in range(3):
                 out.grasps[k, 3 * limb + axis] = table.positions[point, axis]
             for branch in range(16):
                 out.branches[k, 16 * limb + branch] = masks[k, limb] >> branch & 1
         for axis in range(3):
-            here, goal = table.places[s, axis], goals[k, axis]
-            out.base_in_world[k, axis] = out.base_position[k, axis] = here
-            out.goal[k, axis] = goal
+            here, goal = out.base_in_world[k, axis], goals[k, axis]
+            out.base_position[k, axis], out.goal[k, axis] = here, goal
             square += (here - goal) ** 2
-        for part in range(4):
-            out.base_quaternion[k, part] = table.places[s, 3 + part]
-        out.w_b[k], out.away[k] = table.places[s, 9], np.sqrt(square)
+        out.away[k] = np.sqrt(square)
