@@ -363,7 +363,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self._mask = self.moves.mask(state)
 
     def _observation(self) -> Observation:
-        return self._observer.observation(self.state, self._place, self.goal)
+        return self._observer.observation(self.moves, self.state, self._place, self.goal)
 
     def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
         place = self._place

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypedDict
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 from gymnasium import spaces
@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.kinematics.poses import quaternion
-from mlivr_gym.stances.moves import Place
+from mlivr_gym.stances.moves import Moves, Place, TableMoves
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
-
-REMEMBERED = 4096
-"""Stances whose observation an `Observer` remembers."""
 
 BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
 """The bits of each 16-bit mask, the lowest first, shape (65536, 16)."""
@@ -26,8 +23,8 @@ Floats = NDArray[np.float32]
 """Real numbers as observations hold them."""
 
 
-class PlaceObservation(TypedDict):
-    """What belongs to a stance, for N limbs on m points.
+class Observation(TypedDict):
+    """What an agent sees, for N limbs on m points.
 
     Positions lie in the smallest box around the cabin and all points, widened by the robot's span
     on every side.
@@ -41,11 +38,6 @@ class PlaceObservation(TypedDict):
     """Base position [m], shape (3,), float32."""
     base_quaternion: Floats
     """Base orientation w, x, y, z with w >= 0, each from -1 to 1, shape (4,), float32."""
-
-
-class Observation(PlaceObservation):
-    """What an agent sees."""
-
     goal: Floats
     """Goal position of the base [m], shape (3,), float32; inside the cabin."""
     branches: NDArray[np.int8]
@@ -70,49 +62,56 @@ def observation_space(graph: StanceGraph) -> spaces.Dict:
     )
 
 
-def place_observation(
-    graph: StanceGraph, stance: tuple[int, ...], place: Place
-) -> PlaceObservation:
-    """What belongs to a stance, in the posture of `place`."""
-    return {
-        "stance": np.array(stance, dtype=np.int64),
-        "grasps": graph.grasp_map.positions[list(stance)].ravel().astype(np.float32),
-        "base_position": np.array(place.base_in_world).astype(np.float32),
-        "base_quaternion": place.quaternion.astype(np.float32),
-    }
-
-
-def observation(seen: PlaceObservation, state: State, goal: Array) -> Observation:
-    """What an agent sees in a state, in new arrays."""
-    return {
-        "stance": seen["stance"].copy(),
-        "grasps": seen["grasps"].copy(),
-        "base_position": seen["base_position"].copy(),
-        "base_quaternion": seen["base_quaternion"].copy(),
-        "goal": goal.astype(np.float32),
-        "branches": np.concatenate([BITS[mask] for mask in state.masks]),
-    }
-
-
 class Observer:
-    """Tells what an agent sees, and remembers what belongs to a stance."""
+    """Tells what an agent sees."""
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Start with no stance remembered."""
+        """Start with no table."""
         self.graph = graph
-        self._remembered: dict[tuple[int, ...], PlaceObservation] = {}
+        self._rows: tuple[NDArray[Any], ...] = ()
 
-    def observation(self, state: State, place: Place, goal: Array) -> Observation:
+    def observation(self, moves: Moves, state: State, place: Place, goal: Array) -> Observation:
         """What an agent sees in a state at `place`, in new arrays."""
-        if state.pose is not None:
-            return observation(place_observation(self.graph, state.stance, place), state, goal)
-        seen = self._remembered.get(state.stance)
-        if seen is None:
-            if len(self._remembered) >= REMEMBERED:
-                self._remembered.clear()
-            seen = place_observation(self.graph, state.stance, place)
-            self._remembered[state.stance] = seen
-        return observation(seen, state, goal)
+        if isinstance(moves, TableMoves) and state.pose is None:
+            if not self._rows:
+                self._rows = place_rows(moves.graph)
+            s = moves.stance_at[state.stance]
+            stance, grasps, position, turn = [rows[s].copy() for rows in self._rows]
+        else:
+            stance = np.array(state.stance, dtype=np.int64)
+            grasps = self.graph.grasp_map.positions[stance].ravel().astype(np.float32)
+            position = np.array(place.base_in_world).astype(np.float32)
+            turn = place.quaternion.astype(np.float32)
+        branches = BITS.take(state.masks, axis=0).ravel()
+        return _named(stance, grasps, position, turn, goal.astype(np.float32), branches)
+
+
+def _named(
+    stance: IntArray,
+    grasps: Floats,
+    base_position: Floats,
+    base_quaternion: Floats,
+    goal: Floats,
+    branches: NDArray[np.int8],
+) -> Observation:
+    return {
+        "stance": stance,
+        "grasps": grasps,
+        "base_position": base_position,
+        "base_quaternion": base_quaternion,
+        "goal": goal,
+        "branches": branches,
+    }
+
+
+def place_rows(graph: PairGraph) -> tuple[NDArray[Any], ...]:
+    """The first four arrays of `Looks` for each of the n stances of a graph."""
+    return (
+        graph.points.astype(np.int64),
+        graph.grasp_map.positions[graph.points].reshape(-1, 6).astype(np.float32),
+        graph.base_in_world.astype(np.float32),
+        quaternion(graph.base_axes_in_world).astype(np.float32),
+    )
 
 
 class PlaceTable(NamedTuple):
@@ -173,15 +172,7 @@ class Looks(NamedTuple):
 
     def observation(self) -> Observation:
         """What of it agents see."""
-        stance, grasps, base_position, base_quaternion, goal, branches, *_ = self
-        return {
-            "stance": stance,
-            "grasps": grasps,
-            "base_position": base_position,
-            "base_quaternion": base_quaternion,
-            "goal": goal,
-            "branches": branches,
-        }
+        return _named(*self[:6])
 
 
 @entry

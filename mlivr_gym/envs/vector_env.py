@@ -109,7 +109,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._stance_at, self._places = moves.stance_at, PlaceTable.of(moves.graph)
-        self._ids = np.array(self.env.graph.grasp_map.ids, dtype=np.object_)[self.tables.points]
+        self._ids = np.array(self.env.graph.grasp_map.ids, dtype=np.object_)
         self._streams = np.zeros(num_envs, dtype=np.uint64)
         self._seeded = np.zeros(num_envs, dtype=np.bool_)
         self._started = np.zeros(num_envs, dtype=np.bool_)
@@ -271,7 +271,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         """Refuse starts that no step leaves."""
         stuck = which & ~self._legal(stances, masks).any(axis=1)
         if stuck.any():
-            stance = tuple(self._ids[stances[stuck.argmax()]])
+            stance = tuple(self._ids[self.tables.points[stances[stuck.argmax()]]])
             raise StanceError(f"no step leaves the start stance {stance}")
 
     def _legal(self, stances: IntArray, masks: IntArray) -> BoolArray:
@@ -297,7 +297,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         robots = Robots(stances, masks, self._streams)
         missing = draw_tasks(which, which & given, draws, self.tables, robots, goals)
         if missing >= 0:
-            what = f"goal that a walk joins with start {tuple(self._ids[stances[missing]])} was"
+            what = f"goal that a walk joins with start {tuple(self._ids[self.tables.points[stances[missing]]])} was"
             what = what if given else "start and goal that a walk joins were"
             raise StanceError(f"no {what} found on map {grasp_map.name!r}")
 
@@ -326,7 +326,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     def _info(self, invalid: BoolArray, failed: BoolArray) -> dict[str, Any]:
         looks = self._looks
         info: dict[str, Any] = {
-            "stance": self._ids.take(self.stances, axis=0),
+            "stance": self._ids.take(looks.stance),
             "base_position": looks.base_in_world,
             "base_translation": self.base_translation.copy(),
             "steps": self.steps.copy(),
