@@ -9,6 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import has
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.stances.moves import Moves, Place, TableMoves
@@ -162,11 +163,17 @@ class Looks(NamedTuple):
         """
         k, reals = len(stances), np.float32
         made = cls(
-            np.empty((k, 2), dtype=np.int64), np.empty((k, 6), dtype=reals),
-            np.empty((k, 3), dtype=reals), np.empty((k, 4), dtype=reals),
-            np.empty((k, 3), dtype=reals), np.empty((k, 32), dtype=np.int8),
-            np.empty((k, 3)), np.empty((k, 2)), np.empty(k), np.empty(k),
-        )  # fmt: skip
+            np.empty((k, 2), dtype=np.int64),
+            np.empty((k, 6), dtype=reals),
+            np.empty((k, 3), dtype=reals),
+            np.empty((k, 4), dtype=reals),
+            np.empty((k, 3), dtype=reals),
+            np.empty((k, 32), dtype=np.int8),
+            np.empty((k, 3)),
+            np.empty((k, 2)),
+            np.empty(k),
+            np.empty(k),
+        )
         look(stances, masks, goals, table, made)
         return made
 
@@ -195,7 +202,7 @@ def look(stances: IntArray, masks: IntArray, goals: Array, table: PlaceTable, ou
             for axis in range(3):
                 out.grasps[k, 3 * limb + axis] = table.positions[point, axis]
             for branch in range(16):
-                out.branches[k, 16 * limb + branch] = masks[k, limb] >> branch & 1
+                out.branches[k, 16 * limb + branch] = has(masks[k, limb], branch)
         for axis in range(3):
             here, goal = out.base_in_world[k, axis], goals[k, axis]
             out.base_position[k, axis], out.goal[k, axis] = here, goal

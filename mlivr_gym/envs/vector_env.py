@@ -271,7 +271,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         """Refuse starts that no step leaves."""
         stuck = which & ~self._legal(stances, masks).any(axis=1)
         if stuck.any():
-            stance = tuple(self._ids[self.tables.points[stances[stuck.argmax()]]])
+            stance = self.env.graph.ids(self.tables.points[stances[stuck.argmax()]])
             raise StanceError(f"no step leaves the start stance {stance}")
 
     def _legal(self, stances: IntArray, masks: IntArray) -> BoolArray:
@@ -289,7 +289,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         goals: Array,
     ) -> None:
         """Draw goals, and starts if they are not given, into the arrays."""
-        grasp_map = self.env.graph.grasp_map
+        graph, grasp_map = self.env.graph, self.env.graph.grasp_map
         if not isinstance(self.env.tasks, WalkTasks):
             self._draw_one_by_one(which, given, stances, masks, goals)
             return
@@ -297,7 +297,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         robots = Robots(stances, masks, self._streams)
         missing = draw_tasks(which, which & given, draws, self.tables, robots, goals)
         if missing >= 0:
-            what = f"goal that a walk joins with start {tuple(self._ids[self.tables.points[stances[missing]]])} was"
+            start = graph.ids(self.tables.points[stances[missing]])
+            what = f"goal that a walk joins with start {start} was"
             what = what if given else "start and goal that a walk joins were"
             raise StanceError(f"no {what} found on map {grasp_map.name!r}")
 

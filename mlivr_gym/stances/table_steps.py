@@ -194,11 +194,11 @@ def _look_onward(
 def find_step(s: int, moving: int, point: int, tables: Any) -> int:
     """Index of the step from stance `s` that moves limb `moving` to `point`, or -1."""
     low, end = tables.start[2 * s + moving], tables.start[2 * s + moving + 1]
-    left = end - low
-    while left > 0:  # without branches that the processor would guess wrong
-        half = (left + 1) // 2
+    count = end - low
+    while count > 0:  # without branches that the processor would guess wrong
+        half = (count + 1) // 2
         low += half * (tables.to_point[low + half - 1] < point)
-        left -= half
+        count -= half
     found: int = low if low < end and tables.to_point[low] == point else -1
     return found
 
