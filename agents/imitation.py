@@ -25,7 +25,7 @@ from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import observations, stance_observations
+from mlivr_gym.envs.observations import Looks, PlaceTable
 from mlivr_gym.envs.rewards import StepReward
 from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.planners.table_values import TableValues, stances_at
@@ -123,7 +123,7 @@ class Imitation:
         """
         self.env, self.policy, self.plain, self.settings = env, policy, plain, settings
         self.moves = env.table_moves()
-        self._rows = stance_observations(self.moves.graph)
+        self._places = PlaceTable.of(self.moves.graph)
         self.features = TableFeatures(env)
         self.rng = np.random.default_rng(seed)
         self.m = len(env.graph.grasp_map)
@@ -247,8 +247,7 @@ class Imitation:
         moved, outcome = np.zeros(count), np.zeros(count, dtype=np.int64)
         skip, chances = np.zeros(count, np.bool_), Chances(self.env.failure_probability, 0.0)
         robots = Robots(walks.stances, walks.masks, walks.streams)
-        stance_at, tables = self.moves.stance_at, values.tables
-        advance(actions, skip, chances, stance_at, tables, robots, moved, outcome)
+        advance(actions, skip, chances, values.tables, robots, moved, outcome)
         going = ~values.goals[walks.which, walks.stances]
         return _Walks(
             walks.stances[going], walks.masks[going], walks.which[going], walks.streams[going]
@@ -290,8 +289,8 @@ class Imitation:
         )
         legal = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
         if self.plain:
-            looks = observations(self._rows, samples.stances, samples.masks, samples.goals)
-            return as_tensors(self.policy, looks), legal
+            looks = Looks.of(self._places, samples.stances, samples.masks, samples.goals)
+            return as_tensors(self.policy, looks.observation()), legal
         return as_tensors(self.policy, seen), legal
 
     def _learn(

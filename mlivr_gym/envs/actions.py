@@ -44,19 +44,22 @@ def action_numbers(actions: Any, copies: int, count: int) -> IntArray:
     Raises:
         SettingError: If they are not k integers from 0 to `count` - 1.
     """
-    fault = ""
+    fault, numbers = "", np.zeros(0, dtype=np.int64)
     try:
         array = np.asarray(actions)
     except (TypeError, ValueError) as error:  # a ragged list, a tensor on another device
         array, fault = np.zeros(0), str(error)
     if not fault and array.shape != (copies,):
         fault = f"they have shape {array.shape}"
-    elif not fault and not np.issubdtype(array.dtype, np.integer):
+    elif not fault and array.dtype.kind not in "iu":
         fault = f"they are of type {array.dtype}"
-    elif not fault and ((array < 0) | (array >= count)).any():
-        fault = f"one is {array[(array < 0) | (array >= count)][0]}"
+    elif not fault:
+        numbers = array.astype(np.int64)
+        wrong = numbers.view(np.uint64) >= count  # negative ones are large ones there
+        if wrong.any():
+            fault = f"one is {array[wrong][0]}"
     if fault:
         raise SettingError(
             f"actions must be {copies} numbers of Discrete({count}), in integers: {fault}"
         )
-    return array.astype(np.int64)
+    return numbers

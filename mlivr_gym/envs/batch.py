@@ -98,7 +98,6 @@ def advance(
     actions: IntArray,
     skip: BoolArray,
     chances: Chances,
-    stance_at: NDArray[np.int32],
     tables: StepTables,
     robots: Robots,
     moved: Array,
@@ -110,7 +109,6 @@ def advance(
         actions: Limb times m plus point, shape (k,).
         skip: States that take none, shape (k,).
         chances: What an action may come to.
-        stance_at: Stance index by points, -1 where there is none, shape (m, m).
         tables: `StepTables`.
         robots: The states, changed.
         moved: Base displacement of each step [m], shape (k,), written.
@@ -119,22 +117,18 @@ def advance(
     """
     stances, masks, failure = robots.stances, robots.masks, chances.failure
     streams, max_step = robots.streams, chances.max_step
-    m = len(stance_at)
+    m = len(failure)
     for k in range(len(actions)):
         if skip[k]:
             continue
         moving, point = actions[k] // m, actions[k] % m
         held, s = 1 - moving, stances[k]
-        grasped = tables.points[s, held]
-        s2 = stance_at[grasped, point] if held == 0 else stance_at[point, grasped]
-        e = np.int64(-1)
-        if s2 >= 0 and s2 != s:
-            e = np.int64(find_step(s, moving, s2, tables))
+        e = find_step(s, moving, point, tables)
         kept = kept_on_edge(masks[k, held], tables.kept[e] if e >= 0 else 0)
         if not kept or not can_release(masks[k, moving], tables.releasable[s, moving]):
             moved[k], outcome[k] = max_step, 1
             continue
-        square = 0.0
+        s2, square = tables.after[e], 0.0
         for axis in range(3):
             square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
         moved[k], outcome[k] = np.sqrt(square), 0

@@ -18,20 +18,12 @@ class CurrentMoves:
         tabled: Whether they are read from exact tables.
     """
 
-    def __init__(self, graph: StanceGraph, tabled: bool) -> None:
-        """Check every step beforehand if `tabled`; where all are known the table is used anyhow.
-
-        Of more than two limbs the table of all nodes is read, where it is known.
-
-        Raises:
-            SettingError: If that is wanted and the robot has more than two limbs.
-        """
+    def __init__(self, graph: StanceGraph) -> None:
+        """Take exact tables where every step is known; of more limbs, the table of all nodes."""
         self.graph, self.tabled = graph, False
         self._moves: Moves | None = None
         self._version = graph.version
-        if tabled:
-            self.from_tables()
-        elif isinstance(graph, LazyGraph):
+        if isinstance(graph, LazyGraph):
             node_table(graph)
 
     def now(self) -> Moves:

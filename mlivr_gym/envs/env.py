@@ -203,8 +203,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             physics: Figures of grasps and failures.
             grasp_failure: Mean probability that a grasp fails, or each point's; kinematic only.
             grasp_failure_seed: Seed of the probabilities.
-            precompute: Whether to check every step beforehand, which makes each one fast; takes
-                minutes for the JEM, once, and is kept on disk. Two limbs, kinematic, only.
+            precompute: Whether to call `table_moves` at once. Two limbs, kinematic, only.
             render_mode: `"rgb_array"`, `"rgb_array_list"`, `"human"` or None.
             width: Width of rendered pictures [px].
             height: Height of rendered pictures [px].
@@ -212,12 +211,8 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         Raises:
             MlivrError: If an argument cannot be used; the message names it.
         """
-        check_dynamics(
-            dynamics,
-            transitions=transitions,
-            precompute=precompute,
-            grasp_failure=grasp_failure,
-        )
+        checks = {"transitions": transitions, "precompute": precompute}
+        check_dynamics(dynamics, **checks, grasp_failure=grasp_failure)
         if render_mode is not None:
             self.metadata = self.metadata | {"render_fps": RENDER_FPS[render_mode]}
         worth = REWARD.read(reward, Place("reward", SettingError))
@@ -237,7 +232,9 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             how = {"limits": limits, "controller": controller, "physics": physics}
             self._walk = physical_walk(self.graph, **how, disturbances=disturbances)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
-        self._moves, self._observer = CurrentMoves(self.graph, precompute), Observer(self.graph)
+        self._moves, self._observer = CurrentMoves(self.graph), Observer(self.graph)
+        if precompute:
+            self.table_moves()
         self._state, self._stream, self._seeded = None, Stream(0), False
         self._entered, self._measures = self.graph.version, dict[str, Any]()
         self.viewer = Viewer(self.graph, (width, height), self.goal_tolerance)
@@ -363,7 +360,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self._mask = self.moves.mask(state)
 
     def _observation(self) -> Observation:
-        return self._observer.observation(self.state, self._place, self.goal)
+        return self._observer.observation(self.moves, self.state, self._place, self.goal)
 
     def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
         place = self._place

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import has
+from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.kinematics.poses import quaternion
-from mlivr_gym.stances.moves import Place
+from mlivr_gym.stances.moves import Moves, Place, TableMoves
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
-
-REMEMBERED = 4096
-"""Stances whose observation an `Observer` remembers."""
 
 BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
 """The bits of each 16-bit mask, the lowest first, shape (65536, 16)."""
@@ -25,8 +24,8 @@ Floats = NDArray[np.float32]
 """Real numbers as observations hold them."""
 
 
-class PlaceObservation(TypedDict):
-    """What belongs to a stance, for N limbs on m points.
+class Observation(TypedDict):
+    """What an agent sees, for N limbs on m points.
 
     Positions lie in the smallest box around the cabin and all points, widened by the robot's span
     on every side.
@@ -40,11 +39,6 @@ class PlaceObservation(TypedDict):
     """Base position [m], shape (3,), float32."""
     base_quaternion: Floats
     """Base orientation w, x, y, z with w >= 0, each from -1 to 1, shape (4,), float32."""
-
-
-class Observation(PlaceObservation):
-    """What an agent sees."""
-
     goal: Floats
     """Goal position of the base [m], shape (3,), float32; inside the cabin."""
     branches: NDArray[np.int8]
@@ -69,78 +63,148 @@ def observation_space(graph: StanceGraph) -> spaces.Dict:
     )
 
 
-def place_observation(
-    graph: StanceGraph, stance: tuple[int, ...], place: Place
-) -> PlaceObservation:
-    """What belongs to a stance, in the posture of `place`."""
-    return {
-        "stance": np.array(stance, dtype=np.int64),
-        "grasps": graph.grasp_map.positions[list(stance)].ravel().astype(np.float32),
-        "base_position": np.array(place.base_in_world).astype(np.float32),
-        "base_quaternion": place.quaternion.astype(np.float32),
-    }
-
-
-def observation(seen: PlaceObservation, state: State, goal: Array) -> Observation:
-    """What an agent sees in a state, in new arrays."""
-    return {
-        "stance": seen["stance"].copy(),
-        "grasps": seen["grasps"].copy(),
-        "base_position": seen["base_position"].copy(),
-        "base_quaternion": seen["base_quaternion"].copy(),
-        "goal": goal.astype(np.float32),
-        "branches": np.concatenate([BITS[mask] for mask in state.masks]),
-    }
-
-
 class Observer:
-    """Tells what an agent sees, and remembers what belongs to a stance."""
+    """Tells what an agent sees."""
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Start with no stance remembered."""
+        """Start with no table."""
         self.graph = graph
-        self._remembered: dict[tuple[int, ...], PlaceObservation] = {}
+        self._rows: tuple[NDArray[Any], ...] = ()
 
-    def observation(self, state: State, place: Place, goal: Array) -> Observation:
+    def observation(self, moves: Moves, state: State, place: Place, goal: Array) -> Observation:
         """What an agent sees in a state at `place`, in new arrays."""
-        if state.pose is not None:
-            return observation(place_observation(self.graph, state.stance, place), state, goal)
-        seen = self._remembered.get(state.stance)
-        if seen is None:
-            if len(self._remembered) >= REMEMBERED:
-                self._remembered.clear()
-            seen = place_observation(self.graph, state.stance, place)
-            self._remembered[state.stance] = seen
-        return observation(seen, state, goal)
+        if isinstance(moves, TableMoves) and state.pose is None:
+            if not self._rows:
+                self._rows = place_rows(moves.graph)
+            s = moves.stance_at[state.stance]
+            stance, grasps, position, turn = [rows[s].copy() for rows in self._rows]
+        else:
+            stance = np.array(state.stance, dtype=np.int64)
+            grasps = self.graph.grasp_map.positions[stance].ravel().astype(np.float32)
+            position = np.array(place.base_in_world).astype(np.float32)
+            turn = place.quaternion.astype(np.float32)
+        branches = BITS.take(state.masks, axis=0).ravel()
+        return _named(stance, grasps, position, turn, goal.astype(np.float32), branches)
 
 
-def stance_observations(graph: PairGraph) -> PlaceObservation:
-    """What belongs to each of the n stances of a graph: arrays with a leading axis n."""
-    return {
-        "stance": graph.points.astype(np.int64),
-        "grasps": graph.grasp_map.positions[graph.points].reshape(-1, 6).astype(np.float32),
-        "base_position": graph.base_in_world.astype(np.float32),
-        "base_quaternion": quaternion(graph.base_axes_in_world).astype(np.float32),
-    }
-
-
-def observations(
-    rows: PlaceObservation, stances: IntArray, masks: IntArray, goals: Array
+def _named(
+    stance: IntArray,
+    grasps: Floats,
+    base_position: Floats,
+    base_quaternion: Floats,
+    goal: Floats,
+    branches: NDArray[np.int8],
 ) -> Observation:
-    """What k agents see: arrays with a leading axis k.
-
-    Args:
-        rows: What belongs to each stance, see `stance_observations`.
-        stances: Stance indices, shape (k,).
-        masks: Branches each limb may be on, shape (k, 2).
-        goals: Goal positions [m], shape (k, 3).
-    """
-    bits = masks[:, :, None] >> np.arange(16) & 1
     return {
-        "stance": rows["stance"][stances],
-        "grasps": rows["grasps"][stances],
-        "base_position": rows["base_position"][stances],
-        "base_quaternion": rows["base_quaternion"][stances],
-        "goal": goals.astype(np.float32),
-        "branches": bits.reshape(len(stances), -1).astype(np.int8),
+        "stance": stance,
+        "grasps": grasps,
+        "base_position": base_position,
+        "base_quaternion": base_quaternion,
+        "goal": goal,
+        "branches": branches,
     }
+
+
+def place_rows(graph: PairGraph) -> tuple[NDArray[Any], ...]:
+    """The first four arrays of `Looks` for each of the n stances of a graph."""
+    return (
+        graph.points.astype(np.int64),
+        graph.grasp_map.positions[graph.points].reshape(-1, 6).astype(np.float32),
+        graph.base_in_world.astype(np.float32),
+        quaternion(graph.base_axes_in_world).astype(np.float32),
+    )
+
+
+class PlaceTable(NamedTuple):
+    """What belongs to each of the n stances of a two-limb graph on m points."""
+
+    points: NDArray[np.int32]
+    """Point that each limb holds, shape (n, 2)."""
+    positions: Array
+    """Positions of the points [m], shape (m, 3)."""
+    places: Array
+    """Base position [m], quaternion, limb and base manipulability, shape (n, 3 + 4 + 2 + 1)."""
+
+    @classmethod
+    def of(cls, graph: PairGraph) -> PlaceTable:
+        """The table of a graph."""
+        turns = quaternion(graph.base_axes_in_world)
+        places = np.column_stack([graph.base_in_world, turns, graph.w_m, graph.w_b])
+        return cls(graph.points.astype(np.int32), graph.grasp_map.positions, places)
+
+
+class Looks(NamedTuple):
+    """What k agents see, as in `Observation` with a leading axis k, and what `info` tells."""
+
+    stance: IntArray
+    grasps: Floats
+    base_position: Floats
+    base_quaternion: Floats
+    goal: Floats
+    branches: NDArray[np.int8]
+    base_in_world: Array
+    """Base positions in full [m], shape (k, 3)."""
+    w_m: Array
+    """Limb manipulability, shape (k, 2)."""
+    w_b: Array
+    """Base manipulability, shape (k,)."""
+    away: Array
+    """Distances of the base from the goal [m], shape (k,)."""
+
+    @classmethod
+    def of(cls, table: PlaceTable, stances: IntArray, masks: IntArray, goals: Array) -> Looks:
+        """What is seen in new arrays.
+
+        Args:
+            table: What belongs to each stance.
+            stances: Stance indices, shape (k,).
+            masks: Branches each limb may be on, shape (k, 2).
+            goals: Goal positions [m], shape (k, 3).
+        """
+        k, reals = len(stances), np.float32
+        made = cls(
+            np.empty((k, 2), dtype=np.int64),
+            np.empty((k, 6), dtype=reals),
+            np.empty((k, 3), dtype=reals),
+            np.empty((k, 4), dtype=reals),
+            np.empty((k, 3), dtype=reals),
+            np.empty((k, 32), dtype=np.int8),
+            np.empty((k, 3)),
+            np.empty((k, 2)),
+            np.empty(k),
+            np.empty(k),
+        )
+        look(stances, masks, goals, table, made)
+        return made
+
+    def observation(self) -> Observation:
+        """What of it agents see."""
+        return _named(*self[:6])
+
+
+@entry
+def look(stances: IntArray, masks: IntArray, goals: Array, table: PlaceTable, out: Looks) -> None:
+    """Write what k agents see; arguments as those of `Looks.of`."""
+    for k in range(len(stances)):  # what lies far apart in memory comes first: reads overlap then
+        s = stances[k]
+        for limb in range(2):
+            out.stance[k, limb] = table.points[s, limb]
+            out.w_m[k, limb] = table.places[s, 7 + limb]
+        for axis in range(3):
+            out.base_in_world[k, axis] = table.places[s, axis]
+        for part in range(4):
+            out.base_quaternion[k, part] = table.places[s, 3 + part]
+        out.w_b[k] = table.places[s, 9]
+    for k in range(len(stances)):
+        square = 0.0
+        for limb in range(2):
+            point = out.stance[k, limb]
+            for axis in range(3):
+                out.grasps[k, 3 * limb + axis] = table.positions[point, axis]
+            for branch in range(16):
+                out.branches[k, 16 * limb + branch] = has(masks[k, limb], branch)
+        for axis in range(3):
+            here, goal = out.base_in_world[k, axis], goals[k, axis]
+            out.base_position[k, axis], out.goal[k, axis] = here, goal
+            square += (here - goal) ** 2
+        out.away[k] = np.sqrt(square)

@@ -21,13 +21,12 @@ from mlivr_gym.envs.actions import action_numbers
 from mlivr_gym.envs.arguments import MODE, MOST_STEPS
 from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import Observation, observations, stance_observations
+from mlivr_gym.envs.observations import Looks, Observation, PlaceTable
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import FIXED_NUMBER, WalkTasks, draw_task, fixed_task
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.schema import Fields, Flag, Listed, Maybe, Place, Whole
 from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import legal_actions
@@ -109,9 +108,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.single_observation_space: spaces.Space[Any] = self.env.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._stance_at, self._rows_seen = moves.stance_at, stance_observations(moves.graph)
-        self._w_m, self._w_b = moves.graph.w_m, moves.graph.w_b
-        self._ids = np.array(self.env.graph.grasp_map.ids, dtype=np.object_)[self.tables.points]
+        self._stance_at, self._places = moves.stance_at, PlaceTable.of(moves.graph)
+        self._ids = np.array(self.env.graph.grasp_map.ids, dtype=np.object_)
         self._streams = np.zeros(num_envs, dtype=np.uint64)
         self._seeded = np.zeros(num_envs, dtype=np.bool_)
         self._started = np.zeros(num_envs, dtype=np.bool_)
@@ -120,7 +118,6 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.masks: IntArray = np.zeros((num_envs, 2), dtype=np.int64)
         self.steps: IntArray = np.zeros(num_envs, dtype=np.int64)
         self.base_translation: Array = np.zeros(num_envs)
-        self._away: Array = np.zeros(num_envs)
         self._ended = np.ones(num_envs, dtype=np.bool_)
         self._all = np.ones(num_envs, dtype=np.bool_)
 
@@ -170,8 +167,10 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 new[2][k] = graph.grasp_map.check_goal(goals[k])
         self.stances[:], self.masks[:], self.goals[:] = new
         self._begin(which)
+        self._ended[which] = False
+        self._look()
         nothing = np.zeros(self.num_envs, np.bool_)
-        return self._observation(), self._info(nothing, nothing.copy())
+        return self._looks.observation(), self._info(nothing, nothing.copy())
 
     def _given(self, options: object, seed: object) -> tuple[dict[str, Any], list[int | None]]:
         """The options, and a seed or None for each copy."""
@@ -221,7 +220,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self._need_reset()
         self._keep_up()
         actions = action_numbers(actions, self.num_envs, 2 * len(self._stance_at))
-        env, restart = self.env, self._ended.copy()
+        env, restart, before = self.env, self._ended, self._looks.away
         if restart.any():
             if self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
                 raise SettingError(
@@ -229,22 +228,23 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 )
             self._draw(restart, False, self.stances, self.masks, self.goals)
             self._begin(restart)
-        before = self._away
         moved, outcome = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=np.int64)
         chances = Chances(env.failure_probability, env.graph.max_step)
         robots = Robots(self.stances, self.masks, self._streams)
-        advance(actions, restart, chances, self._stance_at, self.tables, robots, moved, outcome)
-        invalid, failed = outcome == 1, outcome == 2
-        self.steps += ~restart
+        advance(actions, restart, chances, self.tables, robots, moved, outcome)
+        invalid, failed, going = outcome == 1, outcome == 2, ~restart
+        self.steps += going
         self.base_translation += np.where(invalid, 0.0, moved)
-        after = self._away = self._distance()
+        self._look()
+        after = self._looks.away
         success = after <= env.goal_tolerance
+        before = np.where(restart, after, before)
         worth = env.reward(StepOutcome(moved, before, after, success, ~invalid))
         reward = np.where(restart, 0.0, worth)
-        terminated = success & ~restart
-        truncated = (self.steps >= self.max_episode_steps) & ~restart
+        terminated, truncated = success & going, (self.steps >= self.max_episode_steps) & going
         self._ended = terminated | truncated
-        return self._observation(), reward, terminated, truncated, self._info(invalid, failed)
+        info = self._info(invalid, failed)
+        return self._looks.observation(), reward, terminated, truncated, info
 
     def action_masks(self) -> BoolArray:
         """Which actions are allowed, shape (k, N m).
@@ -271,13 +271,14 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         """Refuse starts that no step leaves."""
         stuck = which & ~self._legal(stances, masks).any(axis=1)
         if stuck.any():
-            stance = tuple(self._ids[stances[stuck.argmax()]])
+            stance = self.env.graph.ids(self.tables.points[stances[stuck.argmax()]])
             raise StanceError(f"no step leaves the start stance {stance}")
 
     def _legal(self, stances: IntArray, masks: IntArray) -> BoolArray:
-        out = np.zeros((self.num_envs, 2 * len(self._stance_at)), dtype=np.bool_)
-        legal_actions(stances, masks, self.tables, out.view(np.int8))
-        return out
+        k, m = self.num_envs, len(self._stance_at)
+        out = np.zeros((k, 2, m), dtype=np.int8)
+        legal_actions(stances, masks, self.tables, out)
+        return out.reshape(k, 2 * m).view(np.bool_)
 
     def _draw(
         self,
@@ -288,7 +289,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         goals: Array,
     ) -> None:
         """Draw goals, and starts if they are not given, into the arrays."""
-        grasp_map = self.env.graph.grasp_map
+        graph, grasp_map = self.env.graph, self.env.graph.grasp_map
         if not isinstance(self.env.tasks, WalkTasks):
             self._draw_one_by_one(which, given, stances, masks, goals)
             return
@@ -296,7 +297,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         robots = Robots(stances, masks, self._streams)
         missing = draw_tasks(which, which & given, draws, self.tables, robots, goals)
         if missing >= 0:
-            what = f"goal that a walk joins with start {tuple(self._ids[stances[missing]])} was"
+            start = graph.ids(self.tables.points[stances[missing]])
+            what = f"goal that a walk joins with start {start} was"
             what = what if given else "start and goal that a walk joins were"
             raise StanceError(f"no {what} found on map {grasp_map.name!r}")
 
@@ -317,27 +319,24 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self._need_step(which, stances, masks)
 
     def _begin(self, which: BoolArray) -> None:
-        self.steps[which], self.base_translation[which], self._ended[which] = 0, 0.0, False
-        self._started[which] = True
-        self._away = self._distance()
+        self.steps[which], self.base_translation[which], self._started[which] = 0, 0.0, True
 
-    def _distance(self) -> Array:
-        return distances(self.tables.base_in_world[self.stances], self.goals)
-
-    def _observation(self) -> Observation:
-        return observations(self._rows_seen, self.stances, self.masks, self.goals)
+    def _look(self) -> None:
+        self._looks = Looks.of(self._places, self.stances, self.masks, self.goals)
 
     def _info(self, invalid: BoolArray, failed: BoolArray) -> dict[str, Any]:
+        looks = self._looks
         info: dict[str, Any] = {
-            "stance": self._ids[self.stances],
-            "base_position": self.tables.base_in_world[self.stances],
+            "stance": self._ids.take(looks.stance),
+            "base_position": looks.base_in_world,
             "base_translation": self.base_translation.copy(),
             "steps": self.steps.copy(),
-            "limb_manipulability": self._w_m[self.stances],
-            "base_manipulability": self._w_b[self.stances],
+            "limb_manipulability": looks.w_m,
+            "base_manipulability": looks.w_b,
             "action_mask": self._legal(self.stances, self.masks).view(np.int8),
-            "is_success": self._away <= self.env.goal_tolerance,
+            "is_success": looks.away <= self.env.goal_tolerance,
             "invalid_action": invalid,
             "grasp_failed": failed,
         }
-        return info | {f"_{name}": self._all.copy() for name in info}
+        told = np.ones((len(info), self.num_envs), dtype=np.bool_)
+        return info | {f"_{name}": row for name, row in zip(info, told, strict=True)}

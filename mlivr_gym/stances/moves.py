@@ -123,8 +123,6 @@ class TableMoves:
         self.stance_at = np.full((m, m), -1, dtype=np.int32)
         """Stance index by the points of both limbs, -1 where there is none, shape (m, m)."""
         self.stance_at[tables.points[:, 0], tables.points[:, 1]] = np.arange(len(tables.points))
-        moving = np.repeat(np.tile([0, m], len(tables.points)), np.diff(tables.start))
-        self._action = moving + tables.to_point
         self._start = tables.start.tolist()
         self._quaternions = quaternion(graph.base_axes_in_world)
         self._places: dict[tuple[int, ...], Place] = {}
@@ -139,20 +137,19 @@ class TableMoves:
         """Which actions a state allows, shape (2 m,)."""
         if state.pose is not None:
             return self._from_given_pose.mask(state)
-        out = np.zeros((1, 2 * len(self.stance_at)), dtype=np.int8)
+        out = np.zeros((1, 2, len(self.stance_at)), dtype=np.int8)
         stance = np.array([self.stance_at[state.stance]], dtype=np.int64)
         legal_actions(stance, np.array([state.masks], dtype=np.int64), self.tables, out)
-        allowed: BoolArray = out[0].view(np.bool_)
-        return allowed
+        return out.ravel().view(np.bool_)
 
     def take(self, state: State, action: int) -> State:
         """Where an action that a state allows leads."""
         if state.pose is not None:
             return self._from_given_pose.take(state, action)
-        s = int(self.stance_at[state.stance])
-        begin, end = self._start[2 * s], self._start[2 * s + 2]
-        step = begin + int(self._action[begin:end].searchsorted(action))
         limb, point = divmod(action, len(self.stance_at))
+        of_limb = 2 * int(self.stance_at[state.stance]) + limb
+        begin, end = self._start[of_limb], self._start[of_limb + 1]
+        step = begin + int(self.tables.to_point[begin:end].searchsorted(np.uint16(point)))
         masks = self.tables.masks_after(step, limb, state.masks)
         return State(state.stance_after(limb, point), masks)
 

@@ -72,7 +72,7 @@ def test_actions_and_where_they_lead(seed):
     rng = np.random.default_rng(seed)
     tables, k = random_tables(rng), 30
     stances, masks = rng.integers(0, len(tables.points), k), rng.integers(0, 8, (k, 2))
-    actions = np.zeros((k, 2 * POINTS), dtype=np.int8)
+    actions = np.zeros((k, 2, POINTS), dtype=np.int8)
     legal_actions(stances, masks, tables, actions)
     legal, again = np.zeros((2, k, 2, POINTS), dtype=np.int8)
     position = np.zeros((k, 2, POINTS, 3))
@@ -85,7 +85,7 @@ def test_actions_and_where_they_lead(seed):
             expected[0, i, moving, point] = 1
             expected[1, i, moving, point] = bool(kept & tables.releasable[s2, 1 - moving])
             places[i, moving, point] = tables.base_in_world[s2]
-    np.testing.assert_array_equal(actions.reshape(k, 2, POINTS), expected[0])
+    np.testing.assert_array_equal(actions, expected[0])
     np.testing.assert_array_equal(legal, expected[0])
     np.testing.assert_array_equal(again, expected[1])
     np.testing.assert_array_equal(position, places)
@@ -123,6 +123,6 @@ def test_a_step_is_found_by_where_it_leads(seed):
     for s in range(len(tables.points)):
         for moving in range(2):
             here = range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1])
-            for s2 in range(len(tables.points)):
-                truth = next((e for e in here if tables.after[e] == s2), -1)
-                assert find_step(s, moving, s2, tables) == truth
+            for point in range(POINTS):
+                truth = next((e for e in here if tables.to_point[e] == point), -1)
+                assert find_step(s, moving, point, tables) == truth
