@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from mlivr_gym.cli.arguments import chosen_graph, output_arguments, world_arguments
@@ -16,12 +17,10 @@ from mlivr_gym.planners.roadmap_build import MOST, build
 from mlivr_gym.stances.lazy_graph import LazyGraph
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "roadmap",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[world_arguments(), output_arguments()],
-        help="work out for a robot of three or four limbs what makes its first plans quick",
         description="Explore the stance graph of a robot with three or four limbs, and keep the "
         "stances and steps found: first plans of that robot, map and settings then come from "
         "there among obstacles, or where there is no table of nodes. Those of mlivr3 and mlivr4 on "
