@@ -59,4 +59,8 @@ def test_what_imports_the_compiler_is_given_by_the_package_when_asked():
         "print(stance_graph.__module__, State.__module__, hasattr(mlivr_gym, 'nothing'))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["mlivr_gym.stances.build", "mlivr_gym.transitions.state", "False"]
+    assert done.stdout.split() == [
+        "mlivr_gym.stances.build",
+        "mlivr_gym.transitions.state",
+        "False",
+    ]
