@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any
 
 import coal
@@ -12,9 +10,9 @@ import mujoco
 import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
-from stopwatch import timed
+from stopwatch import spread
 
-from mlivr_gym import Box, GraspMap, Settings, State, stance_graph
+from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import Behind, against_boxes, base_against_boxes
 from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
@@ -213,46 +211,6 @@ def _frame(axis: Array) -> Array:
     return np.column_stack([x, np.cross(z, x), z])
 
 
-def collisions(
-    grasp_map: GraspMap,
-    start: tuple[str, ...],
-    goal: Array,
-    repeats: int,
-    progress: Callable[[str], None],
-) -> dict[str, Any]:
-    """All figures of this part, as data for `collision_report`."""
-    progress("collisions: stance set")
-    sets: dict[bool, list[float]] = {False: [], True: []}
-    for _ in range(repeats):
-        for flag, times in sets.items():
-            settings = Settings(collisions=flag)
-            times.append(timed(partial(stance_graph, grasp_map, settings=settings))[0])
-    first = []
-    for _ in range(repeats):
-        first.append(timed(lambda: Planner(stance_graph(grasp_map)).plan(start, goal).unwrap())[0])
-    graph = stance_graph(grasp_map)
-    assert isinstance(graph, PairGraph)
-    progress("collisions: single checks")
-    single = single_checks(graph, 200 * repeats)
-    progress("collisions: replanning, nothing prepared")
-    planner = Planner(graph)
-    cold = replanning(planner, start, goal, 4 * repeats)
-    progress("collisions: replanning, goal prepared")
-    prepared = timed(lambda: planner.prepare(goal))[0]
-    warm = replanning(planner, start, goal, 8 * repeats)
-    return {
-        "stance_set": float(np.median(sets[True])),
-        "stance_set_without": float(np.median(sets[False])),
-        "stances": len(graph),
-        "removed": graph.removed,
-        "first_plan": float(np.median(first)),
-        "single": single,
-        "cold": cold,
-        "prepare": prepared,
-        "warm": warm,
-    }
-
-
 def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int) -> dict[str, Any]:
     """Time from a change to the new plan [ms].
 
@@ -279,66 +237,9 @@ def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int
                 graph.occupy(taken)
             graph.add_obstacles(boxes)
             result = planner.plan(start, goal)
-            times.append(1e3 * (time.perf_counter() - began))
+            times.append(time.perf_counter() - began)
             unsolved += result.plan is None
             graph.vacate()
             graph.remove_obstacles()
-        out[kind] = {
-            "median": float(np.median(times)),
-            "p95": float(np.percentile(times, 95)),
-            "count": count,
-            "unsolved": unsolved,
-        }
+        out[kind] = spread(times) | {"unsolved": unsolved}
     return out
-
-
-def collision_targets(data: dict[str, Any]) -> Iterator[tuple[str, float, float]]:
-    """Name, bound and measured value of each target of this part."""
-    ratio = data["stance_set"] / data["stance_set_without"]
-    yield "stance set with collisions, times that without", 3.0, ratio
-    yield "check of one configuration, batched [us]", 5.0, data["single"]["ours"]
-    yield "map to first plan, collisions checked, steps checked lazily [s]", 1.0, data["first_plan"]
-    yield (
-        "replan to a prepared goal, ten points newly occupied, median [ms]",
-        5.0,
-        data["warm"]["points"]["median"],
-    )
-    yield (
-        "replan to a prepared goal, a box across the module, median [ms]",
-        100.0,
-        data["warm"]["box"]["median"],
-    )
-
-
-def collision_report(data: dict[str, Any]) -> list[str]:
-    """The report's section as lines of Markdown."""
-    single = data["single"]
-    rows = [
-        f"| {title} | {name} | {run['median']:.1f} | {run['p95']:.1f} | {run['count']} "
-        f"| {run['unsolved']} |"
-        for title, part in (("no", data["cold"]), ("yes", data["warm"]))
-        for name, run in part.items()
-    ]
-    return [
-        "## Collisions",
-        "",
-        f"Stance set with collisions {data['stance_set']:.2f} s, without "
-        f"{data['stance_set_without']:.2f} s; {data['stances']} stances are left. Map to first "
-        f"plan {data['first_plan']:.2f} s. One configuration, both limbs against the cabin, the "
-        f"body, themselves and each other: {single['ours']:.2f} us in the compiled kernel on one "
-        f"core, {single['mujoco']:.1f} us in MuJoCo (kinematics and collision pipeline, called "
-        f"from Python), {single['coal']:.1f} us in coal (trees of boxes and capsules, called from "
-        f"Python, poses worked out beforehand), over the same {single['configurations']} "
-        "configurations (coal: "
-        f"the first 1000 at most), {100 * single['touching']:.0f} % of which touch something.",
-        "",
-        "Replanning from the change to the new plan, from the start of a walk, base cost. "
-        "`Planner.prepare` works out the exact "
-        f"cost to the goal once, in {data['prepare']:.1f} s here, and replans without it start "
-        "from what earlier plans found out:",
-        "",
-        "| goal prepared | change | median [ms] | p95 [ms] | changes | without a plan |",
-        "|---|---|---|---|---|---|",
-        *rows,
-        "",
-    ]

@@ -32,6 +32,7 @@ import simulation_figures
 import table1_statistics
 import thresholds
 import time_cost
+from planning_report import NOTHING
 from table1 import study_markdown
 from truth import told
 
@@ -120,13 +121,6 @@ def collisions(data: dict[str, Any]) -> str:
     )
 
 
-def targets(report: str) -> str:
-    """The benchmark's first table."""
-    lines = report.splitlines()
-    first = lines.index("| figure | target | measured | met |")
-    return "\n".join(lines[first : lines.index("", first)]) + "\n"
-
-
 def paper(data: dict[str, Any]) -> str:
     """Steps and base translation of the paper's cases beside those found here, in a few columns."""
 
@@ -158,46 +152,44 @@ def policies(data: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-COSTS = {"steps": "a plan with the fewest steps", "base": "a plan with least translation"}
-"""Costs whose plans the README times, and what it calls these."""
-
-STEPS = (
-    ("MLIVR-JEM-v0", {}),
-    ("MLIVR-JEM-v0, native vector, 256 copies", {"native": True}),
-)
+STEPS = {
+    "one environment": ("MLIVR-JEM-v0", {}),
+    "copies": ("MLIVR-JEM-v0, native vector, 256 copies", {"native": True}),
+}
 """Environments that the README times, and how they are set, see `benchmark_env.settings_of`."""
+
+FIRST = {
+    "ready-made": "first plan of an installation [s] | {}, ready-made machine code",
+    "compiled": "the same | {}, all compiled first",
+    "again": "later plans from the shell [s] | {}, ready-made machine code",
+}
+"""What the README tells of the first path of `start_up.py`, and its settings."""
 
 
 def speed(planning: dict[str, Any], steps: dict[str, Any], start_up: dict[str, Any]) -> str:
-    """How quick planner and environment are, each row with its settings, the default ones first."""
-    on, off = "two limbs, collisions on", "two limbs, collisions off"
+    """How quick planner and environment are by default, each row with its settings."""
+    settings, before = "two limbs, collisions on", planning_report.BEFORE
     first = start_up["paths"]["plan"]
     rows = [
-        ("first plan of an installation [s]", f"{on}, ready-made machine code",
-         f"{first['ready-made']['wall']:.2f}"),
-        ("the same", f"{on}, all compiled first", f"{first['compiled']['wall']:.1f}"),
-    ]  # fmt: skip
-    for cost, shown in COSTS.items():
-        checked = {on: "table that ships", off: "all steps known"}
-        known = {
-            on: planning.get("by default", {}).get(cost),
-            off: planning[cost]["new goal, warm"],
-        }
-        names = iter((f"{shown}, median [ms]", "the same"))
-        rows += [
-            (next(names), f"{settings}, {checked[settings]}", f"{row['whole']['median']:.2f}")
-            for settings, row in known.items()
-            if row
-        ]
-    for what, arguments in STEPS:
-        settings = benchmark_env.settings_of(**arguments)
-        found = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
-        wall = found[what, settings]
+        (told.format(settings), f"{first[how]['wall']:.3g}", before.get(how, NOTHING))
+        for how, told in FIRST.items()
+        if how in first
+    ]
+    rows += [
+        (f"{row.what} | {settings}, table that ships", row.measured, row.before)
+        for row in planning_report.figures(planning)
+    ]
+    rows += [
+        (f"{told} | {settings}", measured, NOTHING)
+        for told, measured in planning_report.beside(planning)
+    ]
+    found = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
+    for name, (what, arguments) in STEPS.items():
+        chosen = benchmark_env.settings_of(**arguments)
+        wall = f"{float(f'{found[what, chosen]:.3g}'):,.0f}"
         shown = what.replace("MLIVR-JEM-v0", "steps a second of `MLIVR-JEM-v0`")
-        rows.append((shown, settings, f"{float(f'{wall:.3g}'):,.0f}"))
-    lines = ["| what | settings | measured |", "|---|---|---|"]
-    lines += [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join(lines) + "\n"
+        rows.append((f"{shown} | {chosen}", wall, before[name]))
+    return planning_report.table("what | settings | measured | version 0.1.0", rows)
 
 
 def parts(results: Path) -> dict[str, str]:
@@ -219,7 +211,7 @@ def parts(results: Path) -> dict[str, str]:
         "controller": simulation_figures.controller(),
         "disturbances": disturbances.readme_text(data("disturbances")),
         "paper_figures": paper_figures_report.readme_text(data("paper_figures")),
-        "benchmark_planning": targets(planning_report.report(data("benchmark_planning"))),
+        "benchmark_planning": planning_report.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
         "limb_starts": limb_starts.told(data("limb_starts")),
         **format_tables.tables(),
