@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from reference_planner import MODES
-
 NOTHING = "\N{EN DASH}"
 
 OFF = "collisions off"
@@ -118,9 +116,9 @@ def library_rows(data: dict[str, Any]) -> Iterator[list[str]]:
 
 def reference_rows(data: dict[str, Any]) -> Iterator[list[str]]:
     """Both modes of the reference."""
-    ours = data["reference"]["ours"]
-    for mode in MODES:
-        run = data["reference"][mode]
+    runs = dict(data["reference"])
+    ours = runs.pop("ours")
+    for mode, run in runs.items():
         source = "measured"
         if not run["finished"]:
             passed = run["candidates"] > run["needed"]
@@ -185,8 +183,8 @@ Case 2 of Table I from map to plan, steps not checked on either side. Ours: stan
 whole map and one query. The reference (`reference_planner.py`) is Algorithm 1 on one core, a \
 candidate at a time, with iterative inverse kinematics from one seed. *Thorough* tries every base \
 pose and allows 200 iterations; *hasty* takes the first base pose that will do and allows 50. \
-Where the limit of {data["reference_seconds"]:g} s ended a run, its total is the time of a candidate times \
-the candidates that the same search needs (*extrapolated*), or the time it ran, if it had tried \
-more than those (*lower bound*).
+Where the limit of {data["reference_seconds"]:g} s ended a run, its total is the time of a \
+candidate times the candidates that the same search needs (*extrapolated*), or the time it ran, if \
+it had tried more than those (*lower bound*).
 
 {table(REFERENCE, reference_rows(data))}"""

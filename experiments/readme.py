@@ -29,6 +29,7 @@ import paper_figures_report
 import planning_report
 import reference_curves
 import simulation_figures
+import start_up
 import table1_statistics
 import thresholds
 import time_cost
@@ -166,10 +167,10 @@ FIRST = {
 """What the README tells of the first path of `start_up.py`, and its settings."""
 
 
-def speed(planning: dict[str, Any], steps: dict[str, Any], start_up: dict[str, Any]) -> str:
+def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]) -> str:
     """How quick planner and environment are by default, each row with its settings."""
     settings, before = "two limbs, collisions on", planning_report.BEFORE
-    first = start_up["paths"]["plan"]
+    first = paths["plan"]
     rows = [
         (told.format(settings), f"{first[how]['wall']:.3g}", before.get(how, NOTHING))
         for how, told in FIRST.items()
@@ -201,7 +202,9 @@ def parts(results: Path) -> dict[str, str]:
     return {
         "paper": paper(data("table1")),
         "policies": policies(data("planner_vs_rl")),
-        "speed": speed(data("benchmark_planning"), data("benchmark_env"), data("start_up")),
+        "speed": speed(
+            data("benchmark_planning"), data("benchmark_env"), data("start_up")["paths"]
+        ),
         "table1": table1(data("table1")),
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
@@ -249,6 +252,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "connectivity": connectivity.markdown,
     "many_limbs": many_limbs.markdown,
     "paper_figures": paper_figures_report.markdown,
+    "start_up": start_up.report,
     "benchmark_env": benchmark_env.report,
     "benchmark_planning": planning_report.report,
     "planner_vs_rl": comparison_report.full_report,
