@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from typing import Any
 
-import coal
 import mujoco
 import numpy as np
 from numba import njit
@@ -17,8 +16,6 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import Behind, against_boxes, base_against_boxes
 from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.contacts import capsule_ends
-from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.placing import Placed, place_by_angles, to_world
 from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.kinematics.path_following import poses
@@ -94,7 +91,7 @@ def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
 
 
 def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
-    """Time of one configuration in the compiled kernel, in MuJoCo and in coal [us].
+    """Time of one configuration in the compiled kernel and in MuJoCo [us].
 
     The kernel runs in one thread; MuJoCo's figure is that of kinematics and collision pipeline.
     """
@@ -119,96 +116,12 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
     mujoco_time = time.perf_counter() - began
-    few = min(count, 1000)
-    theirs = coal_seconds(graph, positions[:few], quaternions[:few], joints[:few])
     return {
         "configurations": count,
         "ours": 1e6 * ours / count,
         "mujoco": 1e6 * mujoco_time / count,
-        "coal": 1e6 * theirs / few,
         "touching": float((out > 0).mean()),
     }
-
-
-def coal_seconds(graph: PairGraph, positions: Array, quaternions: Array, joints: Array) -> float:
-    """Time that coal needs for the collision checks of configurations [s].
-
-    The boxes are in a tree made once; each limb's capsules are compared with it and with those of
-    the other limb. Poses of the capsules are worked out beforehand.
-
-    Args:
-        graph: Graph of a robot with two limbs.
-        positions: Base positions, shape (k, 3) [m].
-        quaternions: Base orientations w, x, y, z, shape (k, 4).
-        joints: Joint angles, shape (k, 2, 6) [rad].
-    """
-    shapes = LimbShapes(graph.robot)
-    boxes = [
-        coal.CollisionObject(
-            coal.Box(*(2.0 * np.array(box.half))),
-            coal.Transform3s(np.array(box.rotation), np.array(box.centre)),
-        )
-        for box in graph.grasp_map.boxes
-    ]
-    cabin = _tree(boxes)
-    limbs = [_capsules(shapes) for _ in range(2)]
-    trees = [_tree(limb) for limb in limbs]
-    placed = [
-        _capsule_poses(capsule_ends(graph.robot, shapes, configuration))
-        for configuration in zip(positions, quaternions, joints, strict=True)
-    ]
-    callback = coal.CollisionCallBackDefault()
-    began = time.perf_counter()
-    for middle, turned in placed:
-        for i in range(2):
-            for c, capsule in enumerate(limbs[i]):
-                capsule.setTransform(coal.Transform3s(turned[i, c], middle[i, c]))
-                capsule.computeAABB()
-            trees[i].update()
-            callback.init()
-            trees[i].collide(cabin, callback)
-        callback.init()
-        trees[0].collide(trees[1], callback)
-    return time.perf_counter() - began
-
-
-def _tree(objects: list[Any]) -> Any:
-    """A tree of collision objects; the objects must live as long as the tree."""
-    tree = coal.DynamicAABBTreeCollisionManager()
-    for thing in objects:
-        tree.registerObject(thing)
-    tree.setup()
-    return tree
-
-
-def _capsules(shapes: LimbShapes) -> list[Any]:
-    """The capsules of a limb as collision objects."""
-    lengths = np.linalg.norm(shapes.ends[:, 1] - shapes.ends[:, 0], axis=1)
-    return [
-        coal.CollisionObject(coal.Capsule(float(radius), max(float(length), 1e-6)))
-        for radius, length in zip(shapes.radii, lengths, strict=True)
-    ]
-
-
-def _capsule_poses(ends: Array) -> tuple[Array, Array]:
-    """Centres, shape (n, c, 3) [m], and rotations, shape (n, c, 3, 3), of capsules.
-
-    Args:
-        ends: Ends of the capsules of each limb, shape (n, c, 2, 3) [m].
-    """
-    axes = ends[:, :, 1] - ends[:, :, 0]
-    return ends.mean(axis=2), np.array([[_frame(axis) for axis in limb] for limb in axes])
-
-
-def _frame(axis: Array) -> Array:
-    """A rotation whose z axis lies along a vector."""
-    length = float(np.linalg.norm(axis))
-    if length < 1e-9:
-        return np.eye(3)
-    z = axis / length
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
 
 
 def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int) -> dict[str, Any]:

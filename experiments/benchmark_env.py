@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
+from planning_report import table
 
 from mlivr_gym import robot_spec
 from mlivr_gym.files import write_whole
@@ -165,24 +166,19 @@ def main() -> None:
 
 def report(data: dict[str, Any]) -> str:
     """The report, in Markdown."""
-    lines = [
-        "# Steps a second",
-        "",
-        f"Made by `experiments/benchmark_env.py` on {data['machine']}; one core each, best of "
-        f"{REPETITIONS} repetitions of {data['seconds']:g} s. Actions are random possible ones; "
-        "Taxi's are masked too. Each environment as `gymnasium.make` returns it, without its "
-        "checker, the first with all its defaults. Steps checked when met and those of many limbs "
-        "are mostly new ones: each repetition draws other episodes.",
-        "",
-        "| environment | settings | steps/s | steps/s, median |",
-        "|---|---|---|---|",
-        *(
-            f"| {row['what']} | {row['settings']} | {row['wall']:,.0f} | {row['median']:,.0f} |"
-            for row in data["rows"]
-        ),
-        "",
+    rows = [
+        (row["what"], row["settings"], f"{row['wall']:,.0f}", f"{row['median']:,.0f}")
+        for row in data["rows"]
     ]
-    return "\n".join(lines)
+    return f"""# Steps a second
+
+Made by `experiments/benchmark_env.py` on {data["machine"]}; one core each, best of {REPETITIONS} \
+repetitions of {data["seconds"]:g} s. Actions are random possible ones; Taxi's are masked too. \
+Each environment as `gymnasium.make` returns it, without its checker, the first with all its \
+defaults. Steps checked when met and those of many limbs are mostly new ones: each repetition \
+draws other episodes.
+
+{table("environment | settings | steps/s | steps/s, median", rows)}"""
 
 
 if __name__ == "__main__":

@@ -85,7 +85,8 @@ def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
 
 def targets(data: dict[str, Any]) -> str:
     """Targets, what is measured, and what version 0.1.0 took."""
-    rows = ((row.what, row.target, row.measured, row.before) for row in figures(data))
+    rows = [(row.what, row.target, row.measured, row.before) for row in figures(data)]
+    rows += [(told, NOTHING, measured, NOTHING) for told, measured in beside(data)]
     return table("default settings | target | measured | version 0.1.0", rows)
 
 
@@ -163,9 +164,8 @@ world are made beside a plan to a prepared goal. Times in ms.
 
 {table(SERIES, series(data))}
 One configuration, both limbs against the cabin, the body, themselves and each other, takes \
-{single["ours"]:.2f} us in the compiled kernel on one core, {single["mujoco"]:.1f} us in MuJoCo \
-(kinematics and collision pipeline, called from Python) and {single["coal"]:.1f} us in coal (trees \
-of boxes and capsules, called from Python, poses worked out beforehand), over the same \
+{single["ours"]:.2f} us in the compiled kernel on one core and {single["mujoco"]:.1f} us in MuJoCo \
+(kinematics and collision pipeline, called from Python), over the same \
 {single["configurations"]} configurations, of which {touching:.0f} % touch something.
 
 ## The same table in graph libraries

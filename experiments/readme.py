@@ -160,36 +160,40 @@ STEPS = {
 """Environments that the README times, and how they are set, see `benchmark_env.settings_of`."""
 
 FIRST = {
-    "ready-made": "first plan of an installation [s] | {}, ready-made machine code",
-    "compiled": "the same | {}, all compiled first",
-    "again": "later plans from the shell [s] | {}, ready-made machine code",
+    "ready-made": "first plan of an installation",
+    "compiled": "all compiled first",
+    "again": "later plans from the shell",
 }
-"""What the README tells of the first path of `start_up.py`, and its settings."""
+"""What the README tells of the first path of `start_up.py`."""
+
+TOGETHER = ((0, 1), (2, 3), (4,), (5, 6), (7, 8))
+"""Figures of `planning_report.figures` that share a row of the README, which is to stay short."""
 
 
 def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]) -> str:
     """How quick planner and environment are by default, each row with its settings."""
     settings, before = "two limbs, collisions on", planning_report.BEFORE
     first = paths["plan"]
+    known = [how for how in FIRST if how in first]
     rows = [
-        (told.format(settings), f"{first[how]['wall']:.3g}", before.get(how, NOTHING))
-        for how, told in FIRST.items()
-        if how in first
+        (
+            f"{'; '.join(FIRST[how] for how in known)} [s] | {settings}, ready-made machine code",
+            "; ".join(f"{first[how]['wall']:.3g}" for how in known),
+            "; ".join(before.get(how, NOTHING) for how in known),
+        )
     ]
-    rows += [
-        (f"{row.what} | {settings}, table that ships", row.measured, row.before)
-        for row in planning_report.figures(planning)
-    ]
-    rows += [
-        (f"{told} | {settings}", measured, NOTHING)
-        for told, measured in planning_report.beside(planning)
-    ]
+    figures = list(planning_report.figures(planning))
+    for chosen in TOGETHER:
+        what, measured, _, old = (
+            "; ".join(told) for told in zip(*(figures[k] for k in chosen), strict=True)
+        )
+        rows.append((f"{what} | {settings}, table that ships", measured, old))
     found = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
     for name, (what, arguments) in STEPS.items():
-        chosen = benchmark_env.settings_of(**arguments)
-        wall = f"{float(f'{found[what, chosen]:.3g}'):,.0f}"
+        set_so = benchmark_env.settings_of(**arguments)
+        wall = f"{float(f'{found[what, set_so]:.3g}'):,.0f}"
         shown = what.replace("MLIVR-JEM-v0", "steps a second of `MLIVR-JEM-v0`")
-        rows.append((f"{shown} | {chosen}", wall, before[name]))
+        rows.append((f"{shown} | {set_so}", wall, before[name]))
     return planning_report.table("what | settings | measured | version 0.1.0", rows)
 
 
