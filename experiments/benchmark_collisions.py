@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any
 
-import coal
 import mujoco
 import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
-from stopwatch import timed
+from stopwatch import spread
 
-from mlivr_gym import Box, GraspMap, Settings, State, stance_graph
+from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import Behind, against_boxes, base_against_boxes
 from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.contacts import capsule_ends
-from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.placing import Placed, place_by_angles, to_world
 from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.kinematics.path_following import poses
@@ -96,7 +91,7 @@ def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
 
 
 def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
-    """Time of one configuration in the compiled kernel, in MuJoCo and in coal [us].
+    """Time of one configuration in the compiled kernel and in MuJoCo [us].
 
     The kernel runs in one thread; MuJoCo's figure is that of kinematics and collision pipeline.
     """
@@ -121,135 +116,11 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
     mujoco_time = time.perf_counter() - began
-    few = min(count, 1000)
-    theirs = coal_seconds(graph, positions[:few], quaternions[:few], joints[:few])
     return {
         "configurations": count,
         "ours": 1e6 * ours / count,
         "mujoco": 1e6 * mujoco_time / count,
-        "coal": 1e6 * theirs / few,
         "touching": float((out > 0).mean()),
-    }
-
-
-def coal_seconds(graph: PairGraph, positions: Array, quaternions: Array, joints: Array) -> float:
-    """Time that coal needs for the collision checks of configurations [s].
-
-    The boxes are in a tree made once; each limb's capsules are compared with it and with those of
-    the other limb. Poses of the capsules are worked out beforehand.
-
-    Args:
-        graph: Graph of a robot with two limbs.
-        positions: Base positions, shape (k, 3) [m].
-        quaternions: Base orientations w, x, y, z, shape (k, 4).
-        joints: Joint angles, shape (k, 2, 6) [rad].
-    """
-    shapes = LimbShapes(graph.robot)
-    boxes = [
-        coal.CollisionObject(
-            coal.Box(*(2.0 * np.array(box.half))),
-            coal.Transform3s(np.array(box.rotation), np.array(box.centre)),
-        )
-        for box in graph.grasp_map.boxes
-    ]
-    cabin = _tree(boxes)
-    limbs = [_capsules(shapes) for _ in range(2)]
-    trees = [_tree(limb) for limb in limbs]
-    placed = [
-        _capsule_poses(capsule_ends(graph.robot, shapes, configuration))
-        for configuration in zip(positions, quaternions, joints, strict=True)
-    ]
-    callback = coal.CollisionCallBackDefault()
-    began = time.perf_counter()
-    for middle, turned in placed:
-        for i in range(2):
-            for c, capsule in enumerate(limbs[i]):
-                capsule.setTransform(coal.Transform3s(turned[i, c], middle[i, c]))
-                capsule.computeAABB()
-            trees[i].update()
-            callback.init()
-            trees[i].collide(cabin, callback)
-        callback.init()
-        trees[0].collide(trees[1], callback)
-    return time.perf_counter() - began
-
-
-def _tree(objects: list[Any]) -> Any:
-    """A tree of collision objects; the objects must live as long as the tree."""
-    tree = coal.DynamicAABBTreeCollisionManager()
-    for thing in objects:
-        tree.registerObject(thing)
-    tree.setup()
-    return tree
-
-
-def _capsules(shapes: LimbShapes) -> list[Any]:
-    """The capsules of a limb as collision objects."""
-    lengths = np.linalg.norm(shapes.ends[:, 1] - shapes.ends[:, 0], axis=1)
-    return [
-        coal.CollisionObject(coal.Capsule(float(radius), max(float(length), 1e-6)))
-        for radius, length in zip(shapes.radii, lengths, strict=True)
-    ]
-
-
-def _capsule_poses(ends: Array) -> tuple[Array, Array]:
-    """Centres, shape (n, c, 3) [m], and rotations, shape (n, c, 3, 3), of capsules.
-
-    Args:
-        ends: Ends of the capsules of each limb, shape (n, c, 2, 3) [m].
-    """
-    axes = ends[:, :, 1] - ends[:, :, 0]
-    return ends.mean(axis=2), np.array([[_frame(axis) for axis in limb] for limb in axes])
-
-
-def _frame(axis: Array) -> Array:
-    """A rotation whose z axis lies along a vector."""
-    length = float(np.linalg.norm(axis))
-    if length < 1e-9:
-        return np.eye(3)
-    z = axis / length
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
-
-
-def collisions(
-    grasp_map: GraspMap,
-    start: tuple[str, ...],
-    goal: Array,
-    repeats: int,
-    progress: Callable[[str], None],
-) -> dict[str, Any]:
-    """All figures of this part, as data for `collision_report`."""
-    progress("collisions: stance set")
-    sets: dict[bool, list[float]] = {False: [], True: []}
-    for _ in range(repeats):
-        for flag, times in sets.items():
-            settings = Settings(collisions=flag)
-            times.append(timed(partial(stance_graph, grasp_map, settings=settings))[0])
-    first = []
-    for _ in range(repeats):
-        first.append(timed(lambda: Planner(stance_graph(grasp_map)).plan(start, goal).unwrap())[0])
-    graph = stance_graph(grasp_map)
-    assert isinstance(graph, PairGraph)
-    progress("collisions: single checks")
-    single = single_checks(graph, 200 * repeats)
-    progress("collisions: replanning, nothing prepared")
-    planner = Planner(graph)
-    cold = replanning(planner, start, goal, 4 * repeats)
-    progress("collisions: replanning, goal prepared")
-    prepared = timed(lambda: planner.prepare(goal))[0]
-    warm = replanning(planner, start, goal, 8 * repeats)
-    return {
-        "stance_set": float(np.median(sets[True])),
-        "stance_set_without": float(np.median(sets[False])),
-        "stances": len(graph),
-        "removed": graph.removed,
-        "first_plan": float(np.median(first)),
-        "single": single,
-        "cold": cold,
-        "prepare": prepared,
-        "warm": warm,
     }
 
 
@@ -279,66 +150,9 @@ def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int
                 graph.occupy(taken)
             graph.add_obstacles(boxes)
             result = planner.plan(start, goal)
-            times.append(1e3 * (time.perf_counter() - began))
+            times.append(time.perf_counter() - began)
             unsolved += result.plan is None
             graph.vacate()
             graph.remove_obstacles()
-        out[kind] = {
-            "median": float(np.median(times)),
-            "p95": float(np.percentile(times, 95)),
-            "count": count,
-            "unsolved": unsolved,
-        }
+        out[kind] = spread(times) | {"unsolved": unsolved}
     return out
-
-
-def collision_targets(data: dict[str, Any]) -> Iterator[tuple[str, float, float]]:
-    """Name, bound and measured value of each target of this part."""
-    ratio = data["stance_set"] / data["stance_set_without"]
-    yield "stance set with collisions, times that without", 3.0, ratio
-    yield "check of one configuration, batched [us]", 5.0, data["single"]["ours"]
-    yield "map to first plan, collisions checked, steps checked lazily [s]", 1.0, data["first_plan"]
-    yield (
-        "replan to a prepared goal, ten points newly occupied, median [ms]",
-        5.0,
-        data["warm"]["points"]["median"],
-    )
-    yield (
-        "replan to a prepared goal, a box across the module, median [ms]",
-        100.0,
-        data["warm"]["box"]["median"],
-    )
-
-
-def collision_report(data: dict[str, Any]) -> list[str]:
-    """The report's section as lines of Markdown."""
-    single = data["single"]
-    rows = [
-        f"| {title} | {name} | {run['median']:.1f} | {run['p95']:.1f} | {run['count']} "
-        f"| {run['unsolved']} |"
-        for title, part in (("no", data["cold"]), ("yes", data["warm"]))
-        for name, run in part.items()
-    ]
-    return [
-        "## Collisions",
-        "",
-        f"Stance set with collisions {data['stance_set']:.2f} s, without "
-        f"{data['stance_set_without']:.2f} s; {data['stances']} stances are left. Map to first "
-        f"plan {data['first_plan']:.2f} s. One configuration, both limbs against the cabin, the "
-        f"body, themselves and each other: {single['ours']:.2f} us in the compiled kernel on one "
-        f"core, {single['mujoco']:.1f} us in MuJoCo (kinematics and collision pipeline, called "
-        f"from Python), {single['coal']:.1f} us in coal (trees of boxes and capsules, called from "
-        f"Python, poses worked out beforehand), over the same {single['configurations']} "
-        "configurations (coal: "
-        f"the first 1000 at most), {100 * single['touching']:.0f} % of which touch something.",
-        "",
-        "Replanning from the change to the new plan, from the start of a walk, base cost. "
-        "`Planner.prepare` works out the exact "
-        f"cost to the goal once, in {data['prepare']:.1f} s here, and replans without it start "
-        "from what earlier plans found out:",
-        "",
-        "| goal prepared | change | median [ms] | p95 [ms] | changes | without a plan |",
-        "|---|---|---|---|---|---|",
-        *rows,
-        "",
-    ]

@@ -5,7 +5,7 @@
 writes `benchmark_env.json` and `benchmark_env.md`. Actions are drawn at random among those that are
 possible; drawing them is not timed, starting new episodes is. Every figure is the best of ten short
 repetitions on one core, each of other episodes, since other work on the machine only slows a
-repetition down; wall time and processor time are both given.
+repetition down.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
+from planning_report import table
 
 from mlivr_gym import robot_spec
 from mlivr_gym.files import write_whole
@@ -43,24 +44,6 @@ REPETITIONS = 10
 """Of which the best counts."""
 
 
-class Clock:
-    """Adds up wall and processor time of what runs inside `with`."""
-
-    def __init__(self) -> None:
-        """Start at zero."""
-        self.wall = self.cpu = 0.0
-
-    def __enter__(self) -> None:
-        """Start."""
-        self._cpu = time.process_time()  # first: it costs as much as a step
-        self._wall = time.perf_counter()
-
-    def __exit__(self, *_: object) -> None:
-        """Stop."""
-        self.wall += time.perf_counter() - self._wall
-        self.cpu += time.process_time() - self._cpu
-
-
 class Measured(NamedTuple):
     """Steps a second."""
 
@@ -69,46 +52,44 @@ class Measured(NamedTuple):
     """With which settings, see `settings_of`; empty for other packages'."""
     wall: float
     """Of the best repetition."""
-    cpu: float
-    """The same by processor time."""
     median: float
     """Of the median repetition."""
 
 
-def single(
-    env: gymnasium.Env[Any, Any], seconds: float, masked: bool, seed: int
-) -> tuple[int, Clock]:
-    """Steps of one environment and the time for them."""
+def single(env: gymnasium.Env[Any, Any], seconds: float, masked: bool, seed: int) -> float:
+    """Steps a second of one environment."""
     rng = np.random.default_rng(seed)
-    clock, steps = Clock(), 0
+    spent, steps = 0.0, 0
     _, info = env.reset(seed=seed)
     env.action_space.seed(seed)
-    while clock.wall < seconds:
+    while spent < seconds:
         if masked:
             legal = np.flatnonzero(info["action_mask"])
             action: Any = int(legal[int(rng.random() * len(legal))])
         else:
             action = env.action_space.sample()
-        with clock:
-            _, _, terminated, truncated, info = env.step(action)
-            if terminated or truncated:
-                _, info = env.reset()
+        began = time.perf_counter()
+        _, _, terminated, truncated, info = env.step(action)
+        if terminated or truncated:
+            _, info = env.reset()
+        spent += time.perf_counter() - began
         steps += 1
-    return steps, clock
+    return steps / spent
 
 
-def vector(env: Any, seconds: float, seed: int) -> tuple[int, Clock]:
-    """Steps of all copies of a vector environment and the time for them."""
+def vector(env: Any, seconds: float, seed: int) -> float:
+    """Steps a second of all copies of a vector environment together."""
     rng = np.random.default_rng(seed)
-    clock, steps = Clock(), 0
+    spent, steps = 0.0, 0
     _, info = env.reset(seed=seed)
-    while clock.wall < seconds:
+    while spent < seconds:
         mask = info["action_mask"]
         actions = (rng.random(mask.shape, dtype=np.float32) * mask).argmax(axis=1)
-        with clock:
-            _, _, _, _, info = env.step(actions)
+        began = time.perf_counter()
+        _, _, _, _, info = env.step(actions)
+        spent += time.perf_counter() - began
         steps += len(actions)
-    return steps, clock
+    return steps / spent
 
 
 def settings_of(native: bool = False, **arguments: Any) -> str:
@@ -136,12 +117,10 @@ def settings_of(native: bool = False, **arguments: Any) -> str:
     return ", ".join(found)
 
 
-def best(what: str, settings: str, run: Callable[[int], tuple[int, Clock]]) -> Measured:
+def best(what: str, settings: str, run: Callable[[int], float]) -> Measured:
     """The best of some repetitions, each with a seed of its own."""
-    runs = [run(seed) for seed in range(REPETITIONS)]
-    speeds = [n / c.wall for n, c in runs]
-    by_processor = max(n / max(c.cpu, 1e-9) for n, c in runs)
-    measured = Measured(what, settings, max(speeds), by_processor, float(np.median(speeds)))
+    speeds = [run(seed) for seed in range(REPETITIONS)]
+    measured = Measured(what, settings, max(speeds), float(np.median(speeds)))
     print(f"{what}, {settings}: {measured.wall:.0f} steps/s", flush=True)
     return measured
 
@@ -187,25 +166,19 @@ def main() -> None:
 
 def report(data: dict[str, Any]) -> str:
     """The report, in Markdown."""
-    lines = [
-        "# Steps a second",
-        "",
-        f"Made by `experiments/benchmark_env.py` on {data['machine']}; one core each, best of "
-        f"{REPETITIONS} repetitions of {data['seconds']:g} s. Actions are random possible ones; "
-        "Taxi's are masked too. Each environment as `gymnasium.make` returns it, without its "
-        "checker, the first with all its defaults. Steps checked when met and those of many limbs "
-        "are mostly new ones: each repetition draws other episodes.",
-        "",
-        "| environment | settings | steps/s | by processor time | steps/s, median |",
-        "|---|---|---|---|---|",
-        *(
-            f"| {row['what']} | {row['settings']} | {row['wall']:,.0f} | {row['cpu']:,.0f} "
-            f"| {row['median']:,.0f} |"
-            for row in data["rows"]
-        ),
-        "",
+    rows = [
+        (row["what"], row["settings"], f"{row['wall']:,.0f}", f"{row['median']:,.0f}")
+        for row in data["rows"]
     ]
-    return "\n".join(lines)
+    return f"""# Steps a second
+
+Made by `experiments/benchmark_env.py` on {data["machine"]}; one core each, best of {REPETITIONS} \
+repetitions of {data["seconds"]:g} s. Actions are random possible ones; Taxi's are masked too. \
+Each environment as `gymnasium.make` returns it, without its checker, the first with all its \
+defaults. Steps checked when met and those of many limbs are mostly new ones: each repetition \
+draws other episodes.
+
+{table("environment | settings | steps/s | steps/s, median", rows)}"""
 
 
 if __name__ == "__main__":

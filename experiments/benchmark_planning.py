@@ -1,10 +1,11 @@
-"""How long planning takes, beside a plain reference, networkx and rustworkx.
+"""How long planning takes: the default settings first, then beside networkx and rustworkx.
 
     python experiments/benchmark_planning.py [--out results] [--queries 200]
-        [--reference-seconds 60] [--quick]
+        [--reference-seconds 15]
 
-writes `benchmark_planning.md` and `benchmark_planning.json`. A longer limit lets the plain
-reference finish; see `reference_planner.py` for what it does.
+writes `benchmark_planning.md` and `benchmark_planning.json` in about four minutes. All is measured
+in one process, on the table of stances and steps that ships. A longer limit lets the plain
+reference get farther; see `reference_planner.py` for what it does.
 """
 
 from __future__ import annotations
@@ -13,56 +14,45 @@ import argparse
 import json
 import os
 import platform
-import subprocess
-import sys
-import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmark_collisions import collisions
-from graph_libraries import networkx_build, networkx_query, rustworkx_build, rustworkx_query
+from benchmark_collisions import replanning, single_checks
+from graph_libraries import LIBRARIES
 from planning_report import report
-from reference_planner import TOLERANCE, map_to_plan, nodes_only_graph
-from stopwatch import shares, timed
-from tqdm import tqdm
+from reference_planner import TOLERANCE, map_to_plan
+from stopwatch import spread, timed
 
-from mlivr_gym import GraspMap, Settings, State, jem_map, stance_graph
+from mlivr_gym import Settings, State, stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.files import FileError, read_json, write_whole
+from mlivr_gym.files import write_whole
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.estimates import CACHED_TABLES
 from mlivr_gym.stances.pair_graph import PairGraph
 
-FIRST_PLAN = """
-import json, sys, time
-marks = [time.perf_counter()]
-from mlivr_gym import stance_graph
-from mlivr_gym.planners import Planner
-marks.append(time.perf_counter())
-graph = stance_graph()
-marks.append(time.perf_counter())
-start, goal = json.loads(sys.argv[1])
-Planner(graph).plan(start, goal).unwrap()
-marks.append(time.perf_counter())
-print(json.dumps([b - a for a, b in zip(marks, marks[1:])]))
-"""
+COSTS = ("steps", "base")
+GOALS, STARTS = 20, 5
+"""Goals that are known beforehand, and starts for each."""
 
-PAPER = Settings(collisions=False)
-"""What is not by default, nor in the section on collisions, is measured without them."""
+CHANGES = 50
+"""Changes of the world after which a plan is made anew, of each kind."""
 
-Tasks = Sequence[tuple[State, Array]]
+LIBRARY_QUERIES = 10
+CONFIGURATIONS = 1000
+
+Task = tuple[State, Array]
 
 
-def paper_graph(grasp_map: GraspMap) -> PairGraph:
-    """Stance graph without collisions."""
-    graph = stance_graph(grasp_map, settings=PAPER)
+def pair_graph(**settings: Any) -> PairGraph:
+    """The stance graph of the JEM and two limbs."""
+    graph = stance_graph(settings=Settings(**settings))
     assert isinstance(graph, PairGraph)
     return graph
 
@@ -71,14 +61,6 @@ def resident() -> float:
     """Resident memory of this process [MB]."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
-def spread(seconds: Sequence[float]) -> dict[str, float]:
-    """Median and 95th percentile [ms]."""
-    return {
-        "median": 1e3 * float(np.median(seconds)),
-        "p95": 1e3 * float(np.percentile(seconds, 95)),
-    }
 
 
 def machine() -> dict[str, Any]:
@@ -94,230 +76,109 @@ def machine() -> dict[str, Any]:
     }
 
 
-def megabytes(values: Iterable[Any]) -> float:
-    """Memory of the arrays among some values [MB]."""
-    return sum(a.nbytes for a in values if isinstance(a, np.ndarray)) / 1e6
-
-
-def stance_set(grasp_map: GraspMap, repeats: int) -> dict[str, Any]:
-    """Time and memory of the stance graph, kernels compiled beforehand."""
-    times = [timed(lambda: paper_graph(grasp_map))[0] for _ in range(repeats)]
-    plain = [timed(lambda: nodes_only_graph(grasp_map))[0] for _ in range(repeats)]
-    graph = paper_graph(grasp_map)
-    names = {
-        "in_parallel": "compiled kernels",
-        "base_frames": "body axes",
-        "_group": "grouping by geometry",
-    }
-    return {
-        "points": len(grasp_map),
-        "pairs": graph.considered,
-        "geometries": graph.solver.geometries,
-        "stances": len(graph),
-        "directed_steps": int((graph.degree**2).sum() - graph.degree.sum()),
-        "base_poses": len(graph.robot.heights) * len(graph.robot.rolls),
-        "seconds": float(np.median(times)),
-        "seconds_without_step_checks": float(np.median(plain)),
-        "array_mb": megabytes(vars(graph).values()) + megabytes(graph.steps),
-        "edge_table_mb": megabytes([graph.steps.edges]),
-        "shares": shares(lambda: paper_graph(grasp_map), names),
-    }
-
-
-def series(
-    graph: PairGraph, tasks: Tasks, cost: str, prepare: bool = False, **options: Any
-) -> dict[str, Any]:
-    """Time of `Planner.plan` over tasks.
-
-    Each task has a new planner, which knows no goal unless it is prepared.
-    """
-    whole, search, expanded, unsolved = [], [], [], 0
-    for start, goal in tasks:
-        planner = Planner(graph)
-        if prepare:
-            planner.prepare(goal, cost)
+def asked(asking: Iterable[tuple[Planner, Task]], cost: str, **options: Any) -> dict[str, Any]:
+    """Times of `Planner.plan` and of its search alone, and what else a series of queries tells."""
+    whole, results = [], []
+    for planner, (start, goal) in asking:
         seconds, result = timed(partial(planner.plan, start.stance, goal, cost, **options))
         whole.append(seconds)
-        search.append(result.search_time)
-        expanded.append(result.expanded)
-        unsolved += result.plan is None
+        results.append(result)
+    return spread(whole) | {
+        "search": spread([result.search_time for result in results])["median"],
+        "expanded": float(np.median([result.expanded for result in results])),
+        "unsolved": sum(result.plan is None for result in results),
+    }
+
+
+def unknown(graph: PairGraph, tasks: Iterable[Task]) -> list[tuple[Planner, Task]]:
+    """Tasks with a planner each, which knows no goal."""
+    return [(Planner(graph), task) for task in tasks]
+
+
+def out_of_reach(graph: PairGraph, rng: np.random.Generator) -> Iterator[Task]:
+    """Random stances and places in the cabin to which no walk leads from them."""
+    low, high = graph.base_in_world.min(axis=0), graph.base_in_world.max(axis=0)
+    while True:
+        start, goal = sample_task(graph, rng, TOLERANCE).start, rng.uniform(low, high)
+        if not Planner(graph).plan(start.stance, goal, "steps"):
+            yield start, goal
+
+
+def queries(graph: PairGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
+    """New goals, goals that are known and goals that cannot be reached."""
+    cut_off = list(islice(out_of_reach(graph, np.random.default_rng(0)), len(tasks) // 2))
+    known, preparing = [], []
+    for _, goal in tasks[:GOALS]:
+        planner = Planner(graph)
+        preparing.append(timed(partial(planner.prepare, goal, cost))[0])
+        known += [(planner, (start, goal)) for start, _ in tasks[-STARTS:]]
+    exact = [timed(partial(Planner(graph).cost_to_go, goal, cost))[0] for _, goal in tasks[:GOALS]]
     return {
-        "whole": spread(whole),
-        "search": spread(search),
-        "expanded": float(np.median(expanded)),
-        "queries": len(tasks),
-        "unsolved": unsolved,
+        "new goal": asked(unknown(graph, tasks), cost),
+        "known goal": asked(known, cost),
+        "unreachable goal": asked(unknown(graph, cut_off), cost),
+        "exact cost-to-go": spread(exact),
+        "prepare": spread(preparing),
     }
 
 
-def by_default(grasp_map: GraspMap, count: int) -> dict[str, Any]:
-    """Queries of both costs with the default settings, collisions on, nothing known beforehand."""
-    graph, rng = stance_graph(grasp_map), np.random.default_rng(2026)
-    assert isinstance(graph, PairGraph)
-    tasks = [sample_task(graph, rng, TOLERANCE) for _ in range(max(count, 2))]
-    found = {}
-    for cost in ("base", "steps"):
-        fresh = stance_graph(grasp_map)
-        assert isinstance(fresh, PairGraph)
-        found[cost] = series(fresh, tasks, cost)
-    return found
-
-
-def queries(grasp_map: GraspMap, tasks: Tasks, few: int, cost: str) -> dict[str, Any]:
-    """All query times of one cost, on a graph whose edge table begins empty."""
-    graph = paper_graph(grasp_map)
-    out = {
-        "new goal, cold": series(graph, tasks, cost),
-        "new goal, warm": series(graph, tasks, cost),
-        "known goal": series(graph, tasks, cost, prepare=True),
-        "A*, heuristic consistent": series(graph, tasks[:few], cost, heuristic="consistent"),
-        "Dijkstra": series(graph, tasks[:few], cost, method="dijkstra"),
-    }
-    names = {
-        "table": "cost-to-go heuristic",
-        "search": "search and step checks",
-        "committed_motion": "joint angles of the plan",
-        "fingerprint": "hash of the map",
-    }
-    out["shares"] = shares(lambda: series(graph, tasks, cost), names)
-    planner, known = Planner(graph), tasks[:CACHED_TABLES]
-    for _, goal in known:
-        planner.prepare(goal, cost)
-    out["shares known"] = shares(lambda: [planner.plan(s.stance, g, cost) for s, g in known], names)
-    return out
-
-
-def oracle(grasp_map: GraspMap, tasks: Tasks) -> dict[str, float]:
-    """Seconds of the exact cost-to-go table for two goals; only the first checks every step."""
-    planner = Planner(paper_graph(grasp_map))
-    first, second = (timed(partial(planner.cost_to_go, goal))[0] for _, goal in tasks[:2])
-    return {"first": first, "second": second}
-
-
-def libraries(grasp_map: GraspMap, tasks: Tasks, advance: Callable[[str], None]) -> dict[str, Any]:
-    """The roadmap without step checks in two graph libraries: the same queries, base cost."""
-    graph = nodes_only_graph(grasp_map)
-    ours = {
-        name: series(graph, tasks, "base", heuristic=name) for name in ("cost_to_go", "consistent")
-    }
-    build_seconds, _ = timed(lambda: nodes_only_graph(grasp_map))
-    array_mb = sum(a.nbytes for a in vars(graph).values() if isinstance(a, np.ndarray)) / 1e6
-    out: dict[str, Any] = {"ours": {"build_seconds": build_seconds, "memory_mb": array_mb, **ours}}
-    least = [
-        Planner(graph).plan(start.stance, goal).unwrap().statistics.cost for start, goal in tasks
-    ]
-    for name, build, query in (
-        ("rustworkx", rustworkx_build, rustworkx_query),
-        ("networkx", networkx_build, networkx_query),
-    ):
-        advance(name)
+def libraries(graph: PairGraph, tasks: Sequence[Task]) -> dict[str, Any]:
+    """Queries of the base cost on the table in two graph libraries, and here."""
+    known = [Planner(graph).plan(start.stance, goal).unwrap() for start, goal in tasks]
+    series = {"A*": {}, "A*, consistent": {"heuristic": "consistent"}}
+    series["Dijkstra"] = {"method": "dijkstra"}
+    ours = {name: asked(unknown(graph, tasks), "base", **how) for name, how in series.items()}
+    out: dict[str, Any] = {"this planner": ours}
+    for name, library in LIBRARIES.items():
         before = resident()
-        seconds, roadmap = timed(partial(build, graph))
-        grown = resident() - before
-        times, error = [], 0.0
-        for (start, goal), cost in zip(tasks, least, strict=True):
+        build, table = timed(partial(library, graph))
+        out[name] = {"build": build, "memory": resident() - before, "lower": 0, "higher": 0}
+        times: dict[str, list[float]] = {"A*": [], "Dijkstra": []}
+        for (start, goal), plan in zip(tasks, known, strict=True):
             away = np.linalg.norm(graph.base_in_world - goal, axis=1)
-            h = [
-                *Cost.named("base")
-                .heuristic("consistent", away, TOLERANCE, graph.max_step)
-                .tolist(),
-                0.0,
-            ]
-            spent, path = query(
-                roadmap, graph.find(start.stance), np.flatnonzero(away <= TOLERANCE).tolist(), h
-            )
+            cost, first = Cost.named("base"), graph.find(start.stance)
+            h = [*cost.heuristic("consistent", away, TOLERANCE, graph.max_step).tolist(), 0.0]
+            for method, heuristic in (("A*", h), ("Dijkstra", None)):
+                goals = np.flatnonzero(away <= TOLERANCE).tolist()
+                seconds, path = table.search(first, goals, heuristic)
+                times[method].append(seconds)
             length = np.linalg.norm(np.diff(graph.base_in_world[path], axis=0), axis=1).sum()
-            times.append(spent)
-            error = max(error, abs(float(length) - cost))
-        out[name] = {
-            "build_seconds": seconds,
-            "memory_mb": grown,
-            "queries": len(times),
-            "query": spread(times),
-            "largest_cost_difference": error,
-        }
-        del roadmap
+            out[name]["lower"] += bool(length < plan.statistics.cost - 1e-9)
+            out[name]["higher"] += bool(length > plan.statistics.cost + 1e-9)
+        out[name] |= {method: spread(seconds) for method, seconds in times.items()}
+        del table
     return out
 
 
-def first_plan(start: tuple[str, ...], goal: Array, runs: Sequence[str]) -> dict[str, Any]:
-    """Seconds that a new process takes to make one plan.
-
-    Args:
-        start: Point ids.
-        goal: Goal position, shape (3,) [m].
-        runs: `"empty"`, `"filled"` or both: what the cache of compiled kernels holds at the start.
-    """
-    out = {}
-    with tempfile.TemporaryDirectory() as folder:
-        cache = {} if "empty" not in runs else {"NUMBA_CACHE_DIR": folder}
-        command = [sys.executable, "-c", FIRST_PLAN, json.dumps([list(start), goal.tolist()])]
-        for run in runs:
-            wall, done = timed(
-                lambda: subprocess.run(
-                    command,
-                    cwd=folder,
-                    env=os.environ | cache,
-                    capture_output=True,
-                    text=True,
-                    check=True,
-                )
-            )
-            imports, build, plan = json.loads(done.stdout)
-            out[run] = {"wall": wall, "imports": imports, "stance_graph": build, "plan": plan}
-    return out
-
-
-def measure(quick: bool, count: int, limit: float) -> dict[str, Any]:
+def measure(count: int, limit: float) -> dict[str, Any]:
     """Everything, in order."""
-    setup = default_setup()
-    grasp_map, start, goal = jem_map(), tuple(setup["start"]), np.array(setup["goal"])
-    whole = paper_graph(grasp_map)
-    origin = whole.posture(whole.indices(start)).base_position[0]
-    close = origin + (goal - origin) / np.linalg.norm(goal - origin)
-    if quick:
-        grasp_map = grasp_map.subset(
-            np.abs(grasp_map.positions[:, 0] - origin[0]) < 0.7, "part of the JEM"
-        )
-        part = paper_graph(grasp_map)
-        task = sample_task(part, np.random.default_rng(0), TOLERANCE, part.state(start))
-        goal = close = task.goal
-    bar = tqdm(total=16, mininterval=0.5)
-
-    def advance(stage: str) -> None:
-        bar.set_description(stage)
-        bar.update()
-
-    draw, rng = paper_graph(grasp_map), np.random.default_rng(2026)
-    tasks = [sample_task(draw, rng, TOLERANCE) for _ in range(max(count, 2))]
-    for cost in ("base", "steps"):
-        Planner(draw).plan(start, goal, cost)
-    few = 3 if quick else 20
-    advance("stance set")
-    data: dict[str, Any] = {"machine": machine(), "quick": quick, "reference_seconds": limit}
-    advance("default settings")
-    data["by default"] = by_default(grasp_map, count)
-    data["stance set"] = stance_set(grasp_map, 2 if quick else 7)
-    for cost in ("base", "steps"):
-        advance(f"queries, {cost}")
-        data[cost] = queries(grasp_map, tasks, few, cost)
-    advance("exact cost-to-go")
-    data["cost-to-go"] = oracle(grasp_map, tasks)
-    data["resident_mb"] = resident()
-    advance("first plan in a new process")
-    data["first plan"] = first_plan(
-        start, np.array(setup["goal"]), ("filled",) if quick else ("empty", "filled")
-    )
-    asked = start, np.array(setup["goal"])
-    if quick:  # on part of the map the goal may be out of reach with collisions
-        task = sample_task(stance_graph(grasp_map), rng, TOLERANCE)
-        asked = tuple(grasp_map.ids[p] for p in task.start.stance), task.goal
-    data["collisions"] = collisions(grasp_map, *asked, 2 if quick else 7, advance)
-    data["libraries"] = libraries(grasp_map, tasks[:few], advance)
-    data["near"] = map_to_plan(grasp_map, start, close, limit, advance)
-    if not quick:
-        data["case 2"] = map_to_plan(grasp_map, start, goal, limit, advance)
-    bar.close()
+    setup, rng = default_setup(), np.random.default_rng(2026)
+    start, goal = tuple(setup["start"]), np.array(setup["goal"])
+    Planner(pair_graph()).plan(start, goal).unwrap()  # what is compiled is at hand from now on
+    data: dict[str, Any] = {"machine": machine(), "reference_seconds": limit}
+    graph = pair_graph()
+    steps = graph.steps.edges
+    arrays = [array for array in vars(graph).values() if isinstance(array, np.ndarray)]
+    data["table"] = {
+        "stances": len(graph),
+        "steps": int((steps["kept"] != 0).sum()),
+        "memory": (sum(array.nbytes for array in arrays) + steps.nbytes) / 1e6,
+    }
+    tasks = [sample_task(graph, rng, TOLERANCE) for _ in range(count)]
+    print("queries", flush=True)
+    data["collisions on"] = {cost: queries(graph, tasks, cost) for cost in COSTS}
+    without = pair_graph(collisions=False)
+    others = [sample_task(without, rng, TOLERANCE) for _ in range(count)]
+    data["collisions off"] = {cost: queries(without, others, cost) for cost in COSTS}
+    print("replanning", flush=True)
+    planner = Planner(graph)
+    planner.prepare(goal)
+    data["replanning"] = replanning(planner, start, goal, min(CHANGES, count))
+    data["single"] = single_checks(graph, CONFIGURATIONS)
+    print("graph libraries", flush=True)
+    data["libraries"] = libraries(graph, tasks[:LIBRARY_QUERIES])
+    print("plain reference", flush=True)
+    data["reference"] = map_to_plan(graph.grasp_map, start, goal, limit)
     return data
 
 
@@ -329,22 +190,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
     parser.add_argument("--queries", type=int, default=200, help="random start and goal pairs")
     parser.add_argument(
-        "--reference-seconds",
-        type=float,
-        default=60.0,
-        help="limit of each run of the reference [s]",
-    )
-    parser.add_argument("--quick", action="store_true", help="part of the map and few queries")
-    parser.add_argument(
-        "--by-default", action="store_true", help="queries with default settings anew, no more"
+        "--reference-seconds", type=float, default=15.0, help="limit of each run of the reference"
     )
     args = parser.parse_args()
-    count, limit = (3, 1.5) if args.quick else (args.queries, args.reference_seconds)
-    if args.by_default:
-        data = read_json(args.out / "benchmark_planning.json", "benchmark", FileError)
-        data["by default"] = by_default(jem_map(), count)
-    else:
-        data = measure(args.quick, count, limit)
+    data = measure(max(args.queries, STARTS), args.reference_seconds)
     args.out.mkdir(parents=True, exist_ok=True)
     write_whole(args.out / "benchmark_planning.json", json.dumps(data, indent=1) + "\n")
     write_whole(args.out / "benchmark_planning.md", report(data))

@@ -1,9 +1,14 @@
-"""A finished roadmap in networkx and rustworkx; the goal region is a virtual node there."""
+"""The table of stances and steps in networkx and rustworkx, and the same searches there.
+
+A node is a stance, an edge a step that is legal. Branches are left aside, which neither library has
+a place for, so that what they solve is easier: a path may cost less than any walk that can be put
+together. The goal region is a virtual node that is joined to every stance in it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
+from typing import Any
 
 import networkx as nx
 import numpy as np
@@ -12,55 +17,70 @@ from stopwatch import timed
 
 from mlivr_gym.stances.pair_graph import PairGraph
 
+Path = list[int]
+
 
 def edge_chunks(graph: PairGraph) -> Iterator[list[tuple[int, int, float]]]:
-    """Every undirected edge once with its length [m], a row at a time."""
-    for rows, starts in zip(graph.rows, graph.row_start, strict=True):
-        for begin, end in pairwise(starts):
-            i, j = np.triu_indices(end - begin, 1)
-            u, v = rows[begin:end][i], rows[begin:end][j]
-            length = np.linalg.norm(graph.base_in_world[u] - graph.base_in_world[v], axis=1)
-            yield list(zip(u.tolist(), v.tolist(), length.tolist(), strict=True))
+    """Every legal step once, whichever way, with its length [m], a row at a time."""
+    table = graph.steps
+    for held, point in np.ndindex(*table.degree.shape):
+        row = table.rows[held, table.row_start[held, point] : table.row_start[held, point + 1]]
+        first, size = table.offset[held, point], len(row)
+        kept = table.edges["kept"][first : first + size**2].reshape(size, size)
+        i, j = np.nonzero(np.triu(kept))
+        length = np.linalg.norm(table.base[row[i]] - table.base[row[j]], axis=1)
+        yield list(zip(row[i].tolist(), row[j].tolist(), length.tolist(), strict=True))
 
 
-def networkx_build(graph: PairGraph) -> nx.Graph:
-    """The roadmap in networkx."""
-    roadmap = nx.Graph()
-    roadmap.add_nodes_from(range(len(graph)))
-    for chunk in edge_chunks(graph):
-        roadmap.add_weighted_edges_from(chunk)
-    return roadmap
+class Networkx:
+    """The table in networkx."""
+
+    def __init__(self, graph: PairGraph) -> None:
+        """Take every stance and step."""
+        self.graph = nx.Graph()
+        self.graph.add_nodes_from(range(len(graph)))
+        for chunk in edge_chunks(graph):
+            self.graph.add_weighted_edges_from(chunk)
+
+    def search(self, start: int, goals: Path, h: list[float] | None) -> tuple[float, Path]:
+        """Seconds of A*, or of Dijkstra without a heuristic, and the stances passed."""
+        end = self.graph.number_of_nodes()
+        self.graph.add_weighted_edges_from((s, end, 0.0) for s in goals)
+        seconds, path = timed(
+            lambda: (
+                nx.dijkstra_path(self.graph, start, end)
+                if h is None
+                else nx.astar_path(self.graph, start, end, heuristic=lambda s, _: h[s])
+            )
+        )
+        self.graph.remove_node(end)
+        return seconds, path[:-1]
 
 
-def rustworkx_build(graph: PairGraph) -> rx.PyGraph:
-    """The roadmap in rustworkx."""
-    roadmap = rx.PyGraph()
-    roadmap.add_nodes_from(list(range(len(graph))))
-    for chunk in edge_chunks(graph):
-        roadmap.add_edges_from(chunk)
-    return roadmap
+class Rustworkx:
+    """The table in rustworkx."""
+
+    def __init__(self, graph: PairGraph) -> None:
+        """Take every stance and step."""
+        self.graph: Any = rx.PyGraph()
+        self.graph.add_nodes_from(list(range(len(graph))))
+        for chunk in edge_chunks(graph):
+            self.graph.add_edges_from(chunk)
+
+    def search(self, start: int, goals: Path, h: list[float] | None) -> tuple[float, Path]:
+        """Seconds of A*, or of Dijkstra without a heuristic, and the stances passed."""
+        end = self.graph.add_node(self.graph.num_nodes())
+        self.graph.add_edges_from([(s, end, 0.0) for s in goals])
+        seconds, path = timed(
+            lambda: (
+                rx.dijkstra_shortest_paths(self.graph, start, end, weight_fn=float)[end]
+                if h is None
+                else rx.astar_shortest_path(self.graph, start, end.__eq__, float, h.__getitem__)
+            )
+        )
+        self.graph.remove_node(end)
+        return seconds, list(path)[:-1]
 
 
-def networkx_query(
-    roadmap: nx.Graph, start: int, goals: list[int], h: list[float]
-) -> tuple[float, list[int]]:
-    """Seconds of the search alone, and the path without the virtual goal."""
-    end = len(h) - 1
-    roadmap.add_weighted_edges_from((s, end, 0.0) for s in goals)
-    seconds, path = timed(lambda: nx.astar_path(roadmap, start, end, heuristic=lambda s, _: h[s]))
-    roadmap.remove_node(end)
-    return seconds, path[:-1]
-
-
-def rustworkx_query(
-    roadmap: rx.PyGraph, start: int, goals: list[int], h: list[float]
-) -> tuple[float, list[int]]:
-    """Seconds of the search alone, and the path without the virtual goal."""
-    end = len(h) - 1
-    node = roadmap.add_node(end)
-    roadmap.add_edges_from([(s, node, 0.0) for s in goals])
-    seconds, path = timed(
-        lambda: rx.astar_shortest_path(roadmap, start, lambda s: s == end, float, h.__getitem__)
-    )
-    roadmap.remove_node(node)
-    return seconds, list(path)[:-1]
+LIBRARIES = {"networkx": Networkx, "rustworkx": Rustworkx}
+"""The libraries by name."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from planning_report import table
 
 from mlivr_gym import RobotSpec, stance_graph
 from mlivr_gym.files import write_whole
@@ -33,9 +34,8 @@ def starts(limbs: int) -> dict[str, int]:
 
 def told(data: dict[str, Any]) -> str:
     """A table for the page on robots."""
-    lines = [f"| limbs | stances held in {TRIES} draws | of which a step leaves |", "|---|---|---|"]
-    lines += [f"| {limbs} | {row['held']} | {row['left']} |" for limbs, row in data.items()]
-    return "\n".join(lines) + "\n"
+    head = f"limbs | stances held in {TRIES} draws | of which a step leaves"
+    return table(head, [(limbs, row["held"], row["left"]) for limbs, row in data.items()])
 
 
 def main() -> None:

@@ -14,10 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import subprocess
-import sys
-import tempfile
 import time
 from functools import partial
 from pathlib import Path
@@ -30,7 +26,6 @@ from processes import Processes
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
-from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
@@ -133,23 +128,6 @@ def replanned(planner: Planner, plan: Plan, goal: Array, cost: str) -> float | N
     return again.improvements[0].time if again.improvements else REPLANNING
 
 
-def first_build(robot: str) -> dict[str, float]:
-    """How many nodes there are, and how long their table takes with nothing kept on disk [s]."""
-    code = (
-        "import time; from mlivr_gym import stance_graph; "
-        "from mlivr_gym.stances.node_files import node_table; "
-        f"graph = stance_graph(robot={robot!r}); began = time.perf_counter(); "
-        "print(len(node_table(graph).points), time.perf_counter() - began)"
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        world = {**os.environ, CACHE_VARIABLE: folder}
-        told = subprocess.run(
-            [sys.executable, "-c", code], env=world, check=True, capture_output=True, text=True
-        ).stdout
-    nodes, seconds = told.split()
-    return {"nodes": int(nodes), "seconds": float(seconds)}
-
-
 def executed(graph: LazyGraph, plan: Plan) -> bool:
     """Whether MuJoCo carries a plan out, touching nothing."""
     from mlivr_gym.simulation.execution import execute  # loads GL
@@ -164,7 +142,8 @@ def markdown(data: dict[str, Any]) -> str:
         "",
         f"Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data['seconds']:g} s "
         "a task and cost on a graph that knows nothing but the table of all nodes, which ships and "
-        "is unpacked once; times are those of a machine with two cores, tasks at once: "
+        "is unpacked once ([how long that takes](start_up.md)); times are those of a machine with "
+        "two cores, tasks at once: "
         f"{data.get('workers', 1)}.",
         "",
         "![Share of tasks with a plan over time](many_limbs.png)",
@@ -188,7 +167,6 @@ def markdown(data: dict[str, Any]) -> str:
             f"| `{robot}` | {np.median(found['nodes']):.0f} | {steps.mean():.1f} | "
             f"{(steps == 0).mean():.0%} | {new:.1f} | {checked:.1f} | {again:.1f} | {tabled:.1f} |"
         )
-    lines += _built(data["built"])
     lines += [
         "",
         "## Random tasks",
@@ -216,16 +194,6 @@ def markdown(data: dict[str, Any]) -> str:
     }
     lines += section(measured, data["seconds"])
     return "\n".join(lines) + "\n"
-
-
-def _built(built: dict[str, dict[str, float]]) -> list[str]:
-    """The section on what is worked out and unpacked once."""
-    lines = ["", "## Once for a map and robot", ""]
-    lines += ["With an empty cache, compiling included.", ""]
-    lines += ["| robot | nodes | table unpacked in [s] |", "|---|---|---|"]
-    for robot, found in built.items():
-        lines.append(f"| `{robot}` | {found['nodes']} | {found['seconds']:.1f} |")
-    return lines
 
 
 def _row(robot: str, cost: str, found: list[dict[str, Any]]) -> str:
@@ -297,38 +265,20 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--others", type=int, default=20, help="tasks for other methods too")
     parser.add_argument("--workers", type=int, default=1, help="tasks at once")
-    parser.add_argument(
-        "--steps-only", action="store_true", help="measure steps next to stances anew, no tasks"
-    )
-    parser.add_argument(
-        "--robots", nargs="+", choices=ROBOTS, default=ROBOTS,
-        help="those to measure anew; the figures of the others stay, asked in the same way",
-    )  # fmt: skip
     args = parser.parse_args()
     tasks = Processes(args.workers)
     data: dict[str, Any] = {
         "workers": args.workers,
         "seconds": args.seconds,
         "fan": {},
-        "built": {},
         "tasks": {},
     }
-    if args.steps_only or set(args.robots) != set(ROBOTS):
-        old = json.loads((args.out / "many_limbs.json").read_text())
-        if not args.steps_only and any(old[name] != data[name] for name in ("workers", "seconds")):
-            parser.error(
-                f"the others were asked for {old['seconds']:g} s, {old['workers']} at once"
-            )
-        data = old
-    for robot in args.robots:
+    for robot in ROBOTS:
         graph = stance_graph(robot=robot)
         assert isinstance(graph, LazyGraph)
         graph.sets()  # for other methods
         node_table(graph)
         data["fan"][robot] = fan(robot)
-        if args.steps_only:
-            continue
-        data["built"][robot] = first_build(robot)
         work = partial(asked, robot=robot, seconds=args.seconds, others=args.others)
         data["tasks"][robot] = list(tasks.answers(work, range(args.tasks), f"tasks of {robot}"))
     write_whole(args.out / "many_limbs.json", json.dumps(data, indent=1) + "\n")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from planning_report import NOTHING, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.agents import RandomPolicy
@@ -110,15 +111,12 @@ def section(measured: dict[str, list[dict[str, Any]]], seconds: float) -> list[s
         "steps; no step is known at the beginning. *Steps* and *time* (median) are those of the "
         "walks that were found, which are not the same tasks for all.",
         "",
-        "| robot | method | solved | steps | time [s] |",
-        "|---|---|---|---|---|",
     ]
-    for robot, tasks in measured.items():
-        lines += _rows(robot, tasks)
-    return lines
+    rows = [row for robot, tasks in measured.items() for row in _rows(robot, tasks)]
+    return [*lines, table("robot | method | solved | steps | time [s]", rows).rstrip("\n")]
 
 
-def _rows(robot: str, tasks: list[dict[str, Any]]) -> list[str]:
+def _rows(robot: str, tasks: list[dict[str, Any]]) -> list[list[str]]:
     """Rows of the table of methods: those of a robot, on the tasks that may have a plan."""
     able = [task for task in tasks if task["steps"]["reason"] not in NO_PLAN]
     firsts = [task["steps"]["improvements"][:1] for task in able]
@@ -127,7 +125,7 @@ def _rows(robot: str, tasks: list[dict[str, Any]]) -> list[str]:
     rows = []
     for name, answers in found.items():
         good = [answer for answer in answers if answer is not None]
-        steps = f"{np.mean([one[0] for one in good]):.1f}" if good else "\N{EN DASH}"
-        seconds = f"{np.median([one[1] for one in good]):.2f}" if good else "\N{EN DASH}"
-        rows.append(f"| `{robot}` | {name} | {len(good)} of {len(able)} | {steps} | {seconds} |")
+        steps = f"{np.mean([one[0] for one in good]):.1f}" if good else NOTHING
+        seconds = f"{np.median([one[1] for one in good]):.2f}" if good else NOTHING
+        rows.append([f"`{robot}`", name, f"{len(good)} of {len(able)}", steps, seconds])
     return rows

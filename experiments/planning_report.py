@@ -1,262 +1,190 @@
-"""The Markdown report of `benchmark_planning.py`."""
+"""The report of `benchmark_planning.py`, and the rows that README and site show of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
-from benchmark_collisions import collision_report, collision_targets
-from reference_planner import MODES
+NOTHING = "\N{EN DASH}"
 
+OFF = "collisions off"
 
-def table(names: str, rows: Iterable[Sequence[Any]]) -> list[str]:
-    """A Markdown table; `names` are separated by semicolons."""
-    head = [name.strip() for name in names.split(";")]
-    return [
-        "",
-        *("| " + " | ".join(map(str, row)) + " |" for row in (head, ["---"] * len(head), *rows)),
-        "",
-    ]
+BEFORE = {
+    "steps, new goal": f"0.91, 1.20 ({OFF})",
+    "base, new goal": f"3.30, 90.1 ({OFF})",
+    "steps, known goal": f"1.41, 1.80 ({OFF})",
+    "base, known goal": f"1.64, 2.00 ({OFF})",
+    "base, exact cost-to-go": f"0.90 ({OFF})",
+    "base, prepare": "14.0",
+    "points": "2.45, 2.73",
+    "box": "66.5, 123.5",
+    "compiled": "41.4",
+    "again": "1.74",
+    "one environment": "45,900 (all steps known)",
+    "copies": "730,000 (1024 copies)",
+}
+"""Version 0.1.0 as its own benchmarks published it, in `results/` of commit 2f4e2068 and for steps
+a second of 3fb4419c: on two cores of an AMD EPYC, Python 3.11.7, Numba 0.68.1."""
 
-
-def targets(data: dict[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Targets beside what was measured."""
-
-    def most(name: str, bound: float, value: float) -> tuple[str, ...]:
-        return name, f"at most {bound:g}", f"{value:.2f}", "yes" if value <= bound else "no"
-
-    yield most("stance set of the map, collisions off [s]", 0.5, data["stance set"]["seconds"])
-    for cost, bound in (("base", 20.0), ("steps", 2.0)):
-        for name, at_most in (
-            ("new goal, cold", bound),
-            ("new goal, warm", bound),
-            ("known goal", 1.0),
-        ):
-            yield most(
-                f"query, {cost} cost, {name}, collisions off, median [ms]",
-                at_most,
-                data[cost][name]["whole"]["median"],
-            )
-    for task, mode, run, source in compared(data):
-        label = f"map to plan, {task}, times faster than the {mode} reference ({source})"
-        yield (
-            label,
-            "at least 1000",
-            f"{run['ratio']:.0f}",
-            "yes" if run["ratio"] >= 1000.0 else "no",
-        )
-    for name, bound, value in collision_targets(data["collisions"]):
-        yield most(name, bound, value)
-    for cache, run in data["first plan"].items():
-        yield most(f"first plan in a new process, {cache} kernel cache [s]", 10.0, run["wall"])
+COSTS = {"steps": "the fewest steps", "base": "least translation"}
+"""Costs, and what a plan of each has."""
 
 
-def compared(data: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any], str]]:
-    """Task, mode and figures of each run of the reference, and where its total comes from."""
-    for task in ("near", "case 2") if "case 2" in data else ("near",):
-        for mode in MODES:
-            run = data[task][mode]
-            source = "measured" if run["cost"] is not None else "measured, no plan found"
-            if not run["finished"]:
-                passed = run["candidates"] > data[task]["needed"]["candidates"]
-                source = "lower bound" if passed else "extrapolated"
-            yield task, mode, run, source
+class Figure(NamedTuple):
+    """A row of the table of what default settings give."""
+
+    what: str
+    measured: str
+    target: str
+    """Of median and 95th percentile."""
+    before: str
+    """The same of version 0.1.0."""
 
 
-def query_rows(data: dict[str, Any]) -> Iterator[list[Any]]:
-    """Query times of both costs, those by default first."""
-    for cost in ("base", "steps"):
-        known = data.get("by default", {})
-        default = {"default settings, cold": known[cost]} if cost in known else {}
-        for name, row in (default | data[cost]).items():
-            if "whole" in row:
-                times = [
-                    f"{row[part][figure]:.2f}"
-                    for part in ("whole", "search")
-                    for figure in ("median", "p95")
-                ]
+def figures(data: dict[str, Any]) -> Iterator[Figure]:
+    """What is measured with default settings, collisions on, on the table that ships."""
+
+    def row(what: str, key: str, found: dict[str, Any] | None, target: str, unit: str) -> Figure:
+        """A row of a time; those in seconds tell the median alone."""
+        measured = NOTHING
+        if found is not None:
+            times = [found["median"] / 1e3] if unit == "s" else [found["median"], found["p95"]]
+            measured = ", ".join(f"{float(f'{time:.3g}'):,g}" for time in times)
+        told = f"{what} [s]" if unit == "s" else f"{what}, median and 95 % [ms]"
+        return Figure(told, measured, target, BEFORE.get(key, NOTHING))
+
+    found = {cost: data["collisions on"].get(cost, {}) for cost in COSTS}
+    for name, target in (("new goal", "3, 30"), ("known goal", "0.5")):
+        for cost, told in COSTS.items():
+            key = f"{cost}, {name}"
+            yield row(f"plan with {told}, {name}", key, found[cost].get(name), target, "ms")
+    base = found["base"]
+    cut_off = base.get("unreachable goal")
+    yield row("answer that there is no plan", "", cut_off, "3, 30", "ms")
+    exact, prepared = base.get("exact cost-to-go"), base.get("prepare")
+    yield row("exact cost-to-go of a new goal", "base, exact cost-to-go", exact, "0.3", "s")
+    yield row("`Planner.prepare`", "base, prepare", prepared, "1", "s")
+    changes = {"points": ("ten points newly occupied", "1"), "box": ("a new box", "40")}
+    for name, (told, target) in changes.items():
+        yield row(f"new plan after {told}", name, data["replanning"].get(name), target, "ms")
+
+
+def beside(data: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """What the graph libraries take for the same tasks: name and median of A* [ms]."""
+    for name, row in data["libraries"].items():
+        if name != "this planner":
+            yield f"A* of {name} on the same table, median [ms]", f"{row['A*']['median']:.3g}"
+
+
+def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
+    """A table in Markdown; the names in `head` are separated by ` | `."""
+    names = head.split(" | ")
+    lines = [f"| {' | '.join(map(str, row))} |" for row in (names, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(names), *lines[1:]]) + "\n"
+
+
+def targets(data: dict[str, Any]) -> str:
+    """Targets, what is measured, and what version 0.1.0 took."""
+    rows = [(row.what, row.target, row.measured, row.before) for row in figures(data)]
+    rows += [(told, NOTHING, measured, NOTHING) for told, measured in beside(data)]
+    return table("default settings | target | measured | version 0.1.0", rows)
+
+
+def series(data: dict[str, Any]) -> Iterator[list[Any]]:
+    """All series of queries."""
+    for collisions in ("on", "off"):
+        for cost, found in data.get(f"collisions {collisions}", {}).items():
+            for name, row in found.items():
+                more = [
+                    f"{row['search']:.2f}", f"{row['expanded']:.0f}", row["unsolved"]
+                ] if "search" in row else [NOTHING] * 3  # fmt: skip
                 yield [
-                    cost,
-                    name,
-                    row["queries"],
-                    *times,
-                    f"{row['expanded']:.0f}",
-                    row["unsolved"],
-                ]
-
-
-def reference_rows(data: dict[str, Any]) -> Iterator[list[Any]]:
-    """Both modes of the reference on both tasks."""
-    for task, mode, run, source in compared(data):
-        ours = data[task]["ours"]
-        yield [
-            task,
-            mode,
-            run["expanded"],
-            run["candidates"],
-            data[task]["needed"]["candidates"],
-            f"{run['seconds']:.1f}",
-            f"{1e3 * run['seconds_per_candidate']:.1f}",
-            f"{run['seconds_per_expansion']:.2f}",
-            f"{run['total_seconds']:.0f} ({source})",
-            f"{ours['seconds']:.3f}",
-            f"{run['ratio']:.0f}",
-            f"{run['cost']:.3f}" if run["cost"] is not None else "none",
-            f"{ours['cost']:.3f}",
-            f"{100 * run['share_of_our_stances_found']:.0f} %",
-        ]
+                    collisions, cost, name, row["count"],
+                    f"{row['median']:.2f}", f"{row['p95']:.2f}", *more,
+                ]  # fmt: skip
 
 
 def library_rows(data: dict[str, Any]) -> Iterator[list[str]]:
-    """The roadmap in ours and in both libraries."""
-    ours = data["libraries"]["ours"]
-    for name in ("cost_to_go", "consistent"):
-        ms = ours[name]["whole"]
-        build = f"{ours['build_seconds']:.2f} (postures included)"
-        times = [f"{ms[figure]:.2f}" for figure in ("median", "p95")]
-        yield [f"this planner, {name}", build, *times, f"{ours['memory_mb']:.1f}", "0"]
-    for name in ("rustworkx", "networkx"):
-        row = data["libraries"][name]
-        build, error = (
-            f"{row['build_seconds']:.2f} (stances given)",
-            f"{row['largest_cost_difference']:.1e}",
-        )
+    """This planner and both libraries."""
+    for program, row in data["libraries"].items():
+        for method in ("A*", "A*, consistent", "Dijkstra"):
+            if method in row:
+                build = [f"{row['build']:.1f}", f"{row['memory']:.0f}"] if "build" in row else []
+                cost = f"{row['lower']} | {row['higher']}" if build else f"{NOTHING} | {NOTHING}"
+                told = [f"{row[method][figure]:.1f}" for figure in ("median", "p95")]
+                yield [program, method, *told, *(build or [NOTHING] * 2), cost]
+
+
+def reference_rows(data: dict[str, Any]) -> Iterator[list[str]]:
+    """Both modes of the reference."""
+    runs = dict(data["reference"])
+    ours = runs.pop("ours")
+    for mode, run in runs.items():
+        source = "measured"
+        if not run["finished"]:
+            passed = run["candidates"] > run["needed"]
+            source = "lower bound" if passed else "extrapolated"
         yield [
-            name,
-            build,
-            *(f"{row['query'][k]:.2f}" for k in ("median", "p95")),
-            f"{row['memory_mb']:.0f}",
-            error,
+            mode,
+            f"{run['candidates']} of {run['needed']}",
+            f"{1e3 * run['each']:.1f}",
+            f"{run['total']:.0f} ({source})",
+            f"{ours['seconds']:.2f}",
+            f"{run['total'] / ours['seconds']:.0f}",
         ]
 
 
-def limits(data: dict[str, Any]) -> Iterator[str]:
-    """What limits each number, from profiles of this run."""
-
-    def parts(title: str, share: dict[str, float]) -> str:
-        ordered = sorted(share.items(), key=lambda item: -item[1])
-        return (
-            f"* {title}: "
-            + ", ".join(f"{name} {100 * value:.0f} %" for name, value in ordered)
-            + "."
-        )
-
-    stances, task = data["stance set"], data.get("case 2", data["near"])
-    without, failed = (
-        stances["seconds_without_step_checks"],
-        100 * task["thorough"]["failed_ik_share"],
-    )
-    yield parts("Stance set", stances["shares"]) + (
-        f" Without the branch sets that step checks need it takes {without:.2f} s. The kernels "
-        "run on all cores."
-    )
-    for cost in ("base", "steps"):
-        yield parts(f"New goal, {cost} cost, warm", data[cost]["shares"])
-        yield parts(f"Known goal, {cost} cost", data[cost]["shares known"])
-    yield (
-        "* The rest of a query is distances of all stances to the goal, the start state and the "
-        "base quaternions."
-    )
-    yield "* A cold query differs from a warm one by the step checks that it is the first to need."
-    for cache, run in data["first plan"].items():
-        yield (
-            f"* First plan, {cache} cache: imports {run['imports']:.1f} s, stance graph "
-            f"{run['stance_graph']:.1f} s, plan {run['plan']:.1f} s; the kernels are compiled, or "
-            "read from the cache, in the last two."
-        )
-    yield parts("Reference", task["shares"]) + (
-        f" Of the thorough mode's calls {failed:.0f} % do not converge and use up every iteration "
-        "allowed, so the cap on iterations decides its speed; hence the hasty mode."
-    )
-    yield (
-        "* Libraries: heuristic and edge weight are Python calls, and each edge is an object or a "
-        "record of its own."
-    )
-
-
-QUICK = "Quick run on a part of the map: its figures only show that the program works."
-
-INTRODUCTION = """
-Steps are not checked on either side. Ours: stance set of the whole map and one query, kernels \
-compiled beforehand,
-all cores. Reference (`reference_planner.py`): Algorithm 1 on one core, a candidate at a time, \
-iterative inverse
-kinematics from one seed. *Thorough* tries every base pose and allows 200 iterations; *hasty* \
-takes the first base
-pose that will do and allows 50. *Near* has its goal close to the start; *case 2* is that of \
-Table I. Where the time
-limit ended a run, its total is the measured time of a candidate times the distinct candidates \
-that the same search
-needs (column *needed*, counted by running it on the finished stance set), and is marked \
-*extrapolated*; where it had
-tried more than that without an end, the time that it ran stands there as a *lower bound*. All \
-else is measured. One seed
-finds one branch, so the reference misses stances (last column: share of ours among the \
-candidates it tried that it
-found) and may take another base pose: its costs differ for that reason, and it may try every \
-candidate and find no
-plan at all. The paper reports 1.8 s for its Case 2 on another map and machine and does not say \
-how many base poses it
-tries."""
-"""What the two references do, and how their totals are found."""
+SERIES = "collisions | cost | series | queries | median | 95 % | search | expanded | without a plan"
+LIBRARIES = "program | method | median | 95 % | build [s] | memory [MB] | lower | higher"
+REFERENCE = "mode | candidates | each [ms] | total [s] | ours [s] | ratio"
+"""Heads of the tables."""
 
 
 def report(data: dict[str, Any]) -> str:
     """The Markdown report."""
-    host, stances, exact = data["machine"], data["stance set"], data["cost-to-go"]
+    host, known, single = data["machine"], data["table"], data["single"]
     packages = ", ".join(f"{name} {number}" for name, number in host["packages"].items())
-    lines = [
-        "# Planning benchmark",
-        "",
-        f"{host['processor']}, {host['cores']} cores, Python {host['python']}, {packages}.",
-        *([QUICK] if data["quick"] else []),
-        *table("figure; target; measured; met", targets(data)),
-        "## Stance set",
-        "",
-        f"{stances['points']} points, {stances['pairs']} ordered pairs within the span, "
-        f"{stances['geometries']} distinct geometries, {stances['base_poses']} base poses for "
-        f"each, {stances['stances']} stances, {stances['directed_steps']} directed steps. Arrays "
-        f"{stances['array_mb']:.1f} MB, of which the table of steps "
-        f"{stances['edge_table_mb']:.1f} MB; the process held {data['resident_mb']:.0f} MB after "
-        "all queries.",
-        "",
-        "## Queries",
-        "",
-        "Steps are checked; collisions are not, but in the series with default settings. Cold: the "
-        "table of steps begins empty and fills as the series goes on. Warm: the same queries "
-        "again. Each query has a planner that knows no goal, unless the goal is known. Times in "
-        "ms.",
-        *table(
-            "cost; series; queries; plan, median; plan, p95; search, median; search, p95; "
-            "expanded, median; unsolved",
-            query_rows(data),
-        ),
-        f"Exact cost-to-go of every state, base cost: {exact['first']:.2f} s for the first goal, "
-        f"which checks every step, and {exact['second']:.2f} s for another goal.",
-        "",
-        *collision_report(data["collisions"]),
-        "## From map to plan, beside a plain reference",
-        INTRODUCTION,
-        f"The time limit was {data['reference_seconds']:g} s for each run.",
-        *table(
-            "task; reference; expanded; candidates; needed; run [s]; each [ms]; an expansion [s]; "
-            "total [s]; ours [s]; ratio; cost [m]; our cost [m]; found",
-            reference_rows(data),
-        ),
-        "## The same roadmap in graph libraries",
-        "",
-        "Stances and steps without step checks, A* with the consistent heuristic, base cost, a "
-        "virtual goal joined to every goal stance; attaching it is not counted. Ours is the whole "
-        "call, plan included. Memory is that of the arrays for ours, and the growth of resident "
-        "memory for the libraries.",
-        *table(
-            "program; build [s]; query, median [ms]; query, p95 [ms]; memory [MB]; largest "
-            "difference of cost [m]",
-            library_rows(data),
-        ),
-        "## What limits each number",
-        "",
-        *limits(data),
-        "",
-    ]
-    return "\n".join(lines)
+    touching = 100 * single["touching"]
+    return f"""# Planning benchmark
+
+{host["processor"]}, {host["cores"]} cores, Python {host["python"]}, {packages}.
+
+Two limbs, collisions on, the table that ships: {known["stances"]} stances and {known["steps"]} \
+legal steps, {known["memory"]:.0f} MB in memory. Two figures are \
+median and 95th percentile. Version 0.1.0 is told as it was measured on two cores of an AMD EPYC, \
+Python 3.11.7, Numba 0.68.1; its queries were measured with collisions off, and what it did not \
+measure is left out.
+
+{targets(data)}
+## Queries
+
+Each query has a planner that knows no goal, unless the goal is known; goals that cannot be reached
+are drawn in the cabin. *Search* is the part of the median without start and motion. Changes of the
+world are made beside a plan to a prepared goal. Times in ms.
+
+{table(SERIES, series(data))}
+One configuration, both limbs against the cabin, the body, themselves and each other, takes \
+{single["ours"]:.2f} us in the compiled kernel on one core and {single["mujoco"]:.1f} us in MuJoCo \
+(kinematics and collision pipeline, called from Python), over the same \
+{single["configurations"]} configurations, of which {touching:.0f} % touch something.
+
+## The same table in graph libraries
+
+The same tasks in the same run, base cost: nodes are the stances, edges the legal steps, the goal a
+virtual node joined to every goal stance. A* of the libraries has the consistent heuristic. They
+know nothing of branches, so that their paths may cost less than any walk that can be put together
+(*lower*); attaching the goal is not counted, while for this planner the whole call is, with the
+motion of the plan. Times in ms.
+
+{table(LIBRARIES, library_rows(data))}
+## Beside a plain reference
+
+Case 2 of Table I from map to plan, steps not checked on either side. Ours: stance set of the \
+whole map and one query. The reference (`reference_planner.py`) is Algorithm 1 on one core, a \
+candidate at a time, with iterative inverse kinematics from one seed. *Thorough* tries every base \
+pose and allows 200 iterations; *hasty* takes the first base pose that will do and allows 50. \
+Where the limit of {data["reference_seconds"]:g} s ended a run, its total is the time of a \
+candidate times the candidates that the same search needs (*extrapolated*), or the time it ran, if \
+it had tried more than those (*lower bound*).
+
+{table(REFERENCE, reference_rows(data))}"""

@@ -29,9 +29,11 @@ import paper_figures_report
 import planning_report
 import reference_curves
 import simulation_figures
+import start_up
 import table1_statistics
 import thresholds
 import time_cost
+from planning_report import NOTHING
 from table1 import study_markdown
 from truth import told
 
@@ -120,13 +122,6 @@ def collisions(data: dict[str, Any]) -> str:
     )
 
 
-def targets(report: str) -> str:
-    """The benchmark's first table."""
-    lines = report.splitlines()
-    first = lines.index("| figure | target | measured | met |")
-    return "\n".join(lines[first : lines.index("", first)]) + "\n"
-
-
 def paper(data: dict[str, Any]) -> str:
     """Steps and base translation of the paper's cases beside those found here, in a few columns."""
 
@@ -158,46 +153,48 @@ def policies(data: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-COSTS = {"steps": "a plan with the fewest steps", "base": "a plan with least translation"}
-"""Costs whose plans the README times, and what it calls these."""
-
-STEPS = (
-    ("MLIVR-JEM-v0", {}),
-    ("MLIVR-JEM-v0, native vector, 256 copies", {"native": True}),
-)
+STEPS = {
+    "one environment": ("MLIVR-JEM-v0", {}),
+    "copies": ("MLIVR-JEM-v0, native vector, 256 copies", {"native": True}),
+}
 """Environments that the README times, and how they are set, see `benchmark_env.settings_of`."""
 
+FIRST = {
+    "ready-made": "first plan of an installation",
+    "compiled": "all compiled first",
+    "again": "later plans from the shell",
+}
+"""What the README tells of the first path of `start_up.py`."""
 
-def speed(planning: dict[str, Any], steps: dict[str, Any], start_up: dict[str, Any]) -> str:
-    """How quick planner and environment are, each row with its settings, the default ones first."""
-    on, off = "two limbs, collisions on", "two limbs, collisions off"
-    first = start_up["paths"]["plan"]
+TOGETHER = ((0, 1), (2, 3), (4,), (5, 6), (7, 8))
+"""Figures of `planning_report.figures` that share a row of the README, which is to stay short."""
+
+
+def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]) -> str:
+    """How quick planner and environment are by default, each row with its settings."""
+    settings, before = "two limbs, collisions on", planning_report.BEFORE
+    first = paths["plan"]
+    known = [how for how in FIRST if how in first]
     rows = [
-        ("first plan of an installation [s]", f"{on}, ready-made machine code",
-         f"{first['ready-made']['wall']:.2f}"),
-        ("the same", f"{on}, all compiled first", f"{first['compiled']['wall']:.1f}"),
-    ]  # fmt: skip
-    for cost, shown in COSTS.items():
-        checked = {on: "table that ships", off: "all steps known"}
-        known = {
-            on: planning.get("by default", {}).get(cost),
-            off: planning[cost]["new goal, warm"],
-        }
-        names = iter((f"{shown}, median [ms]", "the same"))
-        rows += [
-            (next(names), f"{settings}, {checked[settings]}", f"{row['whole']['median']:.2f}")
-            for settings, row in known.items()
-            if row
-        ]
-    for what, arguments in STEPS:
-        settings = benchmark_env.settings_of(**arguments)
-        found = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
-        wall = found[what, settings]
+        (
+            f"{'; '.join(FIRST[how] for how in known)} [s] | {settings}, ready-made machine code",
+            "; ".join(f"{first[how]['wall']:.3g}" for how in known),
+            "; ".join(before.get(how, NOTHING) for how in known),
+        )
+    ]
+    figures = list(planning_report.figures(planning))
+    for chosen in TOGETHER:
+        what, measured, _, old = (
+            "; ".join(told) for told in zip(*(figures[k] for k in chosen), strict=True)
+        )
+        rows.append((f"{what} | {settings}, table that ships", measured, old))
+    found = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
+    for name, (what, arguments) in STEPS.items():
+        set_so = benchmark_env.settings_of(**arguments)
+        wall = f"{float(f'{found[what, set_so]:.3g}'):,.0f}"
         shown = what.replace("MLIVR-JEM-v0", "steps a second of `MLIVR-JEM-v0`")
-        rows.append((shown, settings, f"{float(f'{wall:.3g}'):,.0f}"))
-    lines = ["| what | settings | measured |", "|---|---|---|"]
-    lines += [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join(lines) + "\n"
+        rows.append((f"{shown} | {set_so}", wall, before[name]))
+    return planning_report.table("what | settings | measured | version 0.1.0", rows)
 
 
 def parts(results: Path) -> dict[str, str]:
@@ -209,7 +206,9 @@ def parts(results: Path) -> dict[str, str]:
     return {
         "paper": paper(data("table1")),
         "policies": policies(data("planner_vs_rl")),
-        "speed": speed(data("benchmark_planning"), data("benchmark_env"), data("start_up")),
+        "speed": speed(
+            data("benchmark_planning"), data("benchmark_env"), data("start_up")["paths"]
+        ),
         "table1": table1(data("table1")),
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
@@ -219,7 +218,7 @@ def parts(results: Path) -> dict[str, str]:
         "controller": simulation_figures.controller(),
         "disturbances": disturbances.readme_text(data("disturbances")),
         "paper_figures": paper_figures_report.readme_text(data("paper_figures")),
-        "benchmark_planning": targets(planning_report.report(data("benchmark_planning"))),
+        "benchmark_planning": planning_report.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
         "limb_starts": limb_starts.told(data("limb_starts")),
         **format_tables.tables(),
@@ -257,6 +256,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "connectivity": connectivity.markdown,
     "many_limbs": many_limbs.markdown,
     "paper_figures": paper_figures_report.markdown,
+    "start_up": start_up.report,
     "benchmark_env": benchmark_env.report,
     "benchmark_planning": planning_report.report,
     "planner_vs_rl": comparison_report.full_report,

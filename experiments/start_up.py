@@ -1,17 +1,19 @@
 """What the first use of an installation compiles, and how long it takes, path by path.
 
-    python experiments/start_up.py [--out results] [NAME ...]
+    python experiments/start_up.py [--out results] [--compiled] [NAME ...]
 
-Every path runs in processes of its own three times: with caches empty and without the ready-made
-machine code, with caches empty and with it, and once more where all was kept that can be. Functions
-that are compiled are counted, wall and processor time measured, and of the former a reader should
-know what else ran. Writes `start_up.json` and `start_up.md`; with names, those paths alone are
-measured anew.
+Every path runs in processes of its own twice: with empty caches and the ready-made machine code,
+and once more where all was kept that can be. The paths of `COMPILED_TOO`, with `--compiled` all of
+them, also run with caches empty and without that code, which takes a minute each. Functions that
+are compiled are counted, wall and processor time measured, and of the former a reader should know
+what else ran. The package's bytecode is there, as `pip install` leaves it. Writes `start_up.json`
+and `start_up.md`; with names, those paths alone are measured anew.
 """
 
 from __future__ import annotations
 
 import argparse
+import compileall
 import json
 import os
 import platform
@@ -23,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from planning_report import NOTHING, table
 
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.files import write_whole
@@ -83,6 +86,12 @@ PATHS = {
 }
 """Commands and programs, by what they are."""
 
+COMPILED_TOO = ("plan",)
+"""Paths that are also measured with everything compiled if no more is asked for."""
+
+WITHOUT_NUMBA = ("help",)
+"""Paths that compile nothing: to count it would import Numba."""
+
 COUNTER = """
 import atexit, os
 from numba.core import event
@@ -111,12 +120,15 @@ def run(path: str, cache: Path, **variables: str) -> dict[str, float]:
     words = given.removeprefix("mlivr-gym").split()
     command = ["-m", "mlivr_gym", *words] if given.startswith("mlivr-gym") else ["-c", given]
     with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "sitecustomize.py").write_text(COUNTER, encoding="utf-8")
         counted, work = Path(folder, "counted"), Path(folder, "work")
         work.mkdir()
+        counted.touch()
+        if path not in WITHOUT_NUMBA:
+            Path(folder, "sitecustomize.py").write_text(COUNTER, encoding="utf-8")
         here = {CACHE_VARIABLE: str(cache), "COUNTED": str(counted)}
         here["PYTHONPATH"] = os.pathsep.join([folder, str(ROOT)])
-        environment = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
+        unset = ("NUMBA_", "PYTHONDONTWRITEBYTECODE")
+        environment = {k: v for k, v in os.environ.items() if not k.startswith(unset)}
         began, before = time.perf_counter(), os.times()
         done = subprocess.run(
             [sys.executable, *command], cwd=work, env=environment | here | variables,
@@ -134,17 +146,16 @@ def run(path: str, cache: Path, **variables: str) -> dict[str, float]:
     }
 
 
-def measured(path: str) -> dict[str, dict[str, float]]:
-    """A path with nothing ready, with ready-made machine code, and once more.
+def measured(path: str, compiled: bool) -> dict[str, dict[str, float]]:
+    """A path with ready-made machine code, once more, and if asked for with nothing ready.
 
     Who names a processor is given no other's machine code; its features stay those that are there.
     """
     with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
-        return {
-            "compiled": run(path, Path(first), NUMBA_CPU_NAME="generic"),
-            "ready-made": run(path, Path(second)),
-            "again": run(path, Path(second)),
-        }
+        found = {"ready-made": run(path, Path(first)), "again": run(path, Path(first))}
+        if compiled:
+            found["compiled"] = run(path, Path(second), NUMBA_CPU_NAME="generic")
+    return found
 
 
 def report(data: dict[str, Any]) -> str:
@@ -152,24 +163,22 @@ def report(data: dict[str, Any]) -> str:
     lines = [
         "# First use of an installation",
         "",
-        "Made by `experiments/start_up.py`. Functions that are compiled, and seconds of waiting |",
-        "of processor time: with caches empty and all compiled on the machine, with caches empty",
-        "and the ready-made machine code, and once more.",
+        "Made by `experiments/start_up.py`. Functions that are compiled, and seconds of waiting",
+        "and of processor time: with empty caches and the ready-made machine code, once more, and,",
+        "where that was measured, with empty caches and all compiled on the machine.",
         "",
         f"Measured on {data['machine']}; other work ran beside at a load of "
-        f"{max(data['load'], 0.0):.1f}, so",
-        "that processor time is what can be compared.",
+        f"{max(data['load'], 0.0):.1f}.",
         "",
-        "| path | compiled: functions | s | ready-made: functions | s | again: s |",
-        "|---|---|---|---|---|---|",
     ]
+    rows = []
     for path, found in data["paths"].items():
-        cells = [path]
-        for how, one in found.items():
-            cells += [str(one["functions"])] if how != "again" else []
-            cells.append(f"{one['wall']:.1f} \\| {one['processor']:.1f}")
-        lines.append("| " + " | ".join(cells) + " |")
-    lines += ["", "What they run:", ""]
+        told = {how: f"{one['wall']:.1f}, {one['processor']:.1f}" for how, one in found.items()}
+        ready, compiled = found["ready-made"]["functions"], found.get("compiled", {})
+        cells = [path, ready, told["ready-made"], told["again"]]
+        rows.append([*cells, compiled.get("functions", NOTHING), told.get("compiled", NOTHING)])
+    lines.append(table("path | functions | first [s] | again [s] | all compiled | [s]", rows))
+    lines += ["What they run:", ""]
     for path in data["paths"]:
         if PATHS[path].startswith("mlivr-gym"):
             lines.append(f"* {path}: `{PATHS[path]}`")
@@ -180,6 +189,7 @@ def main() -> None:
     """Measure, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", choices=[*PATHS, []], help="paths (default: all)")
+    parser.add_argument("--compiled", action="store_true", help="compile everything, too")
     parser.add_argument("--out", default=ROOT / "results", type=Path, help="folder")
     args = parser.parse_args()
     kept = args.out / "start_up.json"
@@ -188,8 +198,9 @@ def main() -> None:
         before = json.loads(kept.read_text(encoding="utf-8"))["paths"]
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     python, loads = platform.python_version(), []
+    compileall.compile_dir(ROOT / "mlivr_gym", quiet=2)
     for path in args.names or PATHS:
-        before[path] = measured(path)
+        before[path] = measured(path, args.compiled or path in COMPILED_TOO)
         loads.append(os.getloadavg()[0])
         print(path, before[path], flush=True)
     data = {
@@ -197,6 +208,7 @@ def main() -> None:
         "load": max(loads) - 1.0,
         "paths": {path: before[path] for path in PATHS if path in before},
     }
+    args.out.mkdir(parents=True, exist_ok=True)
     write_whole(kept, json.dumps(data, indent=1) + "\n")
     write_whole(args.out / "start_up.md", report(data))
 

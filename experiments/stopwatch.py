@@ -1,12 +1,12 @@
-"""How long calls take, and in which functions the time is spent."""
+"""How long calls take."""
 
 from __future__ import annotations
 
-import cProfile
-import pstats
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
+
+import numpy as np
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
@@ -16,18 +16,7 @@ def timed(call: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - began, value
 
 
-def shares(call: Callable[[], Any], names: dict[str, str]) -> dict[str, float]:
-    """Share of a call's profiled time inside each of the named functions.
-
-    Args:
-        call: What is profiled.
-        names: What each function does, by its name; the result has these descriptions as keys.
-    """
-    profile = cProfile.Profile()
-    profile.runcall(call)
-    stats: Any = pstats.Stats(profile)
-    spent = dict.fromkeys(names.values(), 0.0)
-    for (_, _, function), (_, _, _, cumulative, _) in stats.stats.items():
-        if function in names:
-            spent[names[function]] += cumulative / stats.total_tt
-    return spent | {"rest": max(0.0, 1.0 - sum(spent.values()))}
+def spread(seconds: Sequence[float]) -> dict[str, float]:
+    """Median and 95th percentile [ms], and how many."""
+    median, p95 = 1e3 * np.percentile(seconds, (50, 95))
+    return {"median": float(median), "p95": float(p95), "count": len(seconds)}

@@ -1,5 +1,8 @@
 """Planning and learning for robots that climb hand over hand inside space stations."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from gymnasium.envs.registration import register
 
 import mlivr_gym._headless  # noqa: F401
@@ -9,10 +12,12 @@ from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
+
+if TYPE_CHECKING:
+    from mlivr_gym.stances.build import stance_graph
+    from mlivr_gym.transitions.state import State
 
 __all__ = [
     "Box",
@@ -28,6 +33,18 @@ __all__ = [
     "robot_spec",
     "stance_graph",
 ]
+
+_COMPILED = {"State": "mlivr_gym.transitions.state", "stance_graph": "mlivr_gym.stances.build"}
+"""Modules that import Numba, by what they give to users."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is compiled when it is first used: Numba alone takes half of a second."""
+    if name not in _COMPILED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = globals()[name] = getattr(import_module(_COMPILED[name]), name)
+    return found
+
 
 register(
     id="MLIVR-JEM-v0",

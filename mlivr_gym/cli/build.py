@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from mlivr_gym.cli.arguments import chosen_graph, output_arguments, world_arguments
@@ -14,12 +15,10 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.table_build import build_table, estimate_table, name_of, write_built
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "build",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[world_arguments(), output_arguments()],
-        help="work out once all that is known of a robot on a map",
         description="Work out the complete table of a robot on a map and keep it in the package's "
         "cache folder, where plans and environments find it: of two limbs all steps, of three and "
         "four all nodes and what each step between them keeps at most. Before it begins it tells "

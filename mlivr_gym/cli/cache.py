@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Callable
 from datetime import datetime
 
 from mlivr_gym.cli.arguments import output_arguments
@@ -15,12 +16,10 @@ from mlivr_gym.errors import SettingError, shown
 from mlivr_gym.files import FileError
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "cache",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[output_arguments()],
-        help="list what is kept between runs, limit its size, or clear it",
         description="List the tables and the machine code that are kept between runs, with their "
         "size and when they were used last. All of it is made again where it is needed.",
     )

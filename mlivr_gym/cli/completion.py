@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from mlivr_gym.cli.exits import SUCCESS
 
@@ -28,20 +28,18 @@ complete -o default -F _mlivr_gym mlivr-gym
 """What both shells take; files are completed where nothing else fits."""
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "completion",
-        help="print a script by which bash or zsh completes commands and options",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         description="Print a script by which a shell completes commands, options and values.",
     )
     parser.add_argument("shell", choices=("bash", "zsh"), help="the shell; both take one script")
-    parser.set_defaults(run=lambda _: run(commands.choices))
+    parser.set_defaults(run=run)
 
 
-def run(parsers: Mapping[str, argparse.ArgumentParser]) -> int:
+def run(args: argparse.Namespace) -> int:
     """Print the script."""
-    print(script(parsers), end="")
+    print(script(args.commands), end="")
     return SUCCESS
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 
 from mlivr_gym.cli.arguments import (
     check_counts,
@@ -15,12 +16,10 @@ from mlivr_gym.cli.extras import need
 from mlivr_gym.cli.progress import Progress
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "dataset",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[world_arguments(), output_arguments()],
-        help="write planner episodes as a Minari data set",
         description="Episodes of the A* expert with action masks as a Minari data set; "
         "needs minari[create,hdf5].",
     )

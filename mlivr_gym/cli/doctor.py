@@ -8,6 +8,7 @@ import platform
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -42,12 +43,10 @@ REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[^]]*\])?\s*([^;]*?)\s*(?:;.*extra == 
 """A requirement in the metadata: the package, its versions, and the extra that asks for it."""
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "doctor",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[output_arguments()],
-        help="what works here: versions, extras, GL, compiled code",
         description="Tell the versions of the package and of what it needs, which extras are "
         "installed, which GL libraries render, and where machine code and step tables are kept. "
         "Exit code 1 if something that every command needs is missing.",

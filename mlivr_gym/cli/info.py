@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -24,12 +25,10 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "info",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[world_arguments(), obstacle_arguments(), output_arguments()],
-        help="what map, robot and stance graph hold",
     )
     parser.set_defaults(run=run)
 

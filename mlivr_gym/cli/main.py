@@ -9,28 +9,13 @@ import math
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
+from functools import partial
+from importlib import import_module
 from typing import Any, NoReturn
 
 import numpy as np
 
 from mlivr_gym import __version__
-from mlivr_gym.cli import (
-    build,
-    cache,
-    completion,
-    dataset,
-    doctor,
-    evaluate,
-    info,
-    plan,
-    render,
-    roadmap,
-    simulate,
-    table1,
-    train,
-    view,
-    warmup,
-)
 from mlivr_gym.cli.examples import examples
 from mlivr_gym.cli.exits import (
     EXIT_CODES,
@@ -44,24 +29,24 @@ from mlivr_gym.cli.exits import (
 )
 from mlivr_gym.errors import MlivrError, NoPlanError, one_line
 
-COMMANDS = (
-    plan,
-    simulate,
-    table1,
-    info,
-    render,
-    view,
-    train,
-    evaluate,
-    dataset,
-    warmup,
-    build,
-    roadmap,
-    cache,
-    doctor,
-    completion,
-)
-"""The module of each command, in the order of the help."""
+COMMANDS = {
+    "plan": "plan from a stance to a goal",
+    "simulate": "execute a plan in MuJoCo",
+    "table1": "the four cases of the paper's Table I",
+    "info": "what map, robot and stance graph hold",
+    "render": "picture of the scene",
+    "view": "look at plans in a browser, and change them there",
+    "train": "train a policy",
+    "evaluate": "measure a policy or planner",
+    "dataset": "write planner episodes as a Minari data set",
+    "warmup": "compile for this machine what a first plan needs, and say where it is kept",
+    "build": "work out once all that is known of a robot on a map",
+    "roadmap": "work out for a robot of three or four limbs what makes its first plans quick",
+    "cache": "list what is kept between runs, limit its size, or clear it",
+    "doctor": "what works here: versions, extras, GL, compiled code",
+    "completion": "print a script by which bash or zsh completes commands and options",
+}
+"""What each command does, in the order of the help; the module of its name has the rest."""
 
 
 class _UsageError(Exception):
@@ -75,8 +60,11 @@ class _Parser(argparse.ArgumentParser):
         raise _UsageError(one_line(message))
 
 
-def _parser() -> argparse.ArgumentParser:
-    """The parser of the whole command."""
+def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser of the whole command, with the arguments of those commands that are named.
+
+    Only their modules are imported: others bring in Numba and more, which takes a second.
+    """
     parser: argparse.ArgumentParser = _Parser(
         prog="mlivr-gym",
         description="Plan hand-over-hand motion through a space station module.",
@@ -86,12 +74,17 @@ def _parser() -> argparse.ArgumentParser:
     parser.set_defaults(grace=GRACE, json=False, quiet=False)
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for command in COMMANDS:
-        command.add_command(commands)
+    named = COMMANDS if "completion" in given else {*given}
+    for name, told in COMMANDS.items():
+        add = partial(commands.add_parser, name, help=told)
+        if name in named:
+            import_module(f"mlivr_gym.cli.{name}").add_command(add)
+        else:
+            add()
     for name, added in commands.choices.items():
         added.epilog = examples(name)
         added.formatter_class = argparse.RawDescriptionHelpFormatter
-        added.set_defaults(default=added.get_default, parser=parser)
+        added.set_defaults(default=added.get_default, commands=commands.choices)
     return parser
 
 
@@ -101,7 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        args = _parser().parse_args(given)
+        args = _parser(given).parse_args(given)
     except _UsageError as wrong:
         print(f"mlivr-gym: {wrong}", file=sys.stderr)
         if "--json" in given:  # which the parser has not come to

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from typing import Any
 
 from mlivr_gym.cli.arguments import (
@@ -19,24 +20,21 @@ from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
-from mlivr_gym.pictures.plan_figure import plan_figure
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_files import node_table
 from mlivr_gym.stances.pair_graph import PairGraph
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "plan",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[
             world_arguments(),
             obstacle_arguments(),
             query_arguments(),
             output_arguments(),
         ],
-        help="plan from a stance to a goal",
         description="Plan from a start stance to a goal position of the base. "
         "Start and goal have defaults.",
     )
@@ -70,6 +68,8 @@ def run(args: argparse.Namespace) -> int:
         plan.save(args.out)
         print(f"plan: {args.out}")
     if pictures:
+        from mlivr_gym.pictures.plan_figure import plan_figure  # most plans are not drawn
+
         title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
         plan_figure(graph.grasp_map, plan, args.picture, result.tree, title)
         print(f"picture: {pictures[0]}, {pictures[1]}")

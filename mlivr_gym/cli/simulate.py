@@ -6,6 +6,7 @@ What imports MuJoCo is imported when the command runs, since MuJoCo loads a GL l
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -68,17 +69,15 @@ MOST_FRAMES = 5000
 """Most pictures of a film; they are kept until it is written."""
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "simulate",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[
             world_arguments(),
             obstacle_arguments(),
             query_arguments(),
             output_arguments(),
         ],
-        help="execute a plan in MuJoCo",
         description="Execute a plan in MuJoCo: one from a file, "
         "or one that is made first as with `plan`.",
     )

@@ -57,12 +57,10 @@ FILES = (
 """What the command writes."""
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "table1",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[output_arguments()],
-        help="the four cases of the paper's Table I",
         description="Plan the four cases, draw and tabulate them.",
     )
     parser.add_argument(

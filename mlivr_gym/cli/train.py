@@ -22,12 +22,10 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.files import FileError
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "train",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[world_arguments(), output_arguments()],
-        help="train a policy",
         description="Train a policy for two limbs. Every step of the map is checked first, once: "
         "one to two minutes for the JEM. Ctrl-C ends it early and leaves a checkpoint of what was "
         "learned so far.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,17 +41,15 @@ FILES = "plan.json", "simulation.npz"
 """What is read of the folder of an execution."""
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "view",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[
             world_arguments(),
             obstacle_arguments(),
             query_arguments(),
             output_arguments(),
         ],
-        help="look at plans in a browser, and change them there",
         description="Serve a page on which a plan or an execution is played, and on which a click "
         "on a point, a new goal, another cost or a box plans anew. "
         "With --out, write a page that plays without a server. Needs the extra 'viewer'.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 
 from mlivr_gym.cli.arguments import output_arguments
 from mlivr_gym.cli.exits import SUCCESS
@@ -15,12 +16,10 @@ from mlivr_gym.stances.build import stance_graph
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "warmup",
+def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command by `add_parser`, which is told its name and help."""
+    parser = add(
         parents=[output_arguments()],
-        help="compile for this machine what a first plan needs, and say where it is kept",
         description="Compile for this machine what a first plan needs, once for each version. "
         "The first plan does the same; an image or an installation can do it beforehand.",
     )

@@ -239,14 +239,3 @@ def test_default_paths_compile_nothing_on_a_fresh_machine(path, tmp_path):
     asked, functions = counts(path, MLIVR_GYM_CACHE=str(tmp_path))
     assert asked <= ENTRIES[path]
     assert functions == 0
-
-
-HEAVY = {"mujoco", "matplotlib", "PIL", "torch", "scipy.spatial", "scipy.interpolate"}
-"""What a plan does not need; SciPy's parts alone take 0.3 s to import."""
-
-
-def test_a_plan_imports_nothing_heavy():
-    told = "import sys; print(*sys.modules)"
-    code = f"import mlivr_gym.cli.main\n{PLAN}\n{told}"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not HEAVY & set(done.stdout.split())
