@@ -34,7 +34,6 @@ EXAMPLES = {
     ),
     "dataset": ("mlivr-gym dataset --id mlivr/jem/astar-v0 --episodes 200",),
     "warmup": ("mlivr-gym warmup",),
-    "roadmap": ("mlivr-gym roadmap --robot mlivr3 --no-collisions --expansions 200",),
     "build": (
         "mlivr-gym build --robot my_robot.json",
         "mlivr-gym build --robot mlivr4 --no-collisions --map few_points.json",

@@ -41,7 +41,6 @@ COMMANDS = {
     "dataset": "write planner episodes as a Minari data set",
     "warmup": "compile for this machine what a first plan needs, and say where it is kept",
     "build": "work out once all that is known of a robot on a map",
-    "roadmap": "work out for a robot of three or four limbs what makes its first plans quick",
     "cache": "list what is kept between runs, limit its size, or clear it",
     "doctor": "what works here: versions, extras, GL, compiled code",
     "completion": "print a script by which bash or zsh completes commands and options",

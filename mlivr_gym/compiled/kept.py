@@ -19,7 +19,6 @@ TABLES = {
     "all steps of two limbs": r"(pairs|steps)-[0-9a-f]+\.npz",
     "all nodes of three or four limbs": r"nodes-[0-9a-f]+(-\d+\.npy|\.xz)",
     "sets of points within reach": r"sets-[0-9a-f-]+\.npz",
-    "roadmap of three or four limbs": r"roadmap-[0-9a-f]+\.npz",
     "part of a table that was not finished": r"parts-[0-9a-f-]+",
 }
 """Names of what is kept of graphs, by what it is."""

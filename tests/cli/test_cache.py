@@ -10,7 +10,6 @@ FILES = {
     f"nodes-{'b' * 20}-5.npy": (50_000, 100),
     f"nodes-{'b' * 20}.xz": (1_000, 500),
     f"sets-{'c' * 20}-{'d' * 16}.npz": (2_000, 300),
-    f"roadmap-{'e' * 20}.npz": (4_000, 200),
     f".pairs-{'a' * 20}.npz.x_1y2z3w": (700, 50),
     f"parts-{'f' * 20}-{'0' * 16}/rows-0-0.npz": (600, 450),
     f"kernels/{'9' * 16}/compiled/one.nbc": (10_000, 350),
