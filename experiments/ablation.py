@@ -126,7 +126,10 @@ def table(rows: dict[str, Any], seconds: float) -> str:
     for place, variants in rows.items():
         for name, found in variants.items():
             plans = [one for one in found if one["first"] is not None and one["steps"] is not None]
-            none = sum(one["reason"] in ("search exhausted", "goal outside the reachable set") for one in found)
+            none = sum(
+                one["reason"] in ("search exhausted", "goal outside the reachable set")
+                for one in found
+            )
             first = statistics.median(one["first"] for one in plans) if plans else float("nan")
             proved = sum(one["bound"] == 1.0 for one in plans)
             lines.append(

@@ -9,6 +9,9 @@ from itertools import count
 from typing import Any
 
 import numpy as np
+from mlivr_gym.planners.first_walk import At
+from mlivr_gym.planners.node_bounds import NodeBounds
+from mlivr_gym.planners.node_search import NodeSearch
 from processes import Processes
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
@@ -20,9 +23,6 @@ from mlivr_gym.envs.dynamics import physical_walk
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.first_walk import At
-from mlivr_gym.planners.node_bounds import NodeBounds
-from mlivr_gym.planners.node_search import NodeSearch
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.settings import Settings

@@ -53,8 +53,10 @@ class Bounds(NamedTuple):
 class LowerBounds:
     """Lower bounds to the goals that were asked last."""
 
-    def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
-        """Of a graph and its table without obstacles."""
+    def __init__(self, graph: StanceGraph) -> None:
+        """Of a graph that has a table."""
+        table = graph.table
+        assert table is not None
         self.graph, self.table = graph, table
         self.labels = Labels.of(len(table.points))
         """Room for searches."""

@@ -42,8 +42,9 @@ class GraphSearcher:
 
     def bounds(self) -> LowerBounds | None:
         """Lower bounds over the table of the graph; None where it has none."""
-        if self._bounds is None and self.graph.table is not None:
-            self._bounds = LowerBounds(self.graph, self.graph.table)
+        table = self.graph.table
+        if table is not None and (self._bounds is None or self._bounds.table is not table):
+            self._bounds = LowerBounds(self.graph)
         return self._bounds
 
     def find(self, search: Search, first: State) -> Path | None:

@@ -5,13 +5,13 @@ import time
 import networkx as nx
 import numpy as np
 import pytest
+from mlivr_gym.planners.node_bounds import KEPT, NodeBounds
+from mlivr_gym.planners.node_levels import TAKEN, fewest_steps
+from mlivr_gym.planners.node_search import NodeSearch
 from small_tables import every_pair, small_table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.planners import Planner, node_bounds, node_search
-from mlivr_gym.planners.node_bounds import KEPT, NodeBounds
-from mlivr_gym.planners.node_levels import TAKEN, fewest_steps
-from mlivr_gym.planners.node_search import NodeSearch
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances import node_files
 from mlivr_gym.stances.random_states import random_state

@@ -3,7 +3,6 @@
 from compiled import called
 from hypothesis import given
 from hypothesis import strategies as st
-
 from mlivr_gym.planners.node_queue import (
     LISTS,
     NOTHING,

@@ -7,6 +7,12 @@ import networkx as nx
 import numpy as np
 import pytest
 from compiled import called
+from mlivr_gym.planners.node_bounds import NodeBounds
+from mlivr_gym.planners.node_costs import LEAST, costs_to_goal
+from mlivr_gym.planners.node_labels import Labels, NodeOrigins, _covered, _note, cheapest_walk
+from mlivr_gym.planners.node_queue import put
+from mlivr_gym.planners.node_search import NodeSearch
+from mlivr_gym.planners.pair_search import weights_of
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from small_tables import every_pair, small_table
@@ -17,12 +23,6 @@ from mlivr_gym.planners import Planner, node_costs, node_labels, node_queue, nod
 from mlivr_gym.planners.known_steps import KnownSteps
 from mlivr_gym.planners.label_search import NO_LABEL
 from mlivr_gym.planners.lazy_search import _LazySearch, lazy_search
-from mlivr_gym.planners.node_bounds import NodeBounds
-from mlivr_gym.planners.node_costs import LEAST, costs_to_goal
-from mlivr_gym.planners.node_labels import Labels, NodeOrigins, _covered, _note, cheapest_walk
-from mlivr_gym.planners.node_queue import put
-from mlivr_gym.planners.node_search import NodeSearch
-from mlivr_gym.planners.pair_search import weights_of
 from mlivr_gym.planners.query import Goal, Search, SearchOptions
 from mlivr_gym.postures.turns import turned
 from mlivr_gym.stances import node_files
