@@ -14,16 +14,10 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Cost, Plan, Planner
 from mlivr_gym.planners.algorithm1 import algorithm1
-from mlivr_gym.planners.pair_search import (
-    EXHAUSTED,
-    FOUND,
-    LIMIT,
-    NOBODY,
-    Seeds,
-    search,
-    weights_of,
-)
-from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.lower_bounds import LowerBounds
+from mlivr_gym.planners.outcome import EXHAUSTED, FOUND, LIMIT
+from mlivr_gym.planners.query import Goal, Search, SearchOptions
+from mlivr_gym.planners.table_search import search_table
 
 COSTS = [("base", None), ("steps", None), ("weighted", 0.1)]
 
@@ -78,12 +72,10 @@ def least_costs(truth, positions, start, cost, goals):
 
 def compiled_cost(graph, start, goal, cost):
     """Cost that the compiled search finds, inf if it finds none."""
-    away = np.linalg.norm(graph.base_in_world - goal, axis=1)
-    h = cost.heuristic("consistent", away, 0.2, graph.max_step)
-    at = (np.array([value]) for value in (graph.find(start), NOBODY, 0))
-    weights = weights_of(cost, limit=10**6)
-    status, _, expanded = search(graph, Seeds(*at, np.zeros(1)), away <= 0.2, h, weights)
-    return expanded.cost[-1] if status == FOUND else np.inf
+    options = SearchOptions(heuristic="consistent", limit=10**6)
+    search = Search.checked(graph, Goal(goal, 0.2, cost), options)
+    path = search_table(LowerBounds(graph), search, graph.state(start))
+    return path.cost if path is not None and path.status == FOUND else np.inf
 
 
 def path_of(explored):
@@ -193,22 +185,6 @@ def test_the_planner_offers_it(small_checked_graph, name, price):
             )
             several += len(ours.plan.steps) > 1
     assert several > 1
-
-
-@pytest.mark.parametrize(("name", "price"), COSTS)
-@pytest.mark.parametrize("heuristic", ["paper", "consistent", "zero"])
-def test_in_the_papers_world_it_explores_what_the_compiled_does(small_map, name, price, heuristic):
-    graph = stance_graph(small_map, settings=Settings(transitions=False, collisions=False))
-    planner, rng = Planner(graph), np.random.default_rng(2)
-    how = {"regrasp_price": price, "heuristic": heuristic}
-    for _ in range(8):
-        start, goal = random_query(graph, rng)
-        ours = planner.plan(start, goal, name, method="algorithm1", **how)
-        compiled = planner.plan(start, goal, name, **how)
-        assert cost_of(ours) == pytest.approx(cost_of(compiled), abs=1e-9)
-        if ours:
-            assert (ours.expanded, ours.generated) == (compiled.expanded, compiled.generated)
-            assert ours.plan.stances == compiled.plan.stances
 
 
 @pytest.mark.parametrize(("name", "price"), COSTS)

@@ -3,7 +3,8 @@
 from compiled import called
 from hypothesis import given
 from hypothesis import strategies as st
-from mlivr_gym.planners.node_queue import (
+
+from mlivr_gym.planners.bucket_queue import (
     LISTS,
     NOTHING,
     NodeQueue,

@@ -1,17 +1,14 @@
-"""What is left at least over all nodes: against networkx, and kept for further plans."""
-
-import time
+"""Lower bounds over all nodes: against networkx, and kept for further plans."""
 
 import networkx as nx
 import numpy as np
 import pytest
-from mlivr_gym.planners.node_bounds import KEPT, NodeBounds
-from mlivr_gym.planners.node_levels import TAKEN, fewest_steps
-from mlivr_gym.planners.node_search import NodeSearch
-from small_tables import every_pair, small_table
+from small_tables import every_pair, searching, small_table
 
 from mlivr_gym import stance_graph
-from mlivr_gym.planners import Planner, node_bounds, node_search
+from mlivr_gym.planners import Planner, lower_bounds, table_search
+from mlivr_gym.planners.fewest_steps import TAKEN, fewest_steps
+from mlivr_gym.planners.lower_bounds import KEPT, LowerBounds
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances import node_files
 from mlivr_gym.stances.random_states import random_state
@@ -20,7 +17,7 @@ from mlivr_gym.stances.stance_sets import key_of
 COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
 
 
-@pytest.fixture(scope="module", params=[3, 4])
+@pytest.fixture(scope="module", params=[2, 3, 4])
 def known(request):
     graph, table = small_table(request.param)
     return graph, table, every_pair(table)
@@ -28,7 +25,10 @@ def known(request):
 
 def fresh(known):
     """A graph of its own, to take points of."""
-    return stance_graph(known[0].grasp_map, known[0].robot)
+    graph = stance_graph(known[0].grasp_map, known[0].robot)
+    if known[1].limbs > 2:
+        graph.table = known[1]
+    return graph
 
 
 def away(graph, table, cost, row, tolerance=0.06):
@@ -56,7 +56,8 @@ def lengths(known, goal, taken, ends=None):
 @pytest.mark.parametrize("farther", [0, 1, 1000])
 @pytest.mark.parametrize("seed", range(4))
 def test_fewest_steps_are_those_of_networkx(known, seed, farther):
-    graph, table, _ = known
+    table = known[1]
+    graph = known[0]
     rng, count = np.random.default_rng(seed), len(table.points)
     taken, goal = rng.random(count) < 0.2 * seed / 3.0, away(graph, table, COSTS[0], 5 + seed)
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
@@ -89,7 +90,7 @@ def test_bounds_never_exceed_the_least_cost_whatever_is_taken(known, cost):
         goal = away(graph, table, cost, int(rng.integers(len(taken))))
         expected = lengths(known, goal, taken)
         starts = rng.choice(np.flatnonzero(~taken), 1)
-        found = NodeBounds(graph, table).to(goal, starts)
+        found = LowerBounds(graph).to(goal, starts)
         assert np.isinf(found.h[taken]).all()
         met = np.isfinite(lengths(known, goal, taken, starts))
         assert (found.h[met] <= np.maximum(expected[met], 1e-12) + 1e-9).all()
@@ -108,7 +109,7 @@ def test_bounds_serve_again_with_more_points_taken_but_not_with_fewer(known, cos
     goal = away(graph, table, cost, 7)
     joined = np.flatnonzero(np.isfinite(lengths(known, goal, none)))
     start = rng.choice(joined, 1)
-    bounds = NodeBounds(graph, table)
+    bounds = LowerBounds(graph)
     assert bounds.known(goal, start) is None
     first = bounds.to(goal, start)
     assert bounds.known(goal, start) is first
@@ -126,15 +127,9 @@ def test_bounds_serve_again_with_more_points_taken_but_not_with_fewer(known, cos
     assert bounds.known(goal, start) is not None
     graph.vacate()
     assert bounds.known(goal, start) is None
-    for row in range(10, 10 + KEPT):
+    for row in range(10, 10 + KEPT[1]):
         bounds.to(away(graph, table, cost, row), start)
-    assert len(bounds._kept) == KEPT
-
-
-def at(end):
-    """Base position and stance at the end of a walk."""
-    state, posture = end
-    return posture.base_position[0], state.stance
+    assert len(bounds._kept) == KEPT[1]
 
 
 def taking(graph, held):
@@ -143,13 +138,6 @@ def taking(graph, held):
         graph.vacate()
         graph.occupy([point])
         yield point
-
-
-def price(walk, goal):
-    """What a walk costs."""
-    places = np.concatenate([posture.base_position for _, posture in walk])
-    shift = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
-    return goal.cost.base_weight * shift + goal.cost.step_weight * (len(walk) - 1)
 
 
 def stopped(*_args):
@@ -164,33 +152,32 @@ def test_a_first_walk_waits_for_no_costs_and_a_further_one_for_nothing(known, co
     rng, again = np.random.default_rng(4), 0
     for _ in range(10):
         graph.vacate()
-        bounds, until = NodeBounds(graph, table), time.perf_counter() + 60.0
+        bounds = LowerBounds(graph)
         start = random_state(graph, rng)
         goal = away(graph, table, cost, int(rng.integers(len(table.points))), 0.08)
         if goal.reached(graph.posture_of(start).base_position[0], start.stance):
             continue
-        every = list(NodeSearch(bounds, goal, start).walks(until))
+        first = searching(bounds, goal, start)
+        every = list(first.walks())
         if not every:
             continue
         with monkeypatch.context() as patched:
-            patched.setattr(node_bounds, "costs_to_goal", stopped)
-            alone = NodeSearch(NodeBounds(graph, table), goal, start)
-            assert goal.reached(*at(next(alone.walks(until))[-1]))
+            patched.setattr(lower_bounds, "costs_to_goal", stopped)
+            walk = next(searching(LowerBounds(graph), goal, start).walks())
+            assert goal.reached(walk.positions[-1], walk.states[-1].stance)
         with monkeypatch.context() as patched:
-            patched.setattr(NodeBounds, "to", stopped)
-            search = NodeSearch(bounds, goal, start)
-            assert price(list(search.walks(until))[-1], goal) == pytest.approx(
-                price(every[-1], goal)
-            )
-        grasped = {p for state, _ in every[-1] for p in state.stance} - set(start.stance)
+            patched.setattr(LowerBounds, "to", stopped)
+            search = searching(bounds, goal, start)
+            assert search.cost(list(search.walks())[-1]) == pytest.approx(first.cost(every[-1]))
+        grasped = {p for state in every[-1].states for p in state.stance} - set(start.stance)
         graph.occupy(sorted(grasped)[:1])
-        anew = NodeSearch(NodeBounds(graph, table), goal, start).walks(until)
+        anew = searching(LowerBounds(graph), goal, start).walks()
         if next(anew, None) is None:
             continue
         with monkeypatch.context() as patched:
-            patched.setattr(NodeBounds, "to", stopped)
-            walk = next(NodeSearch(bounds, goal, start).walks(until))
-        assert not {p for state, _ in walk for p in state.stance} & graph.occupied
+            patched.setattr(LowerBounds, "to", stopped)
+            walk = next(searching(bounds, goal, start).walks())
+        assert not {p for state in walk.states for p in state.stance} & graph.occupied
         again += 1
     assert again
 
@@ -200,7 +187,7 @@ def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
     """They cost the same: both are proved to cost the least."""
     table = known[1]
     monkeypatch.setattr(node_files, "_kept", {key_of(known[0]): table})
-    monkeypatch.setattr(node_search, "ROUNDS", (*node_search.ROUNDS[:1], node_search.ROUNDS[-2]))
+    monkeypatch.setattr(table_search, "ROUNDS", (*table_search.ROUNDS[:1], table_search.ROUNDS[-2]))
     graph, rng, plans = fresh(known), np.random.default_rng(6), 0
     planner, goals = Planner(graph), rng.integers(len(table.points), size=2)
     for k in range(16):

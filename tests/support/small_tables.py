@@ -1,11 +1,14 @@
-"""Tables of all nodes of robots with three and four limbs on a few points."""
+"""Tables of all nodes of robots with two, three and four limbs on a few points."""
 
 from functools import cache
 
 import numpy as np
 
 from mlivr_gym import jem_map, stance_graph
+from mlivr_gym.planners.query import Search, SearchOptions
+from mlivr_gym.planners.table_search import _TableSearch
 from mlivr_gym.stances.node_table_build import build
+from mlivr_gym.stances.pair_build import fill_rows
 
 
 def small_map():
@@ -20,7 +23,18 @@ def small_map():
 def small_table(limbs):
     """A graph on these points, and the table of its nodes."""
     graph = stance_graph(small_map(), f"mlivr{limbs}")
-    return graph, build(graph)
+    if limbs == 2:
+        fill_rows(graph)
+    else:
+        graph.table = build(graph)
+    return graph, graph.table
+
+
+def searching(bounds, goal, start, **options):
+    """A search over the table of a graph that may take a minute."""
+    given = {"inflation": 1.0, "time_limit": 60.0} | options
+    search = Search.checked(bounds.graph, goal, SearchOptions(**given))
+    return _TableSearch(bounds, search, start)
 
 
 def every_pair(table):
