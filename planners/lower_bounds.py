@@ -21,7 +21,9 @@ from mlivr_gym.planners.label_search import Labels
 from mlivr_gym.planners.node_world import NodeWorld, world_of
 from mlivr_gym.planners.query import Goal, Search
 from mlivr_gym.stances.node_table import ROUNDED, NodeTable
+from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
 
 FARTHER_BY = (0.03, 2)
 """How much farther than to the start they are worked out: a share of the cost, and steps."""
@@ -121,6 +123,14 @@ class LowerBounds:
         h[self._taken()] = np.inf
         none = np.zeros(len(h), dtype=np.bool_)
         return Bounds(search.goal.cost, h, none, frozenset(self.graph.occupied))
+
+    def connected(self, goal: Goal, start: State) -> bool:
+        """Whether a goal may be reached from a state, whatever steps and obstacles there are."""
+        goals = self._goals(goal)
+        if isinstance(self.graph, PairGraph) and start.pose is None:
+            part = self.graph.components[1]
+            return bool((part[goals] == part[self.graph.find(start.stance)]).any())
+        return bool(goals.any())
 
     def _taken(self) -> BoolArray:
         """Nodes that hold an occupied point, shape (n,)."""

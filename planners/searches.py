@@ -24,7 +24,7 @@ class Searcher(Protocol):
     """A search over one stance graph."""
 
     def find(self, search: Search, first: State) -> Path | None:
-        """Search from a state; None if no walk leads to the goal, whatever branches are kept."""
+        """Search from a state; None if the goal is not connected with it by any moves."""
 
 
 class GraphSearcher:

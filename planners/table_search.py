@@ -87,7 +87,7 @@ def search_table(bounds: LowerBounds, search: Search, start: State) -> Path | No
         start: Where to start.
 
     Returns:
-        What was found; None if no walk leads to the goal, whatever branches limbs are on.
+        What was found; None if the goal is not connected with the start, whatever steps there are.
     """
     running = _TableSearch(bounds, search, start)
     if running.arrived:
@@ -100,10 +100,10 @@ def search_table(bounds: LowerBounds, search: Search, start: State) -> Path | No
         improvements.append(Improvement(passed, cost, bound))
         if bound <= search.inflation:
             break
-    if running.unreachable and best is None:
-        return None
     counts = running.expanded, running.generated, running.tree()
     if best is None:
+        if running.low == np.inf and not bounds.connected(search.goal, start):
+            return None
         status = EXHAUSTED if running.low == np.inf else LIMIT
         return Path(status, (start,), 0.0, *counts, running.backward)
     cost = running.cost(best)
@@ -119,7 +119,6 @@ class _TableSearch:
     Attributes:
         low: No plan costs less; infinite if there is none.
         found: Whether there was a walk.
-        unreachable: Whether no walk leads to the goal, whatever branches limbs are on.
         expanded: Labels expanded, of all searches.
         generated: Labels generated.
         backward: Nodes whose exact cost-to-go was worked out.
@@ -128,7 +127,7 @@ class _TableSearch:
     def __init__(self, bounds: LowerBounds, search: Search, start: State) -> None:
         self.graph, self.goal, self.search = bounds.graph, search.goal, search
         self._bounds, self._world = bounds, bounds.world
-        self.low, self.unreachable, self.found = 0.0, False, False
+        self.low, self.found = 0.0, False
         self.expanded = self.generated = self.backward = self._explored = 0
         self._labels = bounds.labels
         self._nothing = KnownSteps.none(len(bounds.table.points))
@@ -229,7 +228,6 @@ class _TableSearch:
         least = float((origins.cost + guide.h[origins.nodes]).min())
         if guide.cost == self.goal.cost or least == np.inf:
             self.low = max(self.low, least)
-        self.unreachable = self.unreachable or least == np.inf
 
     def _next(self, guide: Bounds, how: Round, below: float) -> Walk | None:
         """A walk that costs less than the last; None if a round finds none."""

@@ -5,7 +5,12 @@ import pytest
 
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.table_values import TableValues
+from mlivr_gym.planners.table_values import TableValues, stances_at
+
+
+def values_to(env, cost, risk=None):
+    tables = env.table_moves().tables
+    return TableValues(tables, stances_at(tables, env.goal[None], 0.2), Cost.named(cost), risk)
 
 
 @pytest.mark.parametrize("cost", ["steps", "base"])
@@ -14,7 +19,7 @@ def test_table_values_are_the_planners_cost_to_go(env, cost):
     for seed in range(3):
         env.reset(seed=seed)
         table = planner.cost_to_go(env.goal.tolist(), cost)
-        ours = TableValues(env.table_moves().tables, env.goal[None], 0.2, Cost.named(cost))
+        ours = values_to(env, cost)
         held = (env.graph.mask > 0).all(axis=1)
         np.testing.assert_allclose(ours.of_stances(0)[held], table.values[held], atol=1e-9)
         rng = np.random.default_rng(seed)
@@ -41,7 +46,7 @@ def test_expected_costs_solve_the_bellman_equation(env, cost):
     risk = np.random.default_rng(0).uniform(0.0, 0.6, len(env.graph.grasp_map))
     env.reset(seed=3)
     tables = env.table_moves().tables
-    values = TableValues(tables, env.goal[None], 0.2, Cost.named(cost), risk)
+    values = values_to(env, cost, risk)
     checked = 0
     for s in np.random.default_rng(1).permutation(len(tables.points))[:40]:
         for held in range(2):
