@@ -23,7 +23,6 @@ from concept_drawing import (
     new_figure,
     view_axes,
 )
-from concept_plots import certificate_figure, manipulability_figure
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import stance_graph
@@ -48,7 +47,6 @@ def main() -> None:
     step_figure(graph, plan)
     branch_figure(graph, plan)
     manipulability_figure(graph, plan)
-    certificate_figure(graph)
     swing_figure(graph, plan)
 
 
