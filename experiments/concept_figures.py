@@ -109,8 +109,10 @@ def stance_figure(graph: PairGraph, plan: Plan) -> None:
         axes = shown(figure, (left, 0.15, 0.42, 0.68), graph, view, (0.6, 5.4, -1.15, 1.15))
         for limb, colour in enumerate(LIMB_COLOURS[:2]):
             there = positions[np.unique(steps.point[steps.limb == limb])]
-            axes.scatter(*there[:, view].T, s=26, facecolor="none", edgecolor=colour,
-                         linewidth=0.9, zorder=4, label=f"limb {limb} can go there next")  # fmt: skip
+            axes.scatter(
+                *there[:, view].T, s=26, facecolor="none", edgecolor=colour, linewidth=0.9,
+                zorder=4, label=f"limb {limb} can go there next",
+            )  # fmt: skip
         draw_parts(axes, view, robot_parts(graph.robot, plan.configuration(0)), 0.25)
         for name, point, colour in zip(START, graph.indices(START), LIMB_COLOURS, strict=False):
             held = positions[point][list(view)]
