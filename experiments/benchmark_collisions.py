@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
 import coal
 import mujoco
 import numpy as np
+from collision_judge import capsule, solid
 from numba import njit
+from reports import pair_graph, table
 from scipy.spatial.transform import Rotation
 from stopwatch import timed
 
@@ -19,7 +21,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import Behind, against_boxes, base_against_boxes
 from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.contacts import capsule_ends
+from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.placing import Placed, place_by_angles, to_world
 from mlivr_gym.compiled.bit_sets import EVERY
@@ -74,25 +76,15 @@ def check_all(
         out[k] = found
 
 
-def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
-    """Random stances with every joint turned a little.
-
-    Returns:
-        Base positions, shape (count, 3) [m], base rotations, shape (count, 3, 3), and joint angles,
-        shape (count, 2, 6) [rad].
-    """
-    rng = np.random.default_rng(0)
-    chosen = rng.integers(len(graph), size=count)
-    joints = np.empty((count, 2, 6))
-    for k, s in enumerate(chosen):
+def configurations(graph: PairGraph, count: int) -> list[Configuration]:
+    """Random stances with every joint turned a little."""
+    rng, out = np.random.default_rng(0), []
+    for s in rng.integers(len(graph), size=count):
         a, b = graph.points[s].tolist()
-        masks = tuple(1 << int(branch) for branch in graph.branch[s])
-        joints[k] = graph.configuration(State((a, b), masks))[2]
-    return (
-        graph.base_in_world[chosen],
-        graph.base_axes_in_world[chosen],
-        joints + rng.normal(0.0, 0.1, joints.shape),
-    )
+        state = State((a, b), tuple(1 << int(branch) for branch in graph.branch[s]))
+        position, quaternion, joints = graph.configuration(state)
+        out.append((position, quaternion, joints + rng.normal(0.0, 0.1, joints.shape)))
+    return out
 
 
 def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
@@ -100,117 +92,72 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
 
     The kernel runs in one thread; MuJoCo's figure is that of kinematics and collision pipeline.
     """
-    positions, rotations, joints = configurations(graph, count)
-    robot, solver = graph.robot, graph.solver
-    out = np.empty(count, dtype=np.int64)
-    clearance, rooms = graph.settings.clearance, (Placed.rows(2), Behind.rows(1))
-    bases, robots = poses(positions, rotations), solver.shapes.rows
-    given = (bases, joints, robots, solver.boxes, clearance, rooms, out)
+    rows = configurations(graph, count)
+    positions, quaternions, joints = (np.array(part) for part in zip(*rows, strict=True))
+    rotations = Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
+    solver, out = graph.solver, np.empty(count, dtype=np.int64)
+    bases, rooms = poses(positions, rotations), (Placed.rows(2), Behind.rows(1))
+    clearance = graph.settings.clearance
+    given = (bases, joints, solver.shapes.rows, solver.boxes, clearance, rooms, out)
     check_all(*given)
-    began = time.perf_counter()
-    check_all(*given)
-    ours = time.perf_counter() - began
-    model = scene_spec(graph.grasp_map, robot).compile()
+    ours = timed(lambda: check_all(*given))[0]
+    model = scene_spec(graph.grasp_map, graph.robot).compile()
     data = mujoco.MjData(model)
-    quaternions = Rotation.from_matrix(rotations).as_quat(scalar_first=True)
     # Joints follow the free joint limb by limb.
-    rows = np.concatenate([positions, quaternions, joints.reshape(count, 12)], axis=1)
-    began = time.perf_counter()
-    for row in rows:
-        data.qpos[:] = row
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_collision(model, data)
-    mujoco_time = time.perf_counter() - began
-    few = min(count, 1000)
-    theirs = coal_seconds(graph, positions[:few], quaternions[:few], joints[:few])
+    whole = np.concatenate([positions, quaternions, joints.reshape(count, 12)], axis=1)
+
+    def theirs() -> None:
+        for row in whole:
+            data.qpos[:] = row
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_collision(model, data)
+
+    few = rows[:1000]
     return {
         "configurations": count,
         "ours": 1e6 * ours / count,
-        "mujoco": 1e6 * mujoco_time / count,
-        "coal": 1e6 * theirs / few,
+        "mujoco": 1e6 * timed(theirs)[0] / count,
+        "coal": 1e6 * coal_seconds(graph, few) / len(few),
         "touching": float((out > 0).mean()),
     }
 
 
-def coal_seconds(graph: PairGraph, positions: Array, quaternions: Array, joints: Array) -> float:
-    """Time that coal needs for the collision checks of configurations [s].
+def coal_seconds(graph: PairGraph, rows: Sequence[Configuration]) -> float:
+    """Time that coal needs for the collision checks of configurations of two limbs [s].
 
     The boxes are in a tree made once; each limb's capsules are compared with it and with those of
     the other limb. Poses of the capsules are worked out beforehand.
-
-    Args:
-        graph: Graph of a robot with two limbs.
-        positions: Base positions, shape (k, 3) [m].
-        quaternions: Base orientations w, x, y, z, shape (k, 4).
-        joints: Joint angles, shape (k, 2, 6) [rad].
     """
     shapes = LimbShapes(graph.robot)
-    boxes = [
-        coal.CollisionObject(
-            coal.Box(*(2.0 * np.array(box.half))),
-            coal.Transform3s(np.array(box.rotation), np.array(box.centre)),
-        )
-        for box in graph.grasp_map.boxes
-    ]
-    cabin = _tree(boxes)
-    limbs = [_capsules(shapes) for _ in range(2)]
-    trees = [_tree(limb) for limb in limbs]
     placed = [
-        _capsule_poses(capsule_ends(graph.robot, shapes, configuration))
-        for configuration in zip(positions, quaternions, joints, strict=True)
-    ]
-    callback = coal.CollisionCallBackDefault()
+        [[capsule(*axis) for axis in zip(limb, shapes.radii, strict=True)]
+         for limb in capsule_ends(graph.robot, shapes, row)]
+        for row in rows
+    ]  # fmt: skip
+    cabin, limbs = _tree([solid(box) for box in graph.grasp_map.boxes]), placed[0]
+    trees, callback = [_tree(limb) for limb in limbs], coal.CollisionCallBackDefault()
+    ahead = [[[one.getTransform() for one in limb] for limb in there] for there in placed]
     began = time.perf_counter()
-    for middle, turned in placed:
-        for i in range(2):
-            for c, capsule in enumerate(limbs[i]):
-                capsule.setTransform(coal.Transform3s(turned[i, c], middle[i, c]))
-                capsule.computeAABB()
-            trees[i].update()
+    for there in ahead:
+        for tree, limb, places in zip(trees, limbs, there, strict=True):
+            for one, place in zip(limb, places, strict=True):
+                one.setTransform(place)
+                one.computeAABB()
+            tree.update()
             callback.init()
-            trees[i].collide(cabin, callback)
+            tree.collide(cabin, callback)
         callback.init()
         trees[0].collide(trees[1], callback)
     return time.perf_counter() - began
 
 
-def _tree(objects: list[Any]) -> Any:
+def _tree(objects: Sequence[Any]) -> Any:
     """A tree of collision objects; the objects must live as long as the tree."""
     tree = coal.DynamicAABBTreeCollisionManager()
     for thing in objects:
         tree.registerObject(thing)
     tree.setup()
     return tree
-
-
-def _capsules(shapes: LimbShapes) -> list[Any]:
-    """The capsules of a limb as collision objects."""
-    lengths = np.linalg.norm(shapes.ends[:, 1] - shapes.ends[:, 0], axis=1)
-    return [
-        coal.CollisionObject(coal.Capsule(float(radius), max(float(length), 1e-6)))
-        for radius, length in zip(shapes.radii, lengths, strict=True)
-    ]
-
-
-def _capsule_poses(ends: Array) -> tuple[Array, Array]:
-    """Centres, shape (n, c, 3) [m], and rotations, shape (n, c, 3, 3), of capsules.
-
-    Args:
-        ends: Ends of the capsules of each limb, shape (n, c, 2, 3) [m].
-    """
-    axes = ends[:, :, 1] - ends[:, :, 0]
-    return ends.mean(axis=2), np.array([[_frame(axis) for axis in limb] for limb in axes])
-
-
-def _frame(axis: Array) -> Array:
-    """A rotation whose z axis lies along a vector."""
-    length = float(np.linalg.norm(axis))
-    if length < 1e-9:
-        return np.eye(3)
-    z = axis / length
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
 
 
 def collisions(
@@ -230,8 +177,7 @@ def collisions(
     first = []
     for _ in range(repeats):
         first.append(timed(lambda: Planner(stance_graph(grasp_map)).plan(start, goal).unwrap())[0])
-    graph = stance_graph(grasp_map)
-    assert isinstance(graph, PairGraph)
+    graph = pair_graph(grasp_map)
     progress("collisions: single checks")
     single = single_checks(graph, 200 * repeats)
     progress("collisions: replanning, nothing prepared")
@@ -294,51 +240,41 @@ def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int
 
 def collision_targets(data: dict[str, Any]) -> Iterator[tuple[str, float, float]]:
     """Name, bound and measured value of each target of this part."""
-    ratio = data["stance_set"] / data["stance_set_without"]
+    ratio, warm = data["stance_set"] / data["stance_set_without"], data["warm"]
     yield "stance set with collisions, times that without", 3.0, ratio
     yield "check of one configuration, batched [us]", 5.0, data["single"]["ours"]
     yield "map to first plan, collisions checked, steps checked lazily [s]", 1.0, data["first_plan"]
-    yield (
-        "replan to a prepared goal, ten points newly occupied, median [ms]",
-        5.0,
-        data["warm"]["points"]["median"],
-    )
-    yield (
-        "replan to a prepared goal, a box across the module, median [ms]",
-        100.0,
-        data["warm"]["box"]["median"],
-    )
+    for change, bound, kind in (
+        ("ten points newly occupied", 5.0, "points"), ("a box across the module", 100.0, "box")
+    ):  # fmt: skip
+        name = f"replan to a prepared goal, {change}, median [ms]"
+        yield name, bound, warm[kind]["median"]
+
+
+HEAD = "goal prepared | change | median [ms] | p95 [ms] | changes | without a plan"
 
 
 def collision_report(data: dict[str, Any]) -> list[str]:
     """The report's section as lines of Markdown."""
     single = data["single"]
     rows = [
-        f"| {title} | {name} | {run['median']:.1f} | {run['p95']:.1f} | {run['count']} "
-        f"| {run['unsolved']} |"
+        [title, name, f"{run['median']:.1f}", f"{run['p95']:.1f}", run["count"], run["unsolved"]]
         for title, part in (("no", data["cold"]), ("yes", data["warm"]))
         for name, run in part.items()
     ]
-    return [
-        "## Collisions",
-        "",
-        f"Stance set with collisions {data['stance_set']:.2f} s, without "
-        f"{data['stance_set_without']:.2f} s; {data['stances']} stances are left. Map to first "
-        f"plan {data['first_plan']:.2f} s. One configuration, both limbs against the cabin, the "
-        f"body, themselves and each other: {single['ours']:.2f} us in the compiled kernel on one "
-        f"core, {single['mujoco']:.1f} us in MuJoCo (kinematics and collision pipeline, called "
-        f"from Python), {single['coal']:.1f} us in coal (trees of boxes and capsules, called from "
-        f"Python, poses worked out beforehand), over the same {single['configurations']} "
-        "configurations (coal: "
-        f"the first 1000 at most), {100 * single['touching']:.0f} % of which touch something.",
-        "",
-        "Replanning from the change to the new plan, from the start of a walk, base cost. "
-        "`Planner.prepare` works out the exact "
-        f"cost to the goal once, in {data['prepare']:.1f} s here, and replans without it start "
-        "from what earlier plans found out:",
-        "",
-        "| goal prepared | change | median [ms] | p95 [ms] | changes | without a plan |",
-        "|---|---|---|---|---|---|",
-        *rows,
-        "",
-    ]
+    return f"""## Collisions
+
+Stance set with collisions {data["stance_set"]:.2f} s, without \
+{data["stance_set_without"]:.2f} s; {data["stances"]} stances are left. Map to first plan \
+{data["first_plan"]:.2f} s. One configuration, both limbs against the cabin, the body, themselves \
+and each other: {single["ours"]:.2f} us in the compiled kernel on one core, \
+{single["mujoco"]:.1f} us in MuJoCo (kinematics and collision pipeline, called from Python), \
+{single["coal"]:.1f} us in coal (trees of boxes and capsules, called from Python, poses worked out \
+beforehand), over the same {single["configurations"]} configurations (coal: the first 1000 at \
+most), {100 * single["touching"]:.0f} % of which touch something.
+
+Replanning from the change to the new plan, from the start of a walk, base cost. \
+`Planner.prepare` works out the exact cost to the goal once, in {data["prepare"]:.1f} s here, and \
+replans without it start from what earlier plans found out:
+
+{table(HEAD, rows)}""".split("\n")

@@ -35,7 +35,7 @@ class Judge:
         self.data = mujoco.MjData(self.model)
         self.names = [self.model.geom(i).name for i in range(self.model.ngeom)]
         self.shapes = LimbShapes(graph.robot)
-        self._boxes = [_box(box) for box in graph.grasp_map.boxes]
+        self._boxes = [solid(box) for box in graph.grasp_map.boxes]
 
     def penetrations(
         self, configuration: Configuration, points: At
@@ -63,18 +63,18 @@ class Judge:
         base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
         mounts, gripper = self.shapes.mounts, int(self.shapes.limb["gripper"])
         limbs = [
-            [_capsule(axis, r) for axis, r in zip(limb, self.shapes.radii, strict=True)]
+            [capsule(axis, r) for axis, r in zip(limb, self.shapes.radii, strict=True)]
             for limb in capsule_ends(self.robot, self.shapes, configuration)
         ]
         body = [
-            _capsule(position + axis @ base.T, r)
+            capsule(position + axis @ base.T, r)
             for axis, r in zip(mounts["ends"], mounts["radius"], strict=True)
         ]
         body.append(_placed(coal.Box(*(2.0 * self.shapes.robot["half"])), base, position))
         at_grasp = {i for i, _ in points}
         for i, limb in enumerate(limbs):
             body += limb[:gripper] if i in at_grasp else limb
-        boxes = [*self._boxes, *map(_box, obstacles)]
+        boxes = [*self._boxes, *map(solid, obstacles)]
         least = min((_least(a, b) for a, b in combinations(limbs, 2)), default=np.inf)
         return min(least, _least(body, boxes))
 
@@ -86,7 +86,7 @@ def _placed(shape: Any, turn: Array, centre: Array) -> Any:
     return placed
 
 
-def _capsule(ends: Array, radius: float) -> Any:
+def capsule(ends: Array, radius: float) -> Any:
     """A capsule; `ends` has shape (2, 3) [m]."""
     along, middle = ends[1] - ends[0], 0.5 * (ends[0] + ends[1])
     length = float(np.linalg.norm(along))
@@ -96,7 +96,7 @@ def _capsule(ends: Array, radius: float) -> Any:
     return _placed(coal.Capsule(float(radius), length), turn, middle)
 
 
-def _box(box: Box) -> Any:
+def solid(box: Box) -> Any:
     """A box of the map, or an obstacle."""
     shape = coal.Box(*(2.0 * np.array(box.half)))
     return _placed(shape, np.array(box.rotation), np.array(box.centre))
