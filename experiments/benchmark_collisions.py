@@ -130,10 +130,12 @@ def coal_seconds(graph: PairGraph, rows: Sequence[Configuration]) -> float:
     """
     shapes = LimbShapes(graph.robot)
     placed = [
-        [[capsule(*axis) for axis in zip(limb, shapes.radii, strict=True)]
-         for limb in capsule_ends(graph.robot, shapes, row)]
+        [
+            [capsule(*axis) for axis in zip(limb, shapes.radii, strict=True)]
+            for limb in capsule_ends(graph.robot, shapes, row)
+        ]
         for row in rows
-    ]  # fmt: skip
+    ]
     cabin, limbs = _tree([solid(box) for box in graph.grasp_map.boxes]), placed[0]
     trees, callback = [_tree(limb) for limb in limbs], coal.CollisionCallBackDefault()
     ahead = [[[one.getTransform() for one in limb] for limb in there] for there in placed]
@@ -245,8 +247,9 @@ def collision_targets(data: dict[str, Any]) -> Iterator[tuple[str, float, float]
     yield "check of one configuration, batched [us]", 5.0, data["single"]["ours"]
     yield "map to first plan, collisions checked, steps checked lazily [s]", 1.0, data["first_plan"]
     for change, bound, kind in (
-        ("ten points newly occupied", 5.0, "points"), ("a box across the module", 100.0, "box")
-    ):  # fmt: skip
+        ("ten points newly occupied", 5.0, "points"),
+        ("a box across the module", 100.0, "box"),
+    ):
         name = f"replan to a prepared goal, {change}, median [ms]"
         yield name, bound, warm[kind]["median"]
 

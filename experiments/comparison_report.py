@@ -128,16 +128,17 @@ def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]
     steps, base, rows = best_steps(runs, family), runs.get("astar-base"), []
     for name in [n for n in NAMES if n in runs]:
         one = runs[name]
-        success, carried = one.values["success"], one.successful("carried_out")
-        tried, refined = carried[np.isfinite(carried)], np.isfinite(one.values["refined"]).any()
+        success, walks = one.values["success"], one.successful("carried_out")
+        tried, refined = walks[np.isfinite(walks)], np.isfinite(one.values["refined"]).any()
         by_seed = 100.0 * np.nanmean(success, axis=1)
-        shorter = base is not None and refined
         cells = [
             interval(np.nanmean(success, axis=0), 1, True),
             f"{by_seed.min():.0f} to {by_seed.max():.0f} %" if len(success) > 1 else NOTHING,
             relative(one, "steps", steps, "steps"),
             relative(one, "base_translation", base, "m"),
-            interval(ratio(one, "refined", base, "base_translation"), 3) if shorter else NOTHING,
+            interval(ratio(one, "refined", base, "base_translation"), 3)
+            if base is not None and refined
+            else NOTHING,
             f"{1e3 * np.nanmedian(one.values['first_decision']):.3g}",
             f"{1e3 * np.nanmedian(one.values['decision']):.3g}",
             f"{100 * tried.mean():.0f} % of {len(tried)}" if len(tried) else "not executed",

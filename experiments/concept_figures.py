@@ -27,8 +27,9 @@ from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.runs import Run
 from mlivr_gym.pictures.figures import write_figure
 from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE, TOWARD_THE_EYE, View, flat_view
-from mlivr_gym.pictures.robot_shapes import LIMB_COLOURS, Part, outline, pale, robot_parts
+from mlivr_gym.pictures.robot_shapes import Part, outline, pale, robot_parts
 from mlivr_gym.planners import Planner
+from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.pair_graph import PairGraph
 
 OUT = Path(__file__).parent.parent / "docs" / "figures"
@@ -105,8 +106,8 @@ def stance_figure(graph: PairGraph, plan: Plan) -> None:
     """The robot in a stance, the points it holds, and those that one step can reach."""
     figure, positions = Figure(figsize=(10.4, 3.6), dpi=110), graph.grasp_map.positions
     steps, base = graph.successors(graph.state(START)), plan.motion.base_positions[0]
-    for left, view in ((0.07, FROM_THE_SIDE), (0.57, FROM_ABOVE)):
-        axes = shown(figure, (left, 0.15, 0.42, 0.68), graph, view, (0.6, 5.4, -1.15, 1.15))
+    for edge, view in ((0.07, FROM_THE_SIDE), (0.57, FROM_ABOVE)):
+        axes = shown(figure, (edge, 0.15, 0.42, 0.68), graph, view, (0.6, 5.4, -1.15, 1.15))
         for limb, colour in enumerate(LIMB_COLOURS[:2]):
             there = positions[np.unique(steps.point[steps.limb == limb])]
             axes.scatter(
@@ -206,16 +207,16 @@ def swing_figure(graph: PairGraph, plan: Plan) -> None:
     step, motion = plan.steps[0], step_motion(graph, plan, 0)
     knots, tips = np.array(step.knots), gripper_places(graph, motion, step.limb)
     figure = Figure(figsize=(11.2, 4.0), dpi=110)
-    left = (0.07, 0.12, 0.43, 0.72)
-    axes = shown(figure, left, graph, FROM_THE_SIDE, (1.2, 4.9, -1.2, 0.75))
+    place = (0.07, 0.12, 0.43, 0.72)
+    axes = shown(figure, place, graph, FROM_THE_SIDE, (1.2, 4.9, -1.2, 0.75))
     swing = np.flatnonzero(motion.phase == PHASES.index("swing"))
     off = np.abs(motion.joint_positions[swing, step.limb][:, None] - knots[:, 1:]).max(axis=2)
-    for k, place in enumerate(swing[off.argmin(axis=0)].tolist()):
-        parts = robot_parts(graph.robot, at(motion, place))
+    for k, there in enumerate(swing[off.argmin(axis=0)].tolist()):
+        parts = robot_parts(graph.robot, at(motion, there))
         some = [part for part in parts if part.name.startswith((f"limb{step.limb}", "body"))]
         draw_parts(axes, FROM_THE_SIDE, some, 0.75 - 0.6 * k / len(knots))
-        axes.scatter(*tips[place, SIDE], s=34, color="k", zorder=7)
-        axes.annotate(str(k), tips[place, SIDE], (5, 4), **BESIDE)
+        axes.scatter(*tips[there, SIDE], s=34, color="k", zorder=7)
+        axes.annotate(str(k), tips[there, SIDE], (5, 4), **BESIDE)
     axes.plot(*tips[:, SIDE].T, color="#555555", lw=1.8, zorder=6)
     axes.plot(*tips[swing][:, SIDE].T, color=LIMB_COLOURS[step.limb], lw=1.8, zorder=6)
     axes.set_title("the gripper's way, and the limb where it is closest to the knots",

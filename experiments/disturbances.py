@@ -24,7 +24,7 @@ from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, Controller
 from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances
-from mlivr_gym.simulation.limits import GENTLE
+from mlivr_gym.simulation.limits import GENTLE, Limits
 from mlivr_gym.simulation.monte_carlo import Outcome, execute_many, success
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.build import stance_graph
@@ -33,7 +33,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 TASKS, SEED = 20270101, 77_000
 """Seeds of the held-out tasks and of their disturbances; gains were chosen with others."""
 
-CONTROLLERS = {
+CONTROLLERS: dict[str, tuple[Limits | Durations, Controller]] = {
     "guided, gentle": (GENTLE, Controller()),
     "feedforward, gentle": (GENTLE, FEEDFORWARD),
     "the paper's PD, 50 s": (Durations(), PAPER),

@@ -212,7 +212,8 @@ def digest(mutant: Mutant) -> str:
 
 def report(draw: dict[str, list[Mutant]], results: dict[str, Any], equal: dict[str, str]) -> str:
     """The report, in Markdown."""
-    rows, survivors = [], []
+    rows: list[list[Any]] = []
+    survivors: list[Mutant] = []
     for name, mutants in draw.items():
         ran = [m for m in mutants if results.get(m.key, {}).get("digest") == digest(m)]
         uncaught = [m for m in ran if not results[m.key]["caught"]]

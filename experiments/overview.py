@@ -42,7 +42,7 @@ EDGE_COLOUR = "#6f8299"
 
 def edge_paths(graph: PairGraph) -> Array:
     """Base positions at both ends of some edges of the stance graph, shape (e, 2, 3) [m]."""
-    rng, found = np.random.default_rng(20261122), []
+    rng, found = np.random.default_rng(20261122), list[list[Array]]()
     while len(found) < EDGES:
         held, s = int(rng.integers(2)), int(rng.integers(len(graph)))
         row = graph.row(held, s)

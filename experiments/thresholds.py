@@ -50,9 +50,8 @@ Measure = dict[str, Any]
 
 def measured(factor: float, pairs: int) -> Measure:
     """Plans under thresholds, and how they are carried out."""
-    names = ("limb_threshold", "base_threshold")
-    given = dict(zip(names, (factor * whole for whole in Settings().thresholds(2)), strict=True))
-    graph = pair_graph(**given)
+    limb, base = (factor * whole for whole in Settings().thresholds(2))
+    graph = pair_graph(limb_threshold=limb, base_threshold=base)
     planner, found = Planner(graph), []
     for seed in tqdm(range(pairs), desc=f"{factor:g}", mininterval=5.0):
         start, goal = random_pair(seed)
