@@ -62,9 +62,9 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/dynamic_simulation.py
 	$(BIN)/python experiments/disturbances.py
 	$(BIN)/python experiments/time_cost.py
+	$(BIN)/python experiments/connectivity.py
 	$(BIN)/python experiments/pace_film.py
 	$(BIN)/python experiments/environment_films.py
-	$(BIN)/python experiments/paper_figures.py
 	$(BIN)/python experiments/overview.py
 	$(BIN)/python experiments/concept_figures.py
 	$(BIN)/python experiments/notebooks.py

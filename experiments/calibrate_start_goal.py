@@ -135,9 +135,7 @@ def best_seed(pair: dict[str, Any]) -> tuple[float, dict[str, Any]]:
 
 def main() -> None:
     """Search over pairs and seeds, and write the best."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", type=int, default=3000, help="start and goal pairs tried")
     pairs = parser.parse_args().pairs
     total, pair = best_pair(pairs)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import coal
 import mujoco
@@ -14,12 +14,15 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.simulation.scene import scene_spec
+from mlivr_gym.simulation.scene import scene_spec, set_configuration
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 
 TOUCH = 1e-6
 """Overlaps below this are rounding [m]."""
+
+At = list[tuple[int, int]]
+"""Limbs, and the points that they are at."""
 
 
 class Judge:
@@ -31,29 +34,14 @@ class Judge:
         self.model = scene_spec(graph.grasp_map, graph.robot).compile()
         self.data = mujoco.MjData(self.model)
         self.names = [self.model.geom(i).name for i in range(self.model.ngeom)]
-        self.address = [
-            [int(self.model.joint(f"limb{i}/joint{k + 1}").qposadr[0]) for k in range(6)]
-            for i in range(graph.robot.limbs)
-        ]
         self.shapes = LimbShapes(graph.robot)
-        self._boxes = [_solid_of(box) for box in graph.grasp_map.boxes]
+        self._boxes = [solid(box) for box in graph.grasp_map.boxes]
 
     def penetrations(
-        self, configuration: Configuration, points: list[tuple[int, int]]
+        self, configuration: Configuration, points: At
     ) -> list[tuple[str, str, float]]:
-        """Pairs in contact with their distances [m], but for grippers with the track they hold.
-
-        Args:
-            configuration: The configuration.
-            points: Limbs and the points that they are at.
-        """
-        position, quaternion, joints = configuration
-        self.data.qpos[:3], self.data.qpos[3:7] = position, quaternion
-        for i, angles in enumerate(joints):
-            self.data.qpos[self.address[i]] = angles
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
-        mujoco.mj_collision(self.model, self.data)
+        """Pairs in contact with their distances [m], but for grippers with the track they hold."""
+        set_configuration(self.model, self.data, *configuration)
         ids = self.graph.grasp_map.ids
         held = {(f"limb{i}/gripper/0", scene_name(BOX, ids[p].split(":")[0])) for i, p in points}
         found = []
@@ -65,90 +53,67 @@ class Judge:
         return found
 
     def least_distance(
-        self,
-        configuration: Configuration,
-        points: list[tuple[int, int]],
-        obstacles: Sequence[Box] = (),
+        self, configuration: Configuration, points: At, obstacles: Sequence[Box] = ()
     ) -> float:
         """Coal's least distance of the robot to boxes and between limbs [m].
 
-        Args:
-            configuration: The configuration.
-            points: Limbs and the points that they are at; their grippers are not compared.
-            obstacles: Boxes beside those of the map.
+        Grippers at a point are compared with no box; `obstacles` stand beside those of the map.
         """
         position, quaternion, _ = configuration
-        ends = capsule_ends(self.robot, self.shapes, configuration)
         base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-        radius, half = self.shapes.radii, self.shapes.robot["half"]
-        mounts, mount_radius = self.shapes.mounts["ends"], self.shapes.mounts["radius"]
-        gripper = int(self.shapes.limb["gripper"])
-        at_grasp = {i for i, _ in points}
-        limbs = [[_capsule(axis, r) for axis, r in zip(limb, radius, strict=True)] for limb in ends]
-        body = [
-            _capsule(position + axis @ base.T, r)
-            for axis, r in zip(mounts, mount_radius, strict=True)
+        mounts, gripper = self.shapes.mounts, int(self.shapes.limb["gripper"])
+        limbs = [
+            [capsule(axis, r) for axis, r in zip(limb, self.shapes.radii, strict=True)]
+            for limb in capsule_ends(self.robot, self.shapes, configuration)
         ]
-        body.append(_solid(half, base, position))
+        body = [
+            capsule(position + axis @ base.T, r)
+            for axis, r in zip(mounts["ends"], mounts["radius"], strict=True)
+        ]
+        body.append(_placed(coal.Box(*(2.0 * self.shapes.robot["half"])), base, position))
+        at_grasp = {i for i, _ in points}
         for i, limb in enumerate(limbs):
             body += limb[:gripper] if i in at_grasp else limb
-        boxes = [*self._boxes, *(_solid_of(box) for box in obstacles)]
+        boxes = [*self._boxes, *map(solid, obstacles)]
         least = min((_least(a, b) for a, b in combinations(limbs, 2)), default=np.inf)
         return min(least, _least(body, boxes))
 
 
-class _Placed(NamedTuple):
-    """A shape of coal somewhere, and the sphere round it."""
-
-    shape: Any
-    pose: Any
-    centre: Array
-    """Centre of the sphere [m], shape (3,)."""
-    radius: float
-    """Radius of the sphere [m]."""
+def _placed(shape: Any, turn: Array, centre: Array) -> Any:
+    """A shape of coal somewhere, with its box along the axes."""
+    placed = coal.CollisionObject(shape, coal.Transform3s(turn, centre))
+    placed.computeAABB()
+    return placed
 
 
-def _capsule(ends: Array, radius: float) -> _Placed:
+def capsule(ends: Array, radius: float) -> Any:
     """A capsule; `ends` has shape (2, 3) [m]."""
     along, middle = ends[1] - ends[0], 0.5 * (ends[0] + ends[1])
     length = float(np.linalg.norm(along))
     if length < 1e-9:
-        shape, turn = coal.Sphere(float(radius)), np.eye(3)
-    else:
-        shape, z = coal.Capsule(float(radius), length), along / length
-        x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
-        x /= np.linalg.norm(x)
-        turn = np.stack([x, np.cross(z, x), z], axis=1)
-    return _Placed(shape, coal.Transform3s(turn, middle), middle, 0.5 * length + float(radius))
+        return _placed(coal.Sphere(float(radius)), np.eye(3), middle)
+    turn = Rotation.align_vectors([along], [[0.0, 0.0, 1.0]])[0].as_matrix()
+    return _placed(coal.Capsule(float(radius), length), turn, middle)
 
 
-def _solid(half: Array, turn: Array, centre: Array) -> _Placed:
-    """A box by its half edges [m]."""
-    pose = coal.Transform3s(turn, centre)
-    return _Placed(coal.Box(*(2.0 * half)), pose, centre, float(np.linalg.norm(half)))
-
-
-def _solid_of(box: Box) -> _Placed:
+def solid(box: Box) -> Any:
     """A box of the map, or an obstacle."""
-    return _solid(np.array(box.half), np.array(box.rotation), np.array(box.centre))
+    shape = coal.Box(*(2.0 * np.array(box.half)))
+    return _placed(shape, np.array(box.rotation), np.array(box.centre))
 
 
-def _least(first: Sequence[_Placed], second: Sequence[_Placed]) -> float:
-    """Least distance of two groups of shapes [m]; those nearest by their spheres come first."""
-    spheres = [np.array([shape.centre for shape in group]) for group in (first, second)]
-    radii = [np.array([shape.radius for shape in group]) for group in (first, second)]
-    apart = np.linalg.norm(spheres[0][:, None] - spheres[1], axis=2)
-    apart -= radii[0][:, None] + radii[1]
-    least = np.inf
+def _least(first: Sequence[Any], second: Sequence[Any]) -> float:
+    """Least distance of two groups of shapes [m]; pairs whose boxes are nearest come first."""
+    low, high = (
+        [np.array([side(placed.getAABB()) for placed in group]) for group in (first, second)]
+        for side in (lambda box: box.min_, lambda box: box.max_)
+    )
+    gaps = np.maximum(low[0][:, None] - high[1], low[1] - high[0][:, None])
+    apart, least = np.linalg.norm(np.maximum(gaps, 0.0), axis=2), np.inf
     for flat in np.argsort(apart, axis=None):
         i, j = divmod(int(flat), len(second))
-        if apart[i, j] >= least:
+        if apart[i, j] > max(least, 0.0):
             break
-        least = min(least, _distance(first[i], second[j]))
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        least = min(least, float(coal.distance(first[i], second[j], request, result)))
     return least
-
-
-def _distance(first: _Placed, second: _Placed) -> float:
-    """Coal's distance of two placed shapes [m]."""
-    places = first.shape, first.pose, second.shape, second.pose
-    return float(coal.distance(*places, coal.DistanceRequest(), coal.DistanceResult()))

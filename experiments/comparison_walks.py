@@ -19,7 +19,6 @@ from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.test_set import World, load_test_set
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import PlanError
-from mlivr_gym.planners import Plan
 from mlivr_gym.planners.refinement import refined
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.simulation.execution import execute
@@ -78,20 +77,12 @@ def outcome(task: int, walk: Walk) -> dict[str, Any]:
     goal = np.array(world.tasks[task].goal)
     plan = plan_of(env.graph, states, goal, env.goal_tolerance, "walk")
     if plan is None:
-        return {"carried_out": False, "refined_m": None, "translation_m": None}
-    return {
-        "carried_out": _executed(env, plan),
-        "refined_m": refined(env.graph, plan).base_translation,
-        "translation_m": plan.base_translation,
-    }
-
-
-def _executed(env: MlivrEnv, plan: Plan) -> bool:
-    """Whether MuJoCo carries a plan out."""
+        return {"carried_out": False, "refined_m": None}
     try:
-        return execute(env.graph, plan).failure is None
+        done = execute(env.graph, plan).failure is None
     except PlanError:  # it cannot be followed inside the joint limits
-        return False
+        done = False
+    return {"carried_out": done, "refined_m": refined(env.graph, plan).base_translation}
 
 
 def _outcome_of(k: int) -> dict[str, Any]:

@@ -8,232 +8,244 @@ of steps.
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
-from concept_drawing import (
-    GOAL,
-    GREY,
-    OUT,
-    START,
-    angles,
-    at,
-    draw_parts,
-    draw_points,
-    gripper_places,
-    manipulability,
-    new_figure,
-    view_axes,
-)
-from concept_plots import certificate_figure, manipulability_figure
+from matplotlib.figure import Figure
+from reports import pair_graph
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import stance_graph
+from mlivr_gym.arrays import Array
+from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.kinematics.limb import Angles, all_angles_at
+from mlivr_gym.kinematics.manipulability import limb_manipulability
+from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.plan_motion import step_motion
+from mlivr_gym.motion.plan_motion import StepMotion, step_motion
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.runs import Run
 from mlivr_gym.pictures.figures import write_figure
-from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE, NAMES
-from mlivr_gym.pictures.robot_shapes import LIMB_COLOURS, robot_parts
+from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE, TOWARD_THE_EYE, View, flat_view
+from mlivr_gym.pictures.robot_shapes import Part, outline, pale, robot_parts
 from mlivr_gym.planners import Planner
+from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.pair_graph import PairGraph
 
+OUT = Path(__file__).parent.parent / "docs" / "figures"
+"""Where the figures go."""
 
-def main() -> None:
-    """Draw all figures."""
-    graph = stance_graph()
-    assert isinstance(graph, PairGraph)
-    plan = Planner(graph).plan(START, GOAL, "steps").unwrap()
-    OUT.mkdir(parents=True, exist_ok=True)
-    stance_figure(graph, plan)
-    step_figure(graph, plan)
-    branch_figure(graph, plan)
-    manipulability_figure(graph, plan)
-    certificate_figure(graph)
-    swing_figure(graph, plan)
+START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+"""The task whose plan is the example."""
+
+SIDE = list(FROM_THE_SIDE)
+
+BESIDE: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8, "zorder": 8}
+"""Words beside a place."""
+
+Span = tuple[float, float, float, float]
+"""Left, right, lower and upper end of what is shown [m]."""
 
 
-SPAN = (np.array([0.6, -1.15, -1.15]), np.array([5.4, 1.15, 1.15]))
+def draw_parts(axes: Any, view: View, parts: list[Part], paleness: float = 0.0) -> None:
+    """Draw shapes of a robot flat, the farther ones first."""
+    toward = np.array(TOWARD_THE_EYE[view])
+    for part in sorted(parts, key=lambda part: float(part.faces.mean(axis=(0, 1)) @ toward)):
+        edge = outline(part.faces, np.eye(3)[list(view)])
+        colour = pale(part.colour, paleness)
+        axes.fill(*edge.T, facecolor=colour, edgecolor="white", linewidth=0.4, zorder=3 - paleness)
+
+
+def shown(figure: Figure, place: Span, graph: PairGraph, view: View, span: Span) -> Any:
+    """Axes of a flat view of the points of a part of the map."""
+    axes = flat_view(figure, place, graph.grasp_map, view)
+    axes.set(xlim=span[:2], ylim=span[2:])
+    return axes
+
+
+def at(motion: StepMotion, k: int) -> tuple[Array, Array, Array]:
+    """The configuration at a place along a step."""
+    return motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k]
+
+
+def gripper_places(graph: PairGraph, motion: StepMotion, limb: int) -> Array:
+    """Where the tip of a limb's gripper is along a step, shape (k, 3) [m]."""
+    robot, places = graph.robot, []
+    for k in range(len(motion.phase)):
+        position, turn, joints = at(motion, k)
+        flange = forward_kinematics(joints[limb], robot.limb.lengths)[6]
+        tip = flange[:3, 3] + robot.tool_length * flange[:3, 2]
+        mounted = robot.mount_positions[limb] + robot.mount_rotations[limb] @ tip
+        places.append(position + Rotation.from_quat(turn, scalar_first=True).apply(mounted))
+    return np.array(places)
+
+
+def manipulability(graph: PairGraph, q: Array) -> float:
+    """`w_m` of a limb at joint angles, shape (6,) [rad], by its definition."""
+    frames = forward_kinematics(q, graph.robot.limb.lengths)
+    axes, origins = frames[:6, :3, 2], frames[:6, :3, 3]
+    jacobian = np.vstack([np.cross(axes, frames[6, :3, 3] - origins).T, axes.T])
+    return limb_manipulability(jacobian, graph.robot.characteristic_length)
+
+
+def angles(graph: PairGraph, limb: int, position: Array, turn: Array) -> Array:
+    """Joint angles of all branches with which a limb holds its point of `START`, (8, 6) [rad]."""
+    base = pose(position, Rotation.from_quat(turn, scalar_first=True).as_matrix())
+    flange, out = graph.solver.grasps[graph.indices(START)[limb]]["flange"], Angles.rows(8)
+    all_angles_at(graph.solver.shapes.rows, limb, base, flange, out)
+    return np.array(out["q"])
+
+
+def finish(figure: Figure, title: str, name: str) -> None:
+    """Write a figure under its title."""
+    figure.suptitle(title, x=0.05, ha="left", fontsize=11)
+    write_figure(figure, OUT / f"{name}.png")
 
 
 def stance_figure(graph: PairGraph, plan: Plan) -> None:
     """The robot in a stance, the points it holds, and those that one step can reach."""
-    figure, grasp_map = new_figure(10.4, 3.6), graph.grasp_map
-    state = graph.state(START)
-    steps = graph.successors(state)
-    held = grasp_map.positions[list(graph.indices(START))]
-    for place, view in ((0.07, FROM_THE_SIDE), (0.57, FROM_ABOVE)):
-        axes = view_axes(figure, (place, 0.15, 0.42, 0.68), view, SPAN)
-        axes.set_title(NAMES[view], fontsize=9.5, loc="left", color="0.25")
-        draw_points(axes, view, grasp_map.positions, GREY, 5)
-        for limb in (0, 1):
-            points = np.unique(steps.point[steps.limb == limb])
-            shown = grasp_map.positions[points]
+    figure, positions = Figure(figsize=(10.4, 3.6), dpi=110), graph.grasp_map.positions
+    steps, base = graph.successors(graph.state(START)), plan.motion.base_positions[0]
+    for edge, view in ((0.07, FROM_THE_SIDE), (0.57, FROM_ABOVE)):
+        axes = shown(figure, (edge, 0.15, 0.42, 0.68), graph, view, (0.6, 5.4, -1.15, 1.15))
+        for limb, colour in enumerate(LIMB_COLOURS[:2]):
+            there = positions[np.unique(steps.point[steps.limb == limb])]
             axes.scatter(
-                *shown[:, view].T, s=26, facecolor="none", edgecolor=LIMB_COLOURS[limb],
-                linewidth=0.9, zorder=4, label=f"limb {limb} can go there next",
+                *there[:, view].T, s=26, facecolor="none", edgecolor=colour, linewidth=0.9,
+                zorder=4, label=f"limb {limb} can go there next",
             )  # fmt: skip
         draw_parts(axes, view, robot_parts(graph.robot, plan.configuration(0)), 0.25)
-        for limb, (point, there) in enumerate(zip(START, held, strict=True)):
-            axes.scatter(
-                *there[list(view)], s=70, color=LIMB_COLOURS[limb], edgecolor="k", zorder=6
-            )
-            below = (4, -12) if view == FROM_THE_SIDE else (5, 5)
-            axes.annotate(
-                point, there[list(view)], xytext=below, textcoords="offset points", fontsize=8,
-                zorder=7,
-            )  # fmt: skip
-        base = plan.motion.base_positions[0]
+        for name, point, colour in zip(START, graph.indices(START), LIMB_COLOURS, strict=False):
+            held = positions[point][list(view)]
+            axes.scatter(*held, s=70, color=colour, edgecolor="k", zorder=6)
+            axes.annotate(name, held, (4, -12 if view == FROM_THE_SIDE else 5), **BESIDE)
         axes.scatter(*base[list(view)], s=34, marker="s", color="k", zorder=6)
-        axes.annotate(
-            "base",
-            base[list(view)],
-            xytext=(6, 6),
-            textcoords="offset points",
-            fontsize=8,
-            zorder=7,
-        )
-    figure.legend(
-        *figure.axes[0].get_legend_handles_labels(), loc="upper right", fontsize=8, frameon=False,
-        ncols=2,
-    )  # fmt: skip
-    figure.suptitle(
-        "A stance: limb 0 holds D2a:4, limb 1 holds D2b:4", x=0.07, ha="left", fontsize=11
-    )
-    write_figure(figure, OUT / "stance.png")
+        axes.annotate("base", base[list(view)], (6, 6), **BESIDE)
+    named = figure.axes[0].get_legend_handles_labels()
+    figure.legend(*named, loc="upper right", fontsize=8, frameon=False, ncols=2)
+    finish(figure, f"A stance: limb 0 holds {START[0]}, limb 1 holds {START[1]}", "stance")
 
 
 def step_figure(graph: PairGraph, plan: Plan) -> None:
     """One step in four moments: it departs, swings while the base moves, and approaches."""
     motion, step = step_motion(graph, plan, 0), plan.steps[0]
     swing = np.flatnonzero(motion.phase == PHASES.index("swing"))
-    moments = (
-        (0, "holding"),
-        (int(swing[len(swing) // 5]), "swing: the base begins to move"),
-        (int(swing[4 * len(swing) // 5]), "swing: the limb unfolds"),
-        (len(motion.phase) - 1, "holding again"),
-    )
-    tips, figure = gripper_places(graph, motion, step.limb), new_figure(10.4, 5.0)
-    low, high = np.array([1.4, -1.15, -1.15]), np.array([4.6, 1.15, 0.25])
-    for k, (moment, name) in enumerate(moments):
-        row, column = divmod(k, 2)
-        place = (0.07 + 0.48 * column, 0.52 - 0.44 * row, 0.44, 0.36)
-        axes = view_axes(figure, place, FROM_THE_SIDE, (low, high))
-        draw_points(axes, FROM_THE_SIDE, graph.grasp_map.positions, GREY, 5)
+    moments = {
+        "holding": 0,
+        "swing: the base begins to move": int(swing[len(swing) // 5]),
+        "swing: the limb unfolds": int(swing[4 * len(swing) // 5]),
+        "holding again": len(motion.phase) - 1,
+    }
+    tips, figure = gripper_places(graph, motion, step.limb), Figure(figsize=(10.4, 5.0), dpi=110)
+    for k, (name, moment) in enumerate(moments.items()):
+        place = (0.07 + 0.48 * (k % 2), 0.52 - 0.44 * (k // 2), 0.44, 0.36)
+        axes = shown(figure, place, graph, FROM_THE_SIDE, (1.4, 4.6, -1.15, 0.25))
         draw_parts(axes, FROM_THE_SIDE, robot_parts(graph.robot, at(motion, 0)), 0.8)
         draw_parts(axes, FROM_THE_SIDE, robot_parts(graph.robot, at(motion, moment)), 0.1)
-        axes.plot(*tips[: moment + 1, [0, 2]].T, color=LIMB_COLOURS[step.limb], lw=1.4, zorder=6)
-        axes.plot(*motion.base_positions[: moment + 1, [0, 2]].T, color="k", lw=1.6, zorder=6)
-        axes.scatter(*motion.base_positions[moment, [0, 2]], s=24, marker="s", color="k", zorder=6)
+        axes.plot(*tips[: moment + 1, SIDE].T, color=LIMB_COLOURS[step.limb], lw=1.4, zorder=6)
+        axes.plot(*motion.base_positions[: moment + 1, SIDE].T, color="k", lw=1.6, zorder=6)
+        axes.scatter(*motion.base_positions[moment, SIDE], s=24, marker="s", color="k", zorder=6)
         axes.set_title(name, fontsize=8.5, loc="left", color="0.25")
-        if column:
-            axes.set_ylabel("")
-        if not row:
+        if k < 2:
             axes.set_xlabel("")
-    figure.suptitle(
-        f"A step: limb {step.limb} goes from {step.from_point} to {step.to_point}, the base "
-        f"{step.displacement:.2f} m (black); the other limb holds",
-        x=0.07, ha="left", fontsize=11,
-    )  # fmt: skip
-    write_figure(figure, OUT / "step.png")
+    finish(figure, f"A step: limb {step.limb} goes from {step.from_point} to {step.to_point}, the "
+           f"base {step.displacement:.2f} m (black); the other limb holds", "step")  # fmt: skip
 
 
 def branch_figure(graph: PairGraph, plan: Plan) -> None:
     """The branches on which a limb can hold one point while the base stays."""
     position, turn, joints = plan.configuration(0)
-    base = (position, Rotation.from_quat(turn, scalar_first=True).as_matrix())
-    found = angles(graph, 0, graph.indices(START)[0], base)
-    figure = new_figure(11.6, 4.6)
-    low, high = np.array([1.15, -1.15, -1.2]), np.array([3.2, 1.15, 0.3])
-    for branch, q in enumerate(found):
-        row, column = divmod(branch, 4)
-        place = (0.04 + 0.242 * column, 0.52 - 0.45 * row, 0.215, 0.36)
-        axes = view_axes(figure, place, FROM_THE_SIDE, (low, high))
-        axes.set_xlabel("")
-        axes.set_ylabel("")
-        draw_points(axes, FROM_THE_SIDE, graph.grasp_map.positions, GREY, 5)
-        name = f"branch {branch}"
+    figure = Figure(figsize=(11.6, 4.6), dpi=110)
+    for branch, q in enumerate(angles(graph, 0, position, turn)):
+        place = (0.04 + 0.242 * (branch % 4), 0.52 - 0.45 * (branch // 4), 0.215, 0.36)
+        axes = shown(figure, place, graph, FROM_THE_SIDE, (1.15, 3.2, -1.2, 0.3))
+        axes.set(xlabel="", ylabel="")
+        name = f"branch {branch}: out of reach"
         if np.isfinite(q).all():
-            held = joints.copy()
-            held[0] = q
-            parts = robot_parts(graph.robot, (position, turn, held))
-            limb = [part for part in parts if part.name.startswith("limb0")]
-            others = [part for part in parts if not part.name.startswith("limb0")]
-            draw_parts(axes, FROM_THE_SIDE, others, 0.85)
-            draw_parts(axes, FROM_THE_SIDE, limb)
-            name += f": $w_m$ = {manipulability(graph, q):.3f}"
-            chosen = plan.motion.branches[0, 0] == branch
-            name += " (the plan's)" if chosen else ""
-        else:
-            name += ": out of reach"
+            parts = robot_parts(graph.robot, (position, turn, np.array([q, joints[1]])))
+            for limb, paleness in ((False, 0.85), (True, 0.0)):
+                some = [part for part in parts if part.name.startswith("limb0") == limb]
+                draw_parts(axes, FROM_THE_SIDE, some, paleness)
+            chosen = " (the plan's)" if plan.motion.branches[0, 0] == branch else ""
+            name = f"branch {branch}: $w_m$ = {manipulability(graph, q):.3f}{chosen}"
         axes.set_title(name, fontsize=8.5, loc="left", color="0.25")
-    figure.suptitle(
-        f"Branches: limb 0 holds {START[0]} with the same flange pose each time",
-        x=0.04, ha="left", fontsize=11,
-    )  # fmt: skip
-    write_figure(figure, OUT / "branch.png")
+    title = f"Branches: limb 0 holds {START[0]} with the same flange pose each time"
+    finish(figure, title, "branch")
+
+
+def manipulability_figure(graph: PairGraph, plan: Plan) -> None:
+    """`w_m` of both limbs and their margin, over places of the base above a stance."""
+    position, turn, _ = plan.configuration(0)
+    x, z = position[0] + np.linspace(-0.9, 0.9, 73), np.linspace(-0.95, 0.35, 53)
+    best = np.zeros((3, len(z), len(x)))
+    for limb, row, column in np.ndindex(2, len(z), len(x)):
+        found = angles(graph, limb, np.array([x[column], position[1], z[row]]), turn)
+        values = [manipulability(graph, q) for q in found if np.isfinite(q).all()]
+        best[limb, row, column] = max(values, default=0.0)
+    best[2] = best[:2].min(axis=0)
+    figure, threshold = Figure(figsize=(11.6, 3.5), dpi=110), graph.limb_threshold
+    held = graph.grasp_map.positions[list(graph.indices(START))]
+    for k, name in enumerate(("$w_m$ of limb 0", "$w_m$ of limb 1", "the smaller of both")):
+        axes = figure.add_axes((0.05 + 0.305 * k, 0.14, 0.27, 0.68))
+        levels = axes.contourf(x, z, best[k], levels=np.linspace(0.0, 0.2, 21), cmap="viridis")
+        axes.contour(x, z, best[k], levels=[threshold], colors="w", linewidths=1.6)
+        axes.scatter(*held[:, SIDE].T, s=30, color="k", zorder=4)
+        axes.scatter(*position[SIDE], marker="s", s=34, color="w", edgecolor="k", zorder=5)
+        axes.set(aspect="equal", xlim=x[[0, -1]], ylim=(-1.07, z[-1]))
+        axes.set_xlabel("x of the base [m]", fontsize=8)
+        axes.tick_params(labelsize=8)
+        axes.set_title(name, fontsize=9.5, loc="left", color="0.25")
+    figure.axes[0].set_ylabel("z of the base [m]", fontsize=8)
+    bar = figure.add_axes((0.955, 0.14, 0.012, 0.68))
+    figure.colorbar(levels, cax=bar).ax.tick_params(labelsize=8)
+    finish(figure, "Manipulability over places of the base, best branch; white line: threshold "
+           f"{threshold:g}; square: the base of the stance", "manipulability")  # fmt: skip
 
 
 def swing_figure(graph: PairGraph, plan: Plan) -> None:
     """The swing of a step: where the gripper goes, and its knots in joint space."""
     step, motion = plan.steps[0], step_motion(graph, plan, 0)
-    tips, figure = gripper_places(graph, motion, step.limb), new_figure(11.2, 4.0)
-    low, high = np.array([1.2, -1.15, -1.2]), np.array([4.9, 1.15, 0.75])
-    axes = view_axes(figure, (0.07, 0.12, 0.43, 0.72), FROM_THE_SIDE, (low, high))
-    draw_points(axes, FROM_THE_SIDE, graph.grasp_map.positions, GREY, 5)
-    knots = np.array(step.knots)
+    knots, tips = np.array(step.knots), gripper_places(graph, motion, step.limb)
+    figure = Figure(figsize=(11.2, 4.0), dpi=110)
+    place = (0.07, 0.12, 0.43, 0.72)
+    axes = shown(figure, place, graph, FROM_THE_SIDE, (1.2, 4.9, -1.2, 0.75))
     swing = np.flatnonzero(motion.phase == PHASES.index("swing"))
     off = np.abs(motion.joint_positions[swing, step.limb][:, None] - knots[:, 1:]).max(axis=2)
-    places = swing[off.argmin(axis=0)]
-    for k, place in enumerate(places):
-        draw_parts(axes, FROM_THE_SIDE, [
-            part for part in robot_parts(graph.robot, at(motion, int(place)))
-            if part.name.startswith(f"limb{step.limb}") or part.name == "body"
-        ], 0.75 - 0.6 * k / len(places))  # fmt: skip
-    for phase, colour in zip(
-        range(3), ("#555555", LIMB_COLOURS[step.limb], "#555555"), strict=True
-    ):
-        inside = motion.phase == phase
-        axes.plot(*tips[inside][:, [0, 2]].T, color=colour, lw=1.8, zorder=6)
-    axes.scatter(*tips[places][:, [0, 2]].T, s=34, color="k", zorder=7)
-    for k, place in enumerate(places):
-        axes.annotate(
-            str(k),
-            tips[place, [0, 2]],
-            xytext=(5, 4),
-            textcoords="offset points",
-            fontsize=8,
-            zorder=8,
-        )
-    axes.set_title(
-        "the gripper's way, and the limb where it is closest to the knots",
-        fontsize=9.5, loc="left", color="0.25",
-    )  # fmt: skip
+    for k, there in enumerate(swing[off.argmin(axis=0)].tolist()):
+        parts = robot_parts(graph.robot, at(motion, there))
+        some = [part for part in parts if part.name.startswith((f"limb{step.limb}", "body"))]
+        draw_parts(axes, FROM_THE_SIDE, some, 0.75 - 0.6 * k / len(knots))
+        axes.scatter(*tips[there, SIDE], s=34, color="k", zorder=7)
+        axes.annotate(str(k), tips[there, SIDE], (5, 4), **BESIDE)
+    axes.plot(*tips[:, SIDE].T, color="#555555", lw=1.8, zorder=6)
+    axes.plot(*tips[swing][:, SIDE].T, color=LIMB_COLOURS[step.limb], lw=1.8, zorder=6)
+    axes.set_title("the gripper's way, and the limb where it is closest to the knots",
+                   fontsize=9.5, loc="left", color="0.25")  # fmt: skip
     right = figure.add_axes((0.57, 0.14, 0.41, 0.68))
     run, share = Run(knots, np.array(step.rounded)[1:-1]), np.linspace(0.0, 1.0, 200)
-    at_knots, curve = range(len(knots)), run.at(share)
+    curve, numbers = run.at(share), range(len(knots))
     for joint in range(1, 7):
-        (line,) = right.plot(
-            np.interp(share, run.ends, at_knots), curve[:, joint], label=f"joint {joint}"
-        )
-        right.plot(
-            at_knots, knots[:, joint], color=line.get_color(), marker="o", ms=4, lw=0.8, ls=":"
-        )
-    right.set_xticks(
-        range(len(knots)), [f"{k}\ns = {s:g}" for k, s in enumerate(knots[:, 0].round(2))]
-    )
+        (line,) = right.plot(np.interp(share, run.ends, numbers), curve[:, joint],
+                             label=f"joint {joint}")  # fmt: skip
+        right.plot(numbers, knots[:, joint], "o:", color=line.get_color(), ms=4, lw=0.8)
+    right.set_xticks(numbers, [f"{k}\ns = {s:g}" for k, s in enumerate(knots[:, 0].round(2))])
     right.set_xlabel("knot, and where the base is on its path", fontsize=8)
     right.set_ylabel("joint angle [rad]", fontsize=8)
     right.tick_params(labelsize=8)
     right.spines[["top", "right"]].set_visible(False)
-    right.legend(
-        fontsize=7.5, frameon=False, ncols=6, loc="lower center", bbox_to_anchor=(0.5, 1.0)
-    )
-    figure.suptitle(
-        f"A swing of kind '{step.swing}': lines between knots, of limb and base together, "
-        "and rounded corners",
-        x=0.05, ha="left", fontsize=11,
-    )  # fmt: skip
-    write_figure(figure, OUT / "swing.png")
+    above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+    right.legend(fontsize=7.5, frameon=False, ncols=6, **above)
+    finish(figure, f"A swing of kind '{step.swing}': lines between knots, of limb and base "
+           "together, and rounded corners", "swing")  # fmt: skip
+
+
+def main() -> None:
+    """Draw all figures."""
+    graph = pair_graph()
+    plan = Planner(graph).plan(START, GOAL, "steps").unwrap()
+    OUT.mkdir(parents=True, exist_ok=True)
+    for draw in (stance_figure, step_figure, branch_figure, manipulability_figure, swing_figure):
+        draw(graph, plan)
 
 
 if __name__ == "__main__":

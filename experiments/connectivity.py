@@ -3,34 +3,24 @@
     python experiments/connectivity.py [--out results] [--expansions 6000]
 
 From one random stance the stance graph is explored with collisions checked: again and again a state
-is expanded whose base lies where the fewest were expanded before. Some of the steps are tried the
-other way round. Then neighbours of some stances are counted by what they fail, and the shortest
-walk whose stances were explored is looked for from one on the deck to one on the overhead. Writes
-`connectivity.json`, `connectivity.md` and `connectivity.png`.
+is expanded whose base lies where the fewest were expanded before. Then neighbours of some stances
+are counted by what they fail. Writes `connectivity.json`, `connectivity.md` and `connectivity.png`.
 """
 
 from __future__ import annotations
 
-import argparse
-import heapq
-import json
 from collections import Counter
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
+from reports import command_line, publish, table
 from tqdm import trange
 
 from mlivr_gym import Settings, stance_graph
-from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.files import write_whole
-from mlivr_gym.motion.plan import Plan
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.pictures.figures import save_figure
-from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.random_states import random_state
@@ -51,59 +41,48 @@ KEPT = 0.7
 SAMPLE = 40
 """Stances whose neighbours are counted."""
 
-BACK = 200
-"""Steps that are tried the other way round."""
+CONDITIONS = ("reachable", "limb", "base", "node", "step")
+"""What a neighbour must meet, each with those before it."""
+
+REACHED = (
+    "robot | states expanded | stances reached | steps found | base along the module, x [m] | "
+    "wholly on the deck | on the overhead | forward | aft | on several faces"
+)
+LIMITING = (
+    "robot | within the span | in reach | `w_m` | `w_b` | touch nothing: nodes | steps | "
+    "`w_b` over its threshold"
+)
+"""Heads of the tables."""
 
 COLOURS = {"deck": "#1f77b4", "overhead": "#d62728", "forward": "#2ca02c", "aft": "#9467bd"}
 MIXED = "#aaaaaa"
 
 
-@dataclass
-class Explored:
-    """Stances that were reached.
+class Explored(NamedTuple):
+    """Stances that were reached."""
 
-    Attributes:
-        states: A state of each.
-        postures: Their postures.
-        edges: Pairs of stances that a step joins, by index.
-    """
-
-    states: list[State] = field(default_factory=list)
-    postures: list[Postures] = field(default_factory=list)
-    edges: list[tuple[int, int]] = field(default_factory=list)
-    index: dict[tuple[int, ...], int] = field(default_factory=dict)
-
-    def add(self, state: State, posture: Postures) -> tuple[int, bool]:
-        """Index of a state's stance, and whether it is new."""
-        new = state.stance not in self.index
-        if new:
-            self.index[state.stance] = len(self.states)
-            self.states.append(state)
-            self.postures.append(posture)
-        return self.index[state.stance], new
-
-    @property
-    def stances(self) -> IntArray:
-        """Points of the stances, shape (k, N)."""
-        return np.array([state.stance for state in self.states], dtype=np.int64)
-
-    @property
-    def bases(self) -> Array:
-        """Base positions, shape (k, 3) [m]."""
-        return np.concatenate([posture.base_position for posture in self.postures])
+    states: list[State]
+    """A state of each."""
+    postures: list[Postures]
+    """Their postures."""
+    steps: set[frozenset[int]]
+    """Pairs of stances that a step joins, by index."""
 
 
 def explore(graph: LazyGraph, expansions: int, rng: np.random.Generator) -> Explored:
     """Expand states, always one of those whose surroundings were seen the least."""
-    found, counts = Explored(), Counter[tuple[int, ...]]()
+    found, counts = Explored([], [], set()), Counter[tuple[int, ...]]()
+    index: dict[tuple[int, ...], int] = {}
     cells: dict[tuple[int, ...], list[int]] = {}
 
     def put(state: State, posture: Postures) -> int:
-        k, new = found.add(state, posture)
-        if new:
+        if state.stance not in index:
+            index[state.stance] = len(index)
+            found.states.append(state)
+            found.postures.append(posture)
             cell = np.floor(posture.base_position[0] / CELL).astype(int)
-            cells.setdefault(tuple(cell.tolist()), []).append(k)
-        return k
+            cells.setdefault(tuple(cell.tolist()), []).append(index[state.stance])
+        return index[state.stance]
 
     first = random_state(graph, rng)
     put(first, graph.posture_of(first))
@@ -123,14 +102,8 @@ def explore(graph: LazyGraph, expansions: int, rng: np.random.Generator) -> Expl
         for n in np.flatnonzero(masks.all(axis=1)):
             stance = tuple(stances[nodes[n]].tolist())
             there = put(State(stance, tuple(masks[n].tolist())), after.take(np.array([n])))
-            found.edges.append((k, there))
+            found.steps.add(frozenset((k, there)))
     return found
-
-
-def faces_of(graph: LazyGraph, stances: IntArray) -> list[tuple[str, ...]]:
-    """Faces that each stance holds."""
-    faces = np.array(graph.grasp_map.faces)
-    return [tuple(sorted(set(row))) for row in faces[stances].tolist()]
 
 
 def within_span(graph: LazyGraph, state: State, posture: Postures) -> IntArray:
@@ -164,63 +137,11 @@ def limits(graph: LazyGraph, found: Explored, rng: np.random.Generator) -> dict[
         shares += (loose.w_b[dexterous] / base).tolist()
         every = np.zeros(int(node.sum()), dtype=np.int64)
         masks = graph.masks_after([state], posture, every, stances[node], real.take(node))
-        for name, rows in (("all", np.ones(len(stances), dtype=np.bool_)), ("reachable", reachable),
-                           ("limb", dexterous), ("base", both), ("node", node)):  # fmt: skip
-            counts[name] += int(rows.sum())
-        counts["step"] += int(masks.all(axis=1).sum())
+        step = masks.all(axis=1)
+        counts["all"] += len(stances)
+        for name, met in zip(CONDITIONS, (reachable, dexterous, both, node, step), strict=True):
+            counts[name] += int(met.sum())
     return {"counts": dict(counts), "w_b": np.quantile(shares, (0.05, 0.25, 0.5)).tolist()}
-
-
-def gone_back(graph: LazyGraph, found: Explored, rng: np.random.Generator) -> tuple[int, int]:
-    """How many of some steps can be gone back at once, and how many were tried."""
-    tried = back = 0
-    for n in rng.choice(len(found.edges), min(BACK, len(found.edges)), replace=False).tolist():
-        before, after = (found.states[k] for k in found.edges[n])
-        there = graph.step_to(before, after.stance)
-        if there is not None:
-            tried += 1
-            back += graph.step_to(there, before.stance) is not None
-    return back, tried
-
-
-def walk_between(graph: LazyGraph, found: Explored, start: str, end: str) -> Plan | None:
-    """The shortest walk through explored stances from one wholly on a face to one on another.
-
-    The branches that limbs are on narrow on the way, so each step is checked again: this may
-    take minutes. None if there is none.
-    """
-    faces = faces_of(graph, found.stances)
-    first, last = ([k for k, f in enumerate(faces) if f == (name,)] for name in (start, end))
-    if not first or not last:
-        return None
-    pairs = np.array(found.edges, dtype=np.int64)
-    count = len(found.states)
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count)).tocsr()
-    to_go = dijkstra(links, directed=False, indices=last, unweighted=True, min_only=True)
-    beside: dict[int, set[int]] = {}
-    for a, b in pairs.tolist():
-        beside.setdefault(a, set()).add(b)
-        beside.setdefault(b, set()).add(a)
-    queue: list[tuple[float, int, int, tuple[State, ...]]] = []
-    for k in first:
-        heapq.heappush(queue, (to_go[k], 0, k, (graph.state(found.states[k].stance),)))
-    seen: set[State] = set()
-    while queue:
-        _, deep, k, states = heapq.heappop(queue)
-        steps = -deep
-        # The step to stance k is checked when its turn has come.
-        after = states[0] if not steps else graph.step_to(states[-1], found.states[k].stance)
-        if after is None or after in seen:
-            continue
-        seen.add(after)
-        walk = (*states, after) if steps else states
-        if to_go[k] == 0.0:
-            plan = plan_of(graph, walk, found.bases[k], 0.2, "exploration", len(seen))
-            if plan is not None:
-                return plan
-        for there in sorted(beside[k]):
-            heapq.heappush(queue, (steps + 1 + to_go[there], -steps - 1, there, walk))
-    return None
 
 
 def explored(robot: str, expansions: int) -> dict[str, Any]:
@@ -228,75 +149,55 @@ def explored(robot: str, expansions: int) -> dict[str, Any]:
     graph, rng = stance_graph(robot=robot), np.random.default_rng(0)
     assert isinstance(graph, LazyGraph)
     found = explore(graph, expansions, rng)
-    plan = walk_between(graph, found, "deck", "overhead")
-    faces, bases = faces_of(graph, found.stances), found.bases
+    bases = np.concatenate([posture.base_position for posture in found.postures])
+    sides = graph.grasp_map.faces
+    faces = [sorted({sides[point] for point in state.stance}) for state in found.states]
     held = Counter("+".join(face) for face in faces)
     shown = rng.permutation(len(bases))[:4000]
     return {
         "expansions": expansions,
         "stances": len(found.states),
-        "steps": len({tuple(sorted(pair)) for pair in found.edges}),
+        "steps": len(found.steps),
         "held": dict(held.most_common()),
         "least": bases.min(axis=0).tolist(),
         "most": bases.max(axis=0).tolist(),
         "bases": np.round(bases[shown], 3).tolist(),
         "faces": [faces[k][0] if len(faces[k]) == 1 else "" for k in shown.tolist()],
         "limits": limits(graph, found, rng),
-        "back": gone_back(graph, found, rng),
-        "walk": None if plan is None else len(plan.steps),
     }
 
 
 def markdown(data: dict[str, Any]) -> str:
     """The report."""
-    lines = [
-        "# Where three and four limbs can walk",
-        "",
-        "Made by `experiments/connectivity.py`: the JEM, collisions checked, explored from one "
-        "random stance. What was not reached may be reachable too. *Gone back*: steps that can be "
-        "taken back at once, of those tried.",
-        "",
-        "![Base positions that were reached](connectivity.png)",
-        "",
-        "| robot | states expanded | stances reached | steps found | base along the module, x [m] "
-        "| wholly on the deck | on the overhead | forward | aft | on several faces "
-        "| gone back | fewest steps found, deck to overhead |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    reached, limiting = [], []
     for robot in ROBOTS:
-        one = data[robot]
+        one, counts = data[robot], data[robot]["limits"]["counts"]
         held = [one["held"].get(face, 0) for face in COLOURS]
-        walk = "none" if one["walk"] is None else one["walk"]
-        lines.append(
-            f"| `{robot}` | {one['expansions']:,} | {one['stances']:,} | {one['steps']:,} "
-            f"| {one['least'][0]:.2f} to {one['most'][0]:.2f} | "
-            + " | ".join(f"{count:,}" for count in held)
-            + f" | {one['stances'] - sum(held):,} | {one['back'][0]} of {one['back'][1]} | {walk} |"
-        )
-    lines += [
-        "",
-        "## What limits it",
-        "",
-        f"Neighbours of {SAMPLE} of these stances, by moves of limbs that can be released: the "
-        "share that meets each condition and those before it. Manipulability is that of the "
-        "posture with the largest margin, of those that may touch something. The last column is "
-        "the base manipulability of neighbours whose limbs are above theirs, over its threshold "
-        "`0.001 (2/N)^3`: 5 %, 25 % and 50 % lie below.",
-        "",
-        "| robot | within the span | in reach | `w_m` | `w_b` | touch nothing: nodes | steps "
-        "| `w_b` over its threshold |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for robot in ROBOTS:
-        found = data[robot]["limits"]
-        counts = found["counts"]
-        shares = [
-            f"{counts[name] / counts['all']:.1%}"
-            for name in ("reachable", "limb", "base", "node", "step")
-        ]
-        spread = ", ".join(f"{value:.1f}" for value in found["w_b"])
-        lines.append(f"| `{robot}` | {counts['all']:,} | " + " | ".join(shares) + f" | {spread} |")
-    return "\n".join(lines) + "\n"
+        reached.append([
+            f"`{robot}`", f"{one['expansions']:,}", f"{one['stances']:,}", f"{one['steps']:,}",
+            f"{one['least'][0]:.2f} to {one['most'][0]:.2f}", *(f"{count:,}" for count in held),
+            f"{one['stances'] - sum(held):,}",
+        ])  # fmt: skip
+        shares = [f"{counts[name] / counts['all']:.1%}" for name in CONDITIONS]
+        spread = ", ".join(f"{value:.1f}" for value in one["limits"]["w_b"])
+        limiting.append([f"`{robot}`", f"{counts['all']:,}", *shares, spread])
+    return f"""# Where three and four limbs can walk
+
+Made by `experiments/connectivity.py`: the JEM, collisions checked, explored from one random \
+stance. What was not reached may be reachable too.
+
+![Base positions that were reached](connectivity.png)
+
+{table(REACHED, reached)}
+## What limits it
+
+Neighbours of {SAMPLE} of these stances, by moves of limbs that can be released: the share that \
+meets each condition and those before it. Manipulability is that of the posture with the largest \
+margin, of those that may touch something. The last column is the base manipulability of \
+neighbours whose limbs are above theirs, over its threshold `0.001 (2/N)^3`: 5 %, 25 % and 50 % \
+lie below.
+
+{table(LIMITING, limiting)}"""
 
 
 def picture(data: dict[str, Any], path: Path) -> None:
@@ -323,17 +224,11 @@ def picture(data: dict[str, Any], path: Path) -> None:
 
 def main() -> None:
     """Explore and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser = command_line(__doc__)
     parser.add_argument("--expansions", type=int, default=6000)
     args = parser.parse_args()
-    data: dict[str, Any] = {}
-    for robot in ROBOTS:
-        data[robot] = explored(robot, args.expansions)
-    write_whole(args.out / "connectivity.json", json.dumps(data) + "\n")
-    write_whole(args.out / "connectivity.md", markdown(data))
+    data = {robot: explored(robot, args.expansions) for robot in ROBOTS}
+    publish(args.out, "connectivity", data, markdown, indent=None)
     picture(data, args.out / "connectivity.png")
 
 

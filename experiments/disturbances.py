@@ -9,8 +9,6 @@ feedforward and the guided controller (a tornado). What is measured is kept stud
 
 from __future__ import annotations
 
-import argparse
-import json
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -18,15 +16,15 @@ from typing import Any
 import numpy as np
 from dynamic_simulation import drawn_plans
 from matplotlib.figure import Figure
+from reports import command_line, keep, publish, read, table
 from tqdm import tqdm
 
-from mlivr_gym.files import write_whole
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, Controller
 from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances
-from mlivr_gym.simulation.limits import GENTLE
+from mlivr_gym.simulation.limits import GENTLE, Limits
 from mlivr_gym.simulation.monte_carlo import Outcome, execute_many, success
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.build import stance_graph
@@ -35,7 +33,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 TASKS, SEED = 20270101, 77_000
 """Seeds of the held-out tasks and of their disturbances; gains were chosen with others."""
 
-CONTROLLERS = {
+CONTROLLERS: dict[str, tuple[Limits | Durations, Controller]] = {
     "guided, gentle": (GENTLE, Controller()),
     "feedforward, gentle": (GENTLE, FEEDFORWARD),
     "the paper's PD, 50 s": (Durations(), PAPER),
@@ -57,6 +55,11 @@ NAMES = {
     "point_angle": "points to 1 deg off",
 }
 """Disturbances in words, at the sizes of `ALL`."""
+
+HEAD = (
+    "disturbance | walks | carried out | interval [%] | failures | tried again | "
+    "grasp force [N] | capture [mm] | base error [mm]"
+)
 
 
 def studies() -> dict[str, tuple[str, Disturbances]]:
@@ -99,74 +102,13 @@ def study(
     return told(list(tqdm(outcomes, total=len(plans), mininterval=5.0)))
 
 
-def markdown(data: dict[str, Any]) -> str:
-    """The studies as a page."""
-    lines = [
-        "# A robot and a module that the controller does not know",
-        "",
-        "Made by `experiments/disturbances.py`: random tasks, each carried out once with figures "
-        "of its own, drawn evenly within the sizes told",
-        "(`simulation/disturbances.py`). *Guided*: a sensor on the gripper that approaches (noise "
-        "1 mm and 0.5 deg) guides the limb to the point;",
-        "a grasp that misses is tried once more. A walk counts if every step ends with a grasp, "
-        "nothing is touched and no torque stays at its limit",
-        "for 0.1 s. Intervals are Wilson's at 95 %.",
-        "",
-    ]
-    for name in CONTROLLERS:
-        lines += [
-            f"## {name[0].upper()}{name[1:]}",
-            "",
-            "| disturbance | walks | carried out | interval [%] | failures | tried again "
-            "| grasp force [N] | capture [mm] | base error [mm] |",
-            "|---|---|---|---|---|---|---|---|---|",
-        ]
-        for field in ("none", *NAMES, "all"):
-            row = data["studies"].get(f"{name}: {field}")
-            if row is not None:
-                lines.append(table_row(field, row))
-        lines.append("")
-    lines += ["Forces, captures and errors: median, 95th percentile, largest of the walks.", ""]
-    return "\n".join(lines)
+def row_of(data: dict[str, Any], name: str, field: str) -> dict[str, Any] | None:
+    """The study of a controller with one disturbance, `none` or `all`, if it was made."""
+    row: dict[str, Any] | None = data["studies"].get(f"{name}: {field}")
+    return row
 
 
-def readme_text(data: dict[str, Any]) -> str:
-    """What the site says of the studies."""
-    lines = []
-    for name in CONTROLLERS:
-        whole = data["studies"].get(f"{name}: all")
-        if whole is None:
-            continue
-        low, high = whole["interval"]
-        none = data["studies"].get(f"{name}: none")
-        plain = f"; {none['carried_out']} of {none['walks']} without any" if none else ""
-        alone = {
-            field: row
-            for field in NAMES
-            if (row := data["studies"].get(f"{name}: {field}")) is not None
-        }
-        failing = [
-            f"{NAMES[field]} ({100 * (1.0 - row['share']):.0f} %)"
-            for field, row in alone.items()
-            if row["share"] < 1.0
-        ]
-        lines.append(
-            f"* {name[0].upper()}{name[1:]}: all disturbances at once, {whole['carried_out']} of "
-            f"{whole['walks']} walks carried out ({100 * low:.1f} to {100 * high:.1f} %{plain}), "
-            f"{whole['walks_with_tries']} with a second try, grasp force at most "
-            f"{whole['grasp_force_N'][2]:.0f} N (95 % below {whole['grasp_force_N'][1]:.0f} N). "
-            + (
-                f"By themselves make walks fail: {', '.join(failing)}.\n"
-                if failing
-                else f"By itself none of {len(alone)} makes a walk fail.\n"
-                if alone
-                else "\n"
-            )
-        )
-    return "".join(lines)
-
-
-def table_row(field: str, row: dict[str, Any]) -> str:
+def cells(field: str, row: dict[str, Any]) -> list[Any]:
     """One study as a row of its table."""
     low, high = row["interval"]
     failures = ", ".join(f"{kind} {count}" for kind, count in row["failures"].items()) or "none"
@@ -174,11 +116,65 @@ def table_row(field: str, row: dict[str, Any]) -> str:
         ", ".join(f"{value:.{digits}f}" for value in row[key])
         for key, digits in (("grasp_force_N", 0), ("capture_mm", 1), ("base_error_mm", 0))
     ]
-    return (
-        f"| {NAMES.get(field, field)} | {row['walks']} | {100 * row['share']:.1f} % "
-        f"| {100 * low:.1f} to {100 * high:.1f} | {failures} | {row['walks_with_tries']} "
-        f"| {three[0]} | {three[1]} | {three[2]} |"
-    )
+    return [
+        NAMES.get(field, field), row["walks"], f"{100 * row['share']:.1f} %",
+        f"{100 * low:.1f} to {100 * high:.1f}", failures, row["walks_with_tries"], *three,
+    ]  # fmt: skip
+
+
+def section(data: dict[str, Any], name: str) -> str:
+    """The studies of a controller."""
+    rows = [(field, row_of(data, name, field)) for field in ("none", *NAMES, "all")]
+    return f"""## {name[0].upper()}{name[1:]}
+
+{table(HEAD, (cells(field, row) for field, row in rows if row is not None))}"""
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """The studies as a page."""
+    sections = "\n".join(section(data, name) for name in CONTROLLERS)
+    return f"""# A robot and a module that the controller does not know
+
+Made by `experiments/disturbances.py`: random tasks, each carried out once with figures of its \
+own, drawn evenly within the sizes told
+(`simulation/disturbances.py`). *Guided*: a sensor on the gripper that approaches (noise 1 mm and \
+0.5 deg) guides the limb to the point;
+a grasp that misses is tried once more. A walk counts if every step ends with a grasp, nothing is \
+touched and no torque stays at its limit
+for 0.1 s. Intervals are Wilson's at 95 %.
+
+{sections}
+Forces, captures and errors: median, 95th percentile, largest of the walks.
+"""
+
+
+def readme_text(data: dict[str, Any]) -> str:
+    """What the site says of the studies."""
+    lines = []
+    for name in CONTROLLERS:
+        whole, none = (row_of(data, name, field) for field in ("all", "none"))
+        alone = {field: row for field in NAMES if (row := row_of(data, name, field)) is not None}
+        if whole is None or none is None:
+            continue
+        low, high = whole["interval"]
+        failing = [
+            f"{NAMES[field]} ({100 * (1.0 - row['share']):.0f} %)"
+            for field, row in alone.items()
+            if row["share"] < 1.0
+        ]
+        told = (
+            f"By themselves make walks fail: {', '.join(failing)}."
+            if failing
+            else f"By itself none of {len(alone)} makes a walk fail."
+        )
+        lines.append(
+            f"* {name[0].upper()}{name[1:]}: all disturbances at once, {whole['carried_out']} of "
+            f"{whole['walks']} walks carried out ({100 * low:.1f} to {100 * high:.1f} %; "
+            f"{none['carried_out']} of {none['walks']} without any), {whole['walks_with_tries']} "
+            f"with a second try, grasp force at most {whole['grasp_force_N'][2]:.0f} N (95 % below "
+            f"{whole['grasp_force_N'][1]:.0f} N). {told}\n"
+        )
+    return "".join(lines)
 
 
 def tornado(data: dict[str, Any], path: Path) -> None:
@@ -190,7 +186,7 @@ def tornado(data: dict[str, Any], path: Path) -> None:
         axes, zip(CONTROLLERS, ("#1f5fd0", "#17a2a2", "#d62728"), strict=True), strict=True
     ):
         for place, field in enumerate(reversed(order)):
-            row = data["studies"].get(f"{name}: {field}")
+            row = row_of(data, name, field)
             if row is None:
                 axis.text(2.0, place, "not measured", va="center", fontsize=8, color="0.5")
                 continue
@@ -210,20 +206,13 @@ def tornado(data: dict[str, Any], path: Path) -> None:
 
 def main() -> None:
     """Make the studies that are missing and write page and picture."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=200, help="tasks with all disturbances")
     parser.add_argument("--each", type=int, default=20, help="tasks with one disturbance")
     parser.add_argument("--workers", type=int, default=2)
     args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
-    path = args.out / "disturbances.json"
-    data: dict[str, Any] = {
-        "sizes": {field.name: getattr(ALL, field.name) for field in fields(ALL)}
-    }
-    data["studies"] = json.loads(path.read_text())["studies"] if path.exists() else {}
+    sizes = {field.name: getattr(ALL, field.name) for field in fields(ALL)}
+    data = {"studies": {}} | read(args.out, "disturbances") | {"sizes": sizes}
     graph = stance_graph()
     plans = drawn_plans(graph, args.tasks, TASKS)
     for key, (name, disturbances) in studies().items():
@@ -231,9 +220,9 @@ def main() -> None:
             count = args.tasks if key == "guided, gentle: all" else args.each
             row = study(graph, plans[:count], name, disturbances, args.workers)
             data["studies"][key] = row
-            write_whole(path, json.dumps(data, indent=1) + "\n")
+            keep(args.out, "disturbances", data)
             print(f"{key}: {row['carried_out']} of {row['walks']}, {row['failures']}", flush=True)
-    write_whole(args.out / "disturbances.md", markdown(data))
+    publish(args.out, "disturbances", data, markdown)
     tornado(data, args.out / "disturbances.png")
 
 

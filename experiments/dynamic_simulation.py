@@ -1,12 +1,10 @@
 """Executes plans in MuJoCo: the paper's walk and faster ones, random plans, limits, time step.
 
-Usage: python experiments/dynamic_simulation.py [--out results] [--plans 50]
+python experiments/dynamic_simulation.py [--out results] [--plans 50]
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import platform
 import time
 from collections import Counter
@@ -18,16 +16,15 @@ from typing import Any
 import mujoco
 import numpy as np
 from dynamic_report import markdown, pace_figure
+from reports import case_3, command_line, publish
 from scipy.integrate import cumulative_trapezoid
 from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import TimingError
-from mlivr_gym.files import write_whole
 from mlivr_gym.motion.clocks import Durations, duration_of
 from mlivr_gym.motion.pieces import Piece, path_pieces
 from mlivr_gym.motion.regrasp import Regrasp, RegraspPath, planned_regrasp
-from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.controller import CONTROLLERS
@@ -51,10 +48,12 @@ PACES: dict[str, Limits | Durations] = {
 TIME_STEPS = (0.004, 0.002, 0.001, 0.0005)
 """Time steps of the simulation that are tried [s]."""
 
-FORCES = (10.0, 20.0, 30.0, 45.0, 60.0, 90.0, 150.0)
-TORQUES = (5.0, 10.0, 15.0, 22.5, 30.0, 45.0, 75.0)
-SHARES = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Limits that are varied one at a time: grasp force [N], grasp torque [N m], share of torque."""
+VARIED = {
+    "grasp_force": (10.0, 20.0, 30.0, 45.0, 60.0, 90.0, 150.0),
+    "grasp_torque": (5.0, 10.0, 15.0, 22.5, 30.0, 45.0, 75.0),
+    "torque": (0.1, 0.2, 0.4, 0.6, 0.8, 1.0),
+}
+"""Limits that are varied one at a time: force [N] and torque [N m] on a grasp, share of torque."""
 
 SEED = 20261121
 """Seed of the random plans."""
@@ -192,9 +191,7 @@ def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
     ):  # fmt: skip
         mean, deciding = seconds(Limits(profile=profile), given)
         data[name] = {"seconds_a_step": mean, "deciding": dict(deciding)}
-    for name, values in (
-        ("grasp_force", FORCES), ("grasp_torque", TORQUES), ("torque", SHARES),
-    ):  # fmt: skip
+    for name, values in VARIED.items():
         data["fronts"][name] = [
             [value, seconds(replace(Limits(), **{name: value}))[0]]
             for value in tqdm(values, desc=f"limits of {name}", mininterval=5.0)
@@ -284,17 +281,12 @@ def overhead(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, float]:
 
 def main() -> None:
     """Run everything and write `dynamic_simulation.{json,md}`, pictures and the fronts."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser = command_line(__doc__)
     parser.add_argument("--plans", type=int, default=50)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    setup = default_setup()
-    case, graph = case_graph(3, setup, "collisions"), stance_graph()
-    found = Planner(case).plan(
-        setup["start"], setup["goal"], CASES[3].cost, goal_face=setup["goal_face"]
-    )
-    plan, plans = found.unwrap(), drawn_plans(graph, args.plans)
+    (case, plan), graph = case_3(), stance_graph()
+    plans = drawn_plans(graph, args.plans)
     data = {
         "machine": f"Python {platform.python_version()}, MuJoCo {mujoco.__version__}, one core",
         "walks": walks(case, plan, args.out),
@@ -305,8 +297,7 @@ def main() -> None:
         "overhead": overhead(graph, plans[:10]),
     }
     pace_figure(data, args.out / "pace.png")
-    write_whole(args.out / "dynamic_simulation.json", json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "dynamic_simulation.md", markdown(data))
+    publish(args.out, "dynamic_simulation", data, markdown)
 
 
 if __name__ == "__main__":

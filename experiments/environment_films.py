@@ -7,10 +7,8 @@ writes `env_jem.gif` and `env_far.gif`: what `render` returns with `render_mode=
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 import gymnasium
+from reports import command_line
 
 from mlivr_gym.agents import planner_policy
 from mlivr_gym.envs.env import MlivrEnv
@@ -25,11 +23,7 @@ SIZE = {"width": 448, "height": 252}
 
 def main() -> None:
     """Walk the episodes and write their films."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"))
-    args = parser.parse_args()
+    out = command_line(__doc__).parse_args().out
     for name, (identity, seed) in EPISODES.items():
         env = gymnasium.make(identity, render_mode="rgb_array_list", **SIZE)
         plain, policy, ended = env.unwrapped, planner_policy("steps"), False
@@ -39,7 +33,7 @@ def main() -> None:
             action = policy.act(plain, observation, plain.action_masks())
             observation, _, terminated, truncated, info = env.step(action)
             ended = terminated or truncated
-        save_film(plain.render(), args.out / f"{name}.gif")
+        save_film(plain.render(), out / f"{name}.gif")
         print(f"{name}: {info['steps']} steps, {info['base_translation']:.2f} m")
         env.close()
 

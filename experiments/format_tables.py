@@ -7,6 +7,8 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from reports import table
+
 from mlivr_gym.motion.plan_files import FORM, FORMAT, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.robot.limb import LIMB
@@ -143,22 +145,21 @@ def attributes(made: type) -> dict[str, str]:
     return said
 
 
-def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[str]:
+def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
     """A row of the table for each field of an object."""
-    fields = kind.fields if isinstance(kind, Record) else kind
-    for part, needed in ((fields.required, "yes"), (fields.optional, "")):
+    parts = kind.fields if isinstance(kind, Record) else kind
+    for part, needed in ((parts.required, "yes"), (parts.optional, "")):
         for name, inner in part.items():
             told = meanings[name].replace("|", "\\|")
-            yield f"| `{name}` | {needed} | {kind_in_words(inner)} | {told} |"
+            yield f"`{name}`", needed, kind_in_words(inner), told
 
 
-def table(kind: Any, made: type | None = None, title: str = "") -> str:
+def fields(kind: Any, made: type | None = None, title: str = "") -> str:
     """The fields of an object as a table, with a title above it."""
     made = kind.made if made is None and isinstance(kind, Record) else made
     meanings = MEANINGS | (attributes(made) if made is not None else {})
     head = f"{title}\n\n" if title else ""
-    lines = ["| field | needed | value | meaning |", "|---|---|---|---|", *rows(kind, meanings)]
-    return head + "\n".join(lines) + "\n"
+    return head + table("field | needed | value | meaning", rows(kind, meanings))
 
 
 def tables() -> dict[str, str]:
@@ -170,37 +171,34 @@ def tables() -> dict[str, str]:
     return {
         "fields_map": "\n".join(
             (
-                table(MODULE),
-                table(point, title="A point:"),
-                table(SEGMENT, title="A segment:"),
-                table(HANDRAIL, title="A handrail:"),
+                fields(MODULE),
+                fields(point, title="A point:"),
+                fields(SEGMENT, title="A segment:"),
+                fields(HANDRAIL, title="A handrail:"),
             )
         ),
-        "fields_obstacles": table(OBSTACLES),
-        "fields_box": table(BOX_DATA),
+        "fields_obstacles": fields(OBSTACLES),
+        "fields_box": fields(BOX_DATA),
         "fields_robot": "\n".join(
             (
-                table(robot),
-                table(LIMB, title="A limb:"),
-                table(LIMB_DYNAMICS, title="The dynamics of a limb:"),
-                table(capsules, title="A capsule:"),
+                fields(robot),
+                fields(LIMB, title="A limb:"),
+                fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
+                fields(capsules, title="A capsule:"),
             )
         ),
         "fields_plan": "\n".join(
             (
-                table(FORM),
-                table(query, title="`query`:"),
-                table(world, title="`world`; its settings are those of `Settings`:"),
-                table(motion, title="`motion`, of K stances and N limbs:"),
-                table(step, title="A step:"),
-                table(STATISTICS, title="`statistics`:"),
+                fields(FORM),
+                fields(query, title="`query`:"),
+                fields(world, title="`world`; its settings are those of `Settings`:"),
+                fields(motion, title="`motion`, of K stances and N limbs:"),
+                fields(step, title="A step:"),
+                fields(STATISTICS, title="`statistics`:"),
             )
         ),
-        "fields_trajectory": _trajectory(),
+        "fields_trajectory": table(
+            "field | meaning",
+            ((f"`{name}`", told) for name, told in attributes(Trajectory).items()),
+        ),
     }
-
-
-def _trajectory() -> str:
-    lines = ["| field | meaning |", "|---|---|"]
-    lines += [f"| `{name}` | {told} |" for name, told in attributes(Trajectory).items()]
-    return "\n".join(lines) + "\n"

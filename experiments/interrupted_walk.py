@@ -9,14 +9,13 @@ SVG beside it: the walk made, and what each plan had in mind when it was given u
 
 from __future__ import annotations
 
-import argparse
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from reports import command_line
 
-from mlivr_gym import Box, jem_map, stance_graph
+from mlivr_gym import Box, stance_graph
 from mlivr_gym.paper import default_setup
 from mlivr_gym.pictures.walk_figure import Leg, walk_figure
 from mlivr_gym.planners import Planner
@@ -24,12 +23,7 @@ from mlivr_gym.planners import Planner
 
 def main() -> None:
     """Walk."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the picture")
-    args = parser.parse_args()
-    graph = stance_graph(jem_map())
+    out, graph = command_line(__doc__).parse_args().out, stance_graph()
     planner, setup = Planner(graph), default_setup()
     stance, goal = tuple(setup["start"]), tuple(setup["goal"])
     how: dict[str, Any] = {"cost": "weighted", "regrasp_price": 0.05}
@@ -64,8 +58,8 @@ def main() -> None:
             print(f"  points {', '.join(sorted(set(ahead))[:4])} are occupied")
     steps = sum(leg.taken for leg in legs)
     print(f"arrived after {steps} steps and {interruptions} interruptions")
-    args.out.mkdir(parents=True, exist_ok=True)
-    walk_figure(graph.grasp_map, legs, args.out / "interrupted_walk.png")
+    out.mkdir(parents=True, exist_ok=True)
+    walk_figure(graph.grasp_map, legs, out / "interrupted_walk.png")
 
 
 if __name__ == "__main__":

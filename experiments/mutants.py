@@ -10,10 +10,8 @@ function has changed since runs anew. `results/mutants.md` is the report.
 
 from __future__ import annotations
 
-import argparse
 import ast
 import hashlib
-import json
 import os
 import re
 import shutil
@@ -23,25 +21,20 @@ import tempfile
 import time
 from collections import defaultdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from mutation import Mutant, mutants_of, planted
+from reports import command_line, keep, read, table
+
+from mlivr_gym.files import write_whole
 
 ROOT = Path(__file__).parent.parent
-RESULTS = ROOT / "results"
 SEED, COUNT = 14, 150
 LIMIT = 600.0
 """Seconds after which the tests of a fault are ended without a result.
 
 Each test has a limit of its own, so that a fault that hangs fails one of them long before.
 """
-
-
-class Stratum(NamedTuple):
-    """Sources that are drawn from together, and the tests that concern each folder of them."""
-
-    tests: dict[str, tuple[str, ...]]
-    """Test folders and files by source folder or file."""
 
 
 PLAIN = ("kinematics/test_base_path.py", "kinematics/test_certificate.py",
@@ -56,40 +49,32 @@ PLAIN = ("kinematics/test_base_path.py", "kinematics/test_certificate.py",
 FILES = ("test_files.py", "test_fuzzed_files.py", "test_values.py", "test_settings.py",
          "test_errors.py", "world", "motion/test_plan_files.py")  # fmt: skip
 
-STRATA = {
-    "kinematics": Stratum(
-        {
-            "mlivr_gym/kinematics": ("kinematics", "postures", "robot"),
-            "mlivr_gym/postures": ("postures", "kinematics/test_certificate.py", "stances"),
-            "mlivr_gym/robot": ("robot", "kinematics", "test_fuzzed_files.py"),
-        }
-    ),
-    "collisions": Stratum({"mlivr_gym/collisions": ("collisions", "stances")}),
-    "stances and search": Stratum(
-        {
-            "mlivr_gym/stances": ("stances", "planners", "collisions/test_obstacles.py", "envs"),
-            "mlivr_gym/transitions": ("transitions", "stances", "planners", "motion"),
-            "planners": ("planners", "motion", "agents/test_policies.py"),
-        }
-    ),
-    "environment": Stratum({"mlivr_gym/envs": ("envs", "agents/test_sb3_env.py")}),
-    "simulation": Stratum(
-        {
-            "mlivr_gym/simulation": ("simulation", "envs/test_env.py", "cli/test_simulate.py"),
-            "mlivr_gym/motion": ("motion", "simulation", "test_fuzzed_files.py"),
-        }
-    ),
-    "agents": Stratum({"agents": ("agents",)}),
-    "command line and files": Stratum(
-        {
-            "mlivr_gym/cli": ("cli", "agents/test_commands.py", "test_errors.py"),
-            "mlivr_gym/world": ("world", *FILES, "pictures"),
-            "mlivr_gym/files.py": FILES,
-            "mlivr_gym/values.py": FILES,
-            "mlivr_gym/settings.py": FILES,
-        }
-    ),
-}
+STRATA: dict[str, dict[str, tuple[str, ...]]] = {
+    "kinematics": {
+        "mlivr_gym/kinematics": ("kinematics", "postures", "robot"),
+        "mlivr_gym/postures": ("postures", "kinematics/test_certificate.py", "stances"),
+        "mlivr_gym/robot": ("robot", "kinematics", "test_fuzzed_files.py"),
+    },
+    "collisions": {"mlivr_gym/collisions": ("collisions", "stances")},
+    "stances and search": {
+        "mlivr_gym/stances": ("stances", "planners", "collisions/test_obstacles.py", "envs"),
+        "mlivr_gym/transitions": ("transitions", "stances", "planners", "motion"),
+        "planners": ("planners", "motion", "agents/test_policies.py"),
+    },
+    "environment": {"mlivr_gym/envs": ("envs", "agents/test_sb3_env.py")},
+    "simulation": {
+        "mlivr_gym/simulation": ("simulation", "envs/test_env.py", "cli/test_simulate.py"),
+        "mlivr_gym/motion": ("motion", "simulation", "test_fuzzed_files.py"),
+    },
+    "agents": {"agents": ("agents",)},
+    "command line and files": {
+        "mlivr_gym/cli": ("cli", "agents/test_commands.py", "test_errors.py"),
+        "mlivr_gym/world": ("world", *FILES, "pictures"),
+        **dict.fromkeys(("mlivr_gym/files.py", "mlivr_gym/values.py", "mlivr_gym/settings.py"),
+                        FILES),
+    },
+}  # fmt: skip
+"""Sources that are drawn from together: test folders and files by source folder or file."""
 
 LONG = ("envs/test_env.py", "planners/test_algorithm1.py", "planners/test_pair_search.py",
         "envs/test_against_model.py", "planners/test_planner.py", "envs/test_actions.py",
@@ -101,7 +86,7 @@ LONG = ("envs/test_env.py", "planners/test_algorithm1.py", "planners/test_pair_s
 def drawn(stratum: str, count: int, seed: int) -> list[Mutant]:
     """Faults of a stratum, as evenly over their kinds as there are enough of each."""
     kinds: dict[str, list[Mutant]] = defaultdict(list)
-    for place in STRATA[stratum].tests:
+    for place in STRATA[stratum]:
         base = ROOT / place
         for path in [base] if base.is_file() else sorted(base.rglob("*.py")):
             for mutant in mutants_of(ROOT, path.relative_to(ROOT).as_posix()):
@@ -124,9 +109,9 @@ def shares(count: int, seed: int) -> dict[str, list[Mutant]]:
 
 def tests_of(stratum: str, path: str) -> list[str]:
     """The test files for a module: named after it, importing it, the rest, and long ones last."""
-    place = next(place for place in STRATA[stratum].tests if path.startswith(place))
+    place = next(place for place in STRATA[stratum] if path.startswith(place))
     files: list[Path] = []
-    for entry in STRATA[stratum].tests[place]:
+    for entry in STRATA[stratum][place]:
         base = ROOT / "tests" / entry
         files += [base] if base.is_file() else sorted(base.glob("test_*.py"))
     module = path.removeprefix("mlivr_gym/").removesuffix(".py").replace("/", ".")
@@ -154,12 +139,11 @@ class Tree:
         ).stdout.splitlines()  # fmt: skip
         for name in listed:
             source, target = ROOT / name, self.folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
             if source.is_symlink():
-                target.parent.mkdir(parents=True, exist_ok=True)
                 target.unlink(missing_ok=True)
                 target.symlink_to(os.readlink(source))
-            elif source.is_file() and not same(source, target):
-                target.parent.mkdir(parents=True, exist_ok=True)
+            elif not target.is_file() or source.read_bytes() != target.read_bytes():
                 shutil.copy2(source, target)
 
     def pytest(self, tests: list[str], limit: float, **given: str) -> tuple[int | None, str]:
@@ -215,11 +199,6 @@ class Tree:
                 "seconds": seconds}  # fmt: skip
 
 
-def same(source: Path, target: Path) -> bool:
-    """Whether a copy is up to date."""
-    return target.is_file() and source.read_bytes() == target.read_bytes()
-
-
 def digest(mutant: Mutant) -> str:
     """Digest of the function round a fault: a result holds as long as it stays."""
     source = (ROOT / mutant.path).read_text(encoding="utf-8")
@@ -233,43 +212,44 @@ def digest(mutant: Mutant) -> str:
 
 def report(draw: dict[str, list[Mutant]], results: dict[str, Any], equal: dict[str, str]) -> str:
     """The report, in Markdown."""
-    total = sum(map(len, draw.values()))
-    lines = [
-        "# Faults that the tests notice", "",
-        f"{total} faults drawn with seed {SEED} by `experiments/mutants.py` (`make mutants`), the "
-        "same number from each stratum. Equivalent ones, which change nothing that can be seen, "
-        "are argued below and do not count.", "",
-        "| stratum | drawn | run | equivalent | caught | share |", "|---|---|---|---|---|---|",
-    ]  # fmt: skip
-    sums = [0, 0, 0, 0]
-    open_ones: list[Mutant] = []
+    rows: list[list[Any]] = []
+    survivors: list[Mutant] = []
     for name, mutants in draw.items():
         ran = [m for m in mutants if results.get(m.key, {}).get("digest") == digest(m)]
-        survivors = [m for m in ran if not results[m.key]["caught"]]
-        open_ones += survivors
-        same_thing = sum(m.key in equal for m in survivors)
-        row = [len(mutants), len(ran), same_thing, len(ran) - len(survivors)]
-        lines.append(f"| {name} | {' | '.join(map(str, row))} | {share(row)} |")
-        sums = [a + b for a, b in zip(sums, row, strict=True)]
-    lines += [f"| **all** | {' | '.join(map(str, sums))} | {share(sums)} |", "", "## Survivors", ""]
-    for mutant in open_ones:
+        uncaught = [m for m in ran if not results[m.key]["caught"]]
+        survivors += uncaught
+        same = sum(m.key in equal for m in uncaught)
+        rows.append([name, len(mutants), len(ran), same, len(ran) - len(uncaught)])
+    rows.append(["**all**", *(sum(row[k] for row in rows) for k in range(1, 5))])
+    for row in rows:
+        count = row[2] - row[3]
+        row.append(f"{100.0 * row[4] / count:.0f} %" if count else "-")
+    told = []
+    for mutant in survivors:
         why = equal.get(mutant.key)
-        kind = f"equivalent: {why}" if why else "not caught"
-        after = " ".join(mutant.after.split())
-        lines.append(f"* `{mutant.path}:{mutant.line}` ({mutant.operator}), {kind}")
-        lines += ["", "  ```diff", f"  - {mutant.before}", f"  + {after}", "  ```"]
-    return "\n".join(lines) + "\n"
+        told.append(f"""* `{mutant.path}:{mutant.line}` ({mutant.operator}), \
+{f"equivalent: {why}" if why else "not caught"}
 
+  ```diff
+  - {mutant.before}
+  + {" ".join(mutant.after.split())}
+  ```
+""")
+    return f"""# Faults that the tests notice
 
-def share(row: list[int]) -> str:
-    """Share of the faults caught among those run that change something."""
-    count = row[1] - row[2]
-    return f"{100.0 * row[3] / count:.0f} %" if count else "-"
+{rows[-1][1]} faults drawn with seed {SEED} by `experiments/mutants.py` (`make mutants`), the same \
+number from each stratum. Equivalent ones, which change nothing that can be seen, are argued below \
+and do not count.
+
+{table("stratum | drawn | run | equivalent | caught | share", rows)}
+## Survivors
+
+{"".join(told)}"""
 
 
 def main() -> None:
     """Run what has not run yet, as long as there is time."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = command_line(__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--strata", nargs="*", default=list(STRATA), choices=list(STRATA))
     parser.add_argument("--again", action="store_true", help="run survivors anew")
@@ -278,9 +258,7 @@ def main() -> None:
         "--folder", type=Path, default=Path(tempfile.gettempdir()) / "mlivr-gym-mutants"
     )
     args = parser.parse_args()
-    file, reasons = RESULTS / "mutants.json", RESULTS / "mutants_equivalent.json"
-    results = json.loads(file.read_text()) if file.exists() else {}
-    equal = json.loads(reasons.read_text()) if reasons.exists() else {}
+    results, equal = (read(args.out, name) for name in ("mutants", "mutants_equivalent"))
     draw, tree, ends = shares(args.count, SEED), Tree(args.folder), time.time() + 60 * args.minutes
     todo = [(name, mutant) for name in args.strata for mutant in draw[name]]
     for k, (name, mutant) in enumerate(todo):
@@ -294,8 +272,8 @@ def main() -> None:
             results[mutant.key] = {"stratum": name, "digest": digest(mutant), **done}
         print(f"{k + 1}/{len(todo)} {word} {done['seconds']} s {mutant.line} {mutant.key}")
         print(f"    {done['by']}", flush=True)
-        file.write_text(json.dumps(results, indent=1, sort_keys=True) + "\n")
-    (RESULTS / "mutants.md").write_text(report(draw, results, equal))
+        keep(args.out, "mutants", dict(sorted(results.items())))
+    write_whole(args.out / "mutants.md", report(draw, results, equal))
 
 
 if __name__ == "__main__":

@@ -8,17 +8,13 @@ and says how much.
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
+from reports import case_3, command_line
 
 from mlivr_gym.motion.clocks import Durations
-from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.captions import with_caption
 from mlivr_gym.pictures.film import film_pictures, film_samples, save_film, usual_speed
-from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
@@ -42,17 +38,8 @@ def headed(picture: NDArray[np.uint8], words: str) -> NDArray[np.uint8]:
 
 def main() -> None:
     """Carry the walk out twice and write `pace.gif`."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"))
-    args = parser.parse_args()
-    case = default_setup()
-    graph = case_graph(3, case, "collisions")
-    found = Planner(graph).plan(
-        case["start"], case["goal"], CASES[3].cost, goal_face=case["goal_face"]
-    )
-    plan, recordings = found.unwrap(), []
+    out = command_line(__doc__).parse_args().out
+    (graph, plan), recordings = case_3(), []
     for setup in PACES.values():
         simulation = setup.simulation(graph.grasp_map, graph.robot, graph.obstacles)
         execution = execute(graph, plan, setup.timing, simulation=simulation)
@@ -68,7 +55,7 @@ def main() -> None:
         )
         sides.append([headed(picture, words) for picture in pictures])
     frames = [np.hstack(pair) for pair in zip(*sides, strict=True)]
-    save_film(frames, args.out / "pace.gif")
+    save_film(frames, out / "pace.gif")
 
 
 if __name__ == "__main__":

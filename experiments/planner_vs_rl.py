@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import copy
-import json
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -25,8 +24,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from comparison_report import write_report
+from comparison_report import draw, full_report
 from comparison_walks import Walks, walked
+from reports import command_line, keep, publish, read
 from tqdm import tqdm
 from train_policies import GRASP_FAILURE
 
@@ -44,7 +44,6 @@ from mlivr_gym.agents.learned import beam_policy, load_policy
 from mlivr_gym.agents.policies import foreign_plan_policy
 from mlivr_gym.agents.test_set import World, freeze_test_set, load_test_set
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.files import write_whole
 from mlivr_gym.planners import Planner
 
 SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
@@ -123,16 +122,15 @@ def record(result: Evaluation, ids: Sequence[int]) -> dict[str, Any]:
 class Results:
     """What was measured so far, in a file: a part that is there is not measured again."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, out: Path) -> None:
         """Read the file, if there is one."""
-        self.file = file
-        self.data: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
+        self.out, self.data = out, read(out, "planner_vs_rl")
 
     def has(self, family: str, name: str, seed: int, part: int, first: int) -> bool:
         """Whether a part is there; `first` is its first task."""
         return f"{part}/{first}" in self.data.get(family, {}).get(name, {}).get(str(seed), {})
 
-    def keep(self, family: str, name: str, seed: int, part: int, result: dict[str, Any]) -> None:
+    def add(self, family: str, name: str, seed: int, part: int, result: dict[str, Any]) -> None:
         """Add a part and write the file."""
         place = self.data.setdefault(family, {}).setdefault(name, {}).setdefault(str(seed), {})
         place[f"{part}/{result['tasks'][0]}"] = result
@@ -140,46 +138,40 @@ class Results:
 
     def write(self) -> None:
         """Write the file."""
-        write_whole(self.file, json.dumps(self.data) + "\n")
+        keep(self.out, "planner_vs_rl", self.data, indent=None)
+
+
+def splits(args: argparse.Namespace, results: Results) -> None:
+    """All methods on the worlds of the test set."""
+    for at, world in enumerate(load_test_set()):
+        if world.split in args.splits:
+            split_world(world, at, args, results)
 
 
 def split_world(world: World, at: int, args: argparse.Namespace, results: Results) -> None:
     """All methods on one world of the test set."""
-    dense = world.split == "dense"
-    env = MlivrEnv(map=world.map(), precompute=not dense)
+    env = MlivrEnv(map=world.map(), precompute=world.split != "dense")
     lax = MlivrEnv(map=world.map(), manipulability=False)
-    makes: dict[str, dict[int, Make]] = {name: {0: make} for name, make in planners().items()}
-    makes |= learned(Path(args.policies))
-    layouts = dict.fromkeys(task.occupied for task in world.tasks)
-    groups = [
-        [k for k, task in enumerate(world.tasks) if task.occupied == layout] for layout in layouts
-    ]
-    for group in groups:
+    makes = {name: {0: make} for name, make in planners().items()} | learned(Path(args.policies))
+    for layout in dict.fromkeys(task.occupied for task in world.tasks):
+        group = [k for k, task in enumerate(world.tasks) if task.occupied == layout]
         tasks = [world.tasks[k] for k in group]
-        env.graph.occupy(tasks[0].occupied)
+        env.graph.occupy(layout)
         for name, seeds in makes.items():
             if (args.only and name not in args.only) or not meant_for(name, world.split):
                 continue
             for seed, make in seeds.items():
                 if results.has(world.split, name, seed, at, group[0]):
                     continue
-                bar = tqdm(
-                    total=len(tasks), desc=f"{world.split} {at} {name} {seed}", mininterval=5.0
-                )
-                walks, asked = Walks(bar.update), lax if name == UNASKED else env
-                result = evaluate(
-                    asked,
-                    make(asked),
-                    tasks,
-                    max_steps=MOST_STEPS,
-                    progress=walks.count,
-                    execute=walks.keep,
-                )
-                bar.close()
+                title, asked = f"{world.split} {at} {name} {seed}", lax if name == UNASKED else env
+                with tqdm(total=len(tasks), desc=title, mininterval=5.0) as bar:
+                    walks = Walks(bar.update)
+                    result = evaluate(asked, make(asked), tasks, max_steps=MOST_STEPS,
+                                      progress=walks.count, execute=walks.keep)  # fmt: skip
                 found = record(result, group)
                 if world.split == "same" and name != UNASKED:
                     found["walks"] = walks.of(result)
-                results.keep(world.split, name, seed, at, found)
+                results.add(world.split, name, seed, at, found)
         env.graph.vacate()
 
 
@@ -225,7 +217,7 @@ def cold(args: argparse.Namespace, results: Results) -> None:
                 continue
             env = copy.deepcopy(unknown)
             found = evaluate(env, make(env), [task], max_steps=MOST_STEPS)
-            results.keep("cold", name, 0, k, record(found, [k]))
+            results.add("cold", name, 0, k, record(found, [k]))
 
 
 def unreliable(args: argparse.Namespace, results: Results) -> None:
@@ -251,52 +243,35 @@ def unreliable(args: argparse.Namespace, results: Results) -> None:
                 result = evaluate(
                     env, make(env), world.tasks, seed=1000 * episode, max_steps=MOST_STEPS
                 )
-                results.keep(
+                results.add(
                     "unreliable", name, seed, episode, record(result, range(len(world.tasks)))
                 )
 
 
 def main() -> None:
     """Measure what is asked for, and report."""
-    parser = argparse.ArgumentParser(description="Compare planners and learned policies.")
-    parser.add_argument(
-        "--policies", default="runs", help="folder of checkpoints (default: %(default)s)"
-    )
-    parser.add_argument("--out", default="results", help="folder of results (default: %(default)s)")
+    parser = command_line(__doc__)
+    parser.add_argument("--policies", default="runs", help="folder of checkpoints")
     parser.add_argument("--only", nargs="+", help="only these methods")
-    parser.add_argument(
-        "--families", nargs="+", choices=FAMILIES, default=FAMILIES, help="only these families"
-    )
-    parser.add_argument(
-        "--splits", nargs="+", default=tuple(SIZES), choices=tuple(SIZES), help="only these splits"
-    )
-    parser.add_argument(
-        "--execute", type=int, default=50, help="tasks carried out (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--freeze", action="store_true", help="draw the test set anew and do nothing else"
-    )
+    parser.add_argument("--families", nargs="+", choices=FAMILIES, default=FAMILIES)
+    parser.add_argument("--splits", nargs="+", default=tuple(SIZES), choices=tuple(SIZES))
+    parser.add_argument("--execute", type=int, default=50, help="tasks carried out")
+    parser.add_argument("--freeze", action="store_true", help="draw the test set anew, no more")
     parser.add_argument("--report", action="store_true", help="only write the report")
     args = parser.parse_args()
     torch.set_num_threads(1)
     if args.freeze:
         freeze_test_set(Path(__file__).parent.parent / "envs_assets" / "test_set.json", SEED, SIZES)
         return
-    Path(args.out).mkdir(parents=True, exist_ok=True)
-    results = Results(Path(args.out) / "planner_vs_rl.json")
-    if not args.report:
-        if "splits" in args.families:
-            for at, world in enumerate(load_test_set()):
-                if world.split in args.splits:
-                    split_world(world, at, args, results)
-        for name, run in (
-            ("executed", executed),
-            ("cold", cold),
-            ("unreliable", unreliable),
-        ):
-            if name in args.families:
-                run(args, results)
-    write_report(results.data, Path(args.out))
+    results = Results(args.out)
+    runs: dict[str, Callable[[argparse.Namespace, Results], None]] = {
+        "splits": splits, "executed": executed, "cold": cold, "unreliable": unreliable,
+    }  # fmt: skip
+    for family in FAMILIES:
+        if family in args.families and not args.report:
+            runs[family](args, results)
+    publish(args.out, "planner_vs_rl", results.data, full_report, indent=None)
+    draw(results.data, args.out / "planner_vs_rl.png")
 
 
 if __name__ == "__main__":

@@ -25,7 +25,6 @@ import dynamic_report
 import format_tables
 import limb_starts
 import many_limbs
-import paper_figures_report
 import planning_report
 import reference_curves
 import simulation_figures
@@ -83,43 +82,23 @@ def study(data: dict[str, Any]) -> str:
 
 def truth(data: dict[str, Any]) -> str:
     """What outside truth says of the promises."""
-    walks, windows, optimal = data["walks"], data["windows"], data["optimality"]
-    return (
-        f"{walks['put_together']} of {walks['walks']} random walks of {walks['steps']} legal steps "
-        "were put together. "
-        f"{100 * windows['lost'] / windows['able']:.1f} % of the steps that holding limbs\n"
-        "could follow are no edges for the windows. Of "
-        f"{optimal['queries']} random queries on half the points, collisions on, "
-        f"{optimal['outcomes'].get('existence differs', 0)} differ in existence from SciPy's\n"
-        f"Dijkstra over `successors`, and the costs of {optimal['found']} plans by at most "
-        f"{optimal['largest_difference']:.0e}.\n" + collisions(data["collisions"])
-    )
-
-
-def collisions(data: dict[str, Any]) -> str:
-    """What MuJoCo and coal say of the collision checks."""
-    stances, steps, plans = data["stances"], data["steps"], data["plans"]
-    could = sum(
-        count for name, count in steps["blocked_because"].items() if name.endswith("swing exists")
-    )
-    lost = could / steps["blocked"]
-    return (
-        f"MuJoCo's collision pipeline finds {stances['free_penetrating']} penetrations in "
-        f"{stances['free']} random stances called free, {steps['penetrating']} along "
-        f"{steps['free']}\n"
-        f"random steps and {plans['penetrating']} along {plans['plans']} random plans "
-        f"({plans['configurations']} configurations); coal's least distance over those stances "
-        "is\n"
-        f"{1000 * stances['free_least_distance']:.1f} mm. All "
-        f"{stances['left_out_nearer_than_clearance']} of {stances['left_out']} stances that only "
-        "collisions keep out come nearer than the clearance in their best posture.\n"
-        f"{100 * steps['share_blocked']:.0f} % of the steps between free stances that are "
-        f"possible in the paper's world are called blocked; for {100 * lost:.0f} % of a sample of "
-        "those\n"
-        "a swing was found by looking at every branch and by a sampling planner: "
-        f"{100 * lost * steps['share_blocked']:.0f} % of the possible steps is the price of "
-        "caution.\n"
-    )
+    walks, optimal, collisions = data["walks"], data["optimality"], data["collisions"]
+    stances, steps, plans = (collisions[name] for name in ("stances", "steps", "plans"))
+    return f"""{walks["put_together"]} of {walks["walks"]} random walks of {walks["steps"]} legal \
+steps were put together. Of {optimal["queries"]} random queries on half the points, collisions on,
+{optimal["outcomes"].get("existence differs", 0)} differ in existence from SciPy's Dijkstra over \
+`successors`, and the costs of {optimal["found"]} plans by at most \
+{optimal["largest_difference"]:.0e}.
+MuJoCo's collision pipeline finds {stances["free_penetrating"]} penetrations in {stances["free"]} \
+random stances called free, {steps["penetrating"]} along {steps["free"]}
+random steps and {plans["penetrating"]} along {plans["plans"]} random plans \
+({plans["configurations"]} configurations); coal's least distance over those stances is
+{1000 * stances["free_least_distance"]:.1f} mm. All {stances["left_out_nearer_than_clearance"]} of \
+{stances["left_out"]} stances that only collisions keep out come nearer than the clearance in \
+their best posture.
+{100 * steps["share_blocked"]:.0f} % of the steps between free stances that are possible in the \
+paper's world are called blocked.
+"""
 
 
 def paper(data: dict[str, Any]) -> str:
@@ -217,7 +196,6 @@ def parts(results: Path) -> dict[str, str]:
         "limits": simulation_figures.limits(),
         "controller": simulation_figures.controller(),
         "disturbances": disturbances.readme_text(data("disturbances")),
-        "paper_figures": paper_figures_report.readme_text(data("paper_figures")),
         "benchmark_planning": planning_report.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
         "limb_starts": limb_starts.told(data("limb_starts")),
@@ -255,7 +233,6 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "time_cost": time_cost.markdown,
     "connectivity": connectivity.markdown,
     "many_limbs": many_limbs.markdown,
-    "paper_figures": paper_figures_report.markdown,
     "start_up": start_up.report,
     "benchmark_env": benchmark_env.report,
     "benchmark_planning": planning_report.report,

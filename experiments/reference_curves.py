@@ -10,8 +10,6 @@ measured goes into `reference_curves.json` run by run, and a run that is there i
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -20,6 +18,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+from matplotlib.figure import Figure
+from reports import NOTHING, command_line, keep, publish, read, table
 from tqdm import tqdm
 
 from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
@@ -32,7 +32,7 @@ from mlivr_gym.agents.policies import Policy
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.tasks import fixed_task
-from mlivr_gym.files import write_whole
+from mlivr_gym.pictures.figures import save_figure
 
 METHODS = {"dagger": "DAgger", "bc": "cloning", "ppo": "masked PPO"}
 """What is trained, with its name in tables."""
@@ -72,12 +72,11 @@ def measure(env: MlivrEnv, policy: Policy, tasks: Sequence[Task], fewest: Sequen
     """The metrics of the protocol: success, and the steps over the fewest where it succeeds."""
     result = evaluate(env, policy, tasks, max_steps=MOST_STEPS)
     ratio = (result.steps / np.array(fewest))[result.success]
+    moved = result.base_translation[result.success]
     return {
         "success": result.success_rate,
         "over_fewest": float(ratio.mean()) if len(ratio) else None,
-        "base_translation_m": float(result.base_translation[result.success].mean())
-        if len(ratio)
-        else None,
+        "base_translation_m": float(moved.mean()) if len(moved) else None,
     }
 
 
@@ -182,111 +181,95 @@ def anchors() -> dict[str, Measure]:
     return found | {"fewest": {"mean": float(np.mean(fewest)), "most": int(np.max(fewest))}}
 
 
+HEAD = (
+    "method | seeds | success | steps over fewest | base translation [m] | environment steps | "
+    "minutes to train"
+)
+
+
 def told(data: dict[str, Any]) -> str:
     """The page."""
     fewest = data["anchors"]["fewest"]
-    lines = [
-        "# Reference curves on `MLIVR-JEM-Far-v0`\n",
-        "Made by `experiments/reference_curves.py` by the protocol of "
-        "[`docs/benchmark.md`](../docs/benchmark.md). "
-        f"{len(TESTED)} fixed tasks of {fewest['mean']:.2f} fewest steps on average, at most "
-        f"{fewest['most']}; means over training seeds, least and largest in brackets.\n",
-        "| method | seeds | success | steps over fewest | base translation [m] | "
-        "environment steps | minutes to train |",
-        "|---|---|---|---|---|---|---|",
+    rows: list[list[Any]] = [
+        [name, NOTHING, *cells([row]), NOTHING, NOTHING]
+        for name, row in data["anchors"].items()
+        if name != "fewest"
     ]
-    for name, row in data["anchors"].items():
-        if name != "fewest":
-            lines.append(
-                f"| {name} | {chr(0x2013)} | {cells([row])} | {chr(0x2013)} | {chr(0x2013)} |"
-            )
     for method, name in METHODS.items():
         runs = list(data.get(method, {}).values())
         if runs:
             steps = np.mean([run["curve"][-1]["steps"] for run in runs])
             minutes = np.mean([run["seconds"] for run in runs]) / 60.0
-            tests = [run["test"] for run in runs]
-            lines.append(
-                f"| {name} | {len(runs)} | {cells(tests)} | {steps:,.0f} | {minutes:.0f} |"
-            )
-    lines.append("\n![Curves](reference_curves.png)\n")
-    return "\n".join(lines)
+            tests = cells([run["test"] for run in runs])
+            rows.append([name, len(runs), *tests, f"{steps:,.0f}", f"{minutes:.0f}"])
+    return f"""# Reference curves on `MLIVR-JEM-Far-v0`
+
+Made by `experiments/reference_curves.py` by the protocol of \
+[`docs/benchmark.md`](../docs/benchmark.md). {len(TESTED)} fixed tasks of {fewest["mean"]:.2f} \
+fewest steps on average, at most {fewest["most"]}; means over training seeds, least and largest in \
+brackets.
+
+{table(HEAD, rows)}
+![Curves](reference_curves.png)
+"""
 
 
-def cells(tests: Sequence[Measure]) -> str:
+def cells(tests: Sequence[Measure]) -> list[str]:
     """Three cells: success, steps over fewest, base translation."""
-    told_as = (("success", "{:.3f}"), ("over_fewest", "{:.3f}"), ("base_translation_m", "{:.2f}"))
     found = []
-    for name, form in told_as:
+    for name, form in (("success", ".3f"), ("over_fewest", ".3f"), ("base_translation_m", ".2f")):
         values = [test[name] for test in tests if test[name] is not None]
-        text = form.format(np.mean(values)) if values else chr(0x2013)
+        text = format(np.mean(values), form) if values else NOTHING
         if len(values) > 1:
-            text += f" [{form.format(min(values))}, {form.format(max(values))}]"
+            text += f" [{min(values):{form}}, {max(values):{form}}]"
         found.append(text)
-    return " | ".join(found)
+    return found
 
 
 def draw(data: dict[str, Any], path: Path) -> None:
     """Success and steps over the fewest against steps of the environment."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    from mlivr_gym.pictures.figures import save_figure
-
     figure = Figure(figsize=(10.0, 4.2), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(1, 2)
+    success, over = figure.subplots(1, 2)
     looks = ("#1b6ca8", "o", 7), ("#2f8f5b", "s", 3), ("#c8553d", "^", 4)
     for (method, name), (colour, marker, size) in zip(METHODS.items(), looks, strict=True):
+        style: dict[str, Any] = {"color": colour, "lw": 1.4, "alpha": 0.85, "marker": marker,
+                                 "ms": size}  # fmt: skip
         for k, run in enumerate(data.get(method, {}).values()):
-            steps = [1e-3 * point["steps"] for point in run["curve"]]
-            style = {
-                "color": colour,
-                "linewidth": 1.4,
-                "alpha": 0.85,
-                "marker": marker,
-                "markersize": size,
-            }
-            label = name if k == 0 else None
-            panels[0].plot(
-                steps, [100.0 * p["success"] for p in run["curve"]], label=label, **style
-            )
-            known = [(s, p["over_fewest"]) for s, p in zip(steps, run["curve"], strict=True)]
-            known = [(s, value) for s, value in known if value is not None]
-            panels[1].plot(*zip(*known, strict=True), label=label, **style)
-    panels[0].set_ylabel(f"success on {len(VALIDATED)} validation tasks [%]")
-    panels[0].set_ylim(0.0, 102.0)
-    panels[1].set_ylabel("steps over fewest, where it succeeds")
-    panels[1].axhline(1.0, color="0.4", linewidth=0.9, linestyle=":")
-    panels[1].set_yscale("log")
-    panels[1].set_yticks([1, 1.5, 2, 3, 5, 7], labels=["1", "1.5", "2", "3", "5", "7"], minor=False)
-    panels[1].minorticks_off()
-    for panel in panels:
+            label, curve = name if k == 0 else None, run["curve"]
+            steps = [1e-3 * point["steps"] for point in curve]
+            success.plot(steps, [100.0 * p["success"] for p in curve], label=label, **style)
+            # What never succeeds has no steps.
+            known = [np.nan if p["over_fewest"] is None else p["over_fewest"] for p in curve]
+            over.plot(steps, known, label=label, **style)
+    success.set(ylabel=f"success on {len(VALIDATED)} validation tasks [%]", ylim=(0.0, 102.0))
+    over.set(ylabel="steps over fewest, where it succeeds", yscale="log")
+    over.axhline(1.0, color="0.4", linewidth=0.9, linestyle=":")
+    ticks = (1, 1.5, 2, 3, 5, 7)
+    over.set_yticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+    over.minorticks_off()
+    for panel in (success, over):
         panel.set_xlabel("environment steps seen in training, in thousands")
         panel.grid(alpha=0.25)
-    panels[0].legend(frameon=False, loc="center right")
+    success.legend(frameon=False, loc="center right")
     save_figure(figure, path)
 
 
 def main() -> None:
     """Train what is missing, and tell all."""
-    parser = argparse.ArgumentParser(description="Reference curves of learning.")
+    parser = command_line(__doc__)
     parser.add_argument("--methods", nargs="*", choices=list(METHODS), default=list(METHODS))
-    parser.add_argument("--seeds", type=int, default=3, help="seeds of each (default: %(default)s)")
-    parser.add_argument("--out", type=Path, default=Path("results"), help="folder of results")
+    parser.add_argument("--seeds", type=int, default=3, help="seeds of each")
     args = parser.parse_args()
     torch.set_num_threads(1)
-    args.out.mkdir(parents=True, exist_ok=True)
-    file = args.out / "reference_curves.json"
-    data: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
+    data = read(args.out, "reference_curves")
     if "anchors" not in data:
         data["anchors"] = anchors()
     for seed in range(args.seeds):
         for method in args.methods:
             if str(seed) not in data.setdefault(method, {}):
                 data[method][str(seed)] = run_of(method, seed)
-                write_whole(file, json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "reference_curves.md", told(data))
+                keep(args.out, "reference_curves", data)
+    publish(args.out, "reference_curves", data, told)
     draw(data, args.out / "reference_curves.png")
 
 

@@ -10,18 +10,17 @@ anew from `table1_study.json`.
 
 from __future__ import annotations
 
-import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from reports import command_line, pair_graph, publish, read, table
 from tqdm import tqdm
 
-from mlivr_gym import Settings, State, jem_map, stance_graph
+from mlivr_gym import State
 from mlivr_gym.cli.table1 import impossible, run_cases
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.paper import CASES, MODES
 from mlivr_gym.pictures.figures import BASE_COLOUR, save_figure
 from mlivr_gym.planners import Plan, Planner
@@ -53,9 +52,8 @@ def can_be_executed(graph: PairGraph, plan: Plan) -> bool:
 
 def transition_study(pairs: int) -> dict[str, Any]:
     """How many node-only plans over random pairs could not have been executed, for both costs."""
-    checked = stance_graph(jem_map(), settings=Settings(collisions=False))
-    free = stance_graph(jem_map(), settings=Settings(transitions=False, collisions=False))
-    assert isinstance(checked, PairGraph)
+    checked = pair_graph(collisions=False)
+    free = pair_graph(transitions=False, collisions=False)
     planner, node_only = Planner(checked), Planner(free)
     rng = np.random.default_rng(2026)
     blocked = {"base": 0, "steps": 0}
@@ -81,7 +79,7 @@ def transition_study(pairs: int) -> dict[str, Any]:
 
 def pareto(pairs: int) -> list[dict[str, float]]:
     """Mean steps and base translation over random pairs by price of a regrasp."""
-    graph = stance_graph(jem_map(), settings=Settings(collisions=False))
+    graph = pair_graph(collisions=False)
     planner, rng = Planner(graph), np.random.default_rng(7)
     tasks = [sample_task(graph, rng, 0.2) for _ in range(pairs)]
     rows = []
@@ -107,14 +105,10 @@ def draw_pareto(rows: list[dict[str, float]], pairs: int, path: Path) -> None:
         pairs: Number of random tasks.
         path: PNG file to write, and an SVG beside it.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     metres = np.array([row["base_translation"] for row in rows])
     steps, least = np.array([row["steps"] for row in rows]), metres.min()
     over = 100.0 * (metres / least - 1.0)
     figure = Figure(figsize=(6.8, 4.6), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     axes.plot(steps, over, color="0.7", zorder=1)
     axes.scatter(steps, over, color=BASE_COLOUR, zorder=2)
@@ -123,18 +117,13 @@ def draw_pareto(rows: list[dict[str, float]], pairs: int, path: Path) -> None:
     axes.set_xlabel(f"steps, mean of {pairs} random tasks")
     axes.set_ylabel(f"base translation over the least,\nwhich is {least:.3f} m [%]")
     axes.set_title("Steps bought with translation: price of a regrasp")
-    axes.text(
-        0.98,
-        0.96,
+    words = (
         f"Mind the scales: in all, the translations differ by {over.max():.1f} %\n"
         f"({1e3 * (metres.max() - least):.0f} mm), "
-        f"the steps by {100 * (steps.max() / steps.min() - 1):.0f} %.",
-        transform=axes.transAxes,
-        ha="right",
-        va="top",
-        fontsize=9,
-        color="0.25",
+        f"the steps by {100 * (steps.max() / steps.min() - 1):.0f} %."
     )
+    corner: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 9, "color": "0.25"}
+    axes.text(0.98, 0.96, words, transform=axes.transAxes, **corner)
     axes.margins(x=0.15, y=0.15)
     axes.spines[["top", "right"]].set_visible(False)
     save_figure(figure, path)
@@ -142,68 +131,43 @@ def draw_pareto(rows: list[dict[str, float]], pairs: int, path: Path) -> None:
 
 def study_markdown(study: dict[str, Any]) -> str:
     """Both studies as Markdown."""
-    counts = study["transition_study"]
-    pairs = counts["pairs"]
-
-    def share(count: int) -> str:
-        return f"{count} ({100 * count / pairs:.0f} %)"
-
-    lines = [
-        "# Beyond Table I",
-        "",
-        f"**Can the plan be carried out?** Of {pairs} random start and goal pairs, "
-        f"{share(counts['blocked'])} node-only plans of the base cost and "
-        f"{share(counts['blocked_steps'])} of the step cost could not have been carried out: on "
-        "at least one step a holding limb would have had to let go or to pass a singularity. With "
-        f"steps checked, {counts['solved']} of {pairs} pairs get a plan that can be; its base "
-        f"translation is {100 * counts['extra_translation']:.2f} % longer on average.",
-        "",
-        "**Steps bought with translation** (weighted cost, means over random pairs, see "
-        "`pareto.png`):",
-        "",
-        "| price of a regrasp [m] | steps | base translation [m] |",
-        "|---|---|---|",
+    counts, pairs = study["transition_study"], study["transition_study"]["pairs"]
+    base, steps = (
+        f"{count} ({100 * count / pairs:.0f} %)"
+        for count in (counts["blocked"], counts["blocked_steps"])
+    )
+    rows = [
+        [f"{row['price']:g}", f"{row['steps']:.2f}", f"{row['base_translation']:.3f}"]
+        for row in study["pareto"]
     ]
-    lines += [
-        f"| {r['price']:g} | {r['steps']:.2f} | {r['base_translation']:.3f} |"
-        for r in study["pareto"]
-    ]
-    return "\n".join([*lines, ""])
+    return f"""# Beyond Table I
 
+**Can the plan be carried out?** Of {pairs} random start and goal pairs, {base} node-only plans of \
+the base cost and {steps} of the step cost could not have been carried out: on at least one step a \
+holding limb would have had to let go or to pass a singularity. With steps checked, \
+{counts["solved"]} of {pairs} pairs get a plan that can be; its base translation is \
+{100 * counts["extra_translation"]:.2f} % longer on average.
 
-def draw_study(study: dict[str, Any], out: Path) -> None:
-    """Draw what prices of a regrasp do."""
-    draw_pareto(study["pareto"], study["transition_study"]["pairs"], out / "pareto.png")
+**Steps bought with translation** (weighted cost, means over random pairs, see `pareto.png`):
+
+{table("price of a regrasp [m] | steps | base translation [m]", rows)}"""
 
 
 def main() -> None:
     """Run everything and write the results."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
-    parser.add_argument(
-        "--pairs", type=int, default=200, help="random pairs of the study of node-only plans"
-    )
-    parser.add_argument(
-        "--picture", action="store_true", help="draw `pareto.png` from what was found, no more"
-    )
+    parser = command_line(__doc__)
+    parser.add_argument("--pairs", type=int, default=200, help="random pairs of the study")
+    parser.add_argument("--picture", action="store_true", help="draw `pareto.png` anew, no more")
     args = parser.parse_args()
-    if args.picture:
-        study = read_json(args.out / "table1_study.json", "study")
-        draw_study(study, args.out)
-        return
-    with tqdm(total=len(CASES) * len(MODES), desc="cases planned") as bar:
-        _, data = run_cases(args.out, lambda done: bar.update(done - bar.n))
-    study = {
-        "transition_study": transition_study(args.pairs),
-        "pareto": pareto(args.pairs),
-    }
-    write_whole(args.out / "table1_study.json", json.dumps(study, indent=1) + "\n")
-    write_whole(args.out / "table1_study.md", study_markdown(study))
-    draw_study(study, args.out)
-    print(study_markdown(study))
-    failed = impossible(data)
+    study, failed = read(args.out, "table1_study"), []
+    if not args.picture:
+        with tqdm(total=len(CASES) * len(MODES), desc="cases planned") as bar:
+            _, data = run_cases(args.out, lambda done: bar.update(done - bar.n))
+        study = {"transition_study": transition_study(args.pairs), "pareto": pareto(args.pairs)}
+        publish(args.out, "table1_study", study, study_markdown)
+        print(study_markdown(study))
+        failed = impossible(data)
+    draw_pareto(study["pareto"], study["transition_study"]["pairs"], args.out / "pareto.png")
     if failed:
         raise SystemExit(f"relations that do not hold: {failed}")
 

@@ -2,15 +2,12 @@
 
     python experiments/table1_statistics.py [--pairs 300] [--keep FOLDER] [--out results]
 
-Random walks from the deck to the overhead, each planned in all cases and modes; then a sweep of the
-thresholds. Writes `table1_statistics.json` and `table1_statistics.md`. With `--keep` a run that was
-stopped goes on.
+Random walks from the deck to the overhead, each planned in all cases and modes. Writes
+`table1_statistics.json` and `table1_statistics.md`. With `--keep` a run that was stopped goes on.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,12 +15,10 @@ from typing import Any
 
 import numpy as np
 from processes import Processes
-from table1 import can_be_executed
+from reports import command_line, publish, table
 
-from mlivr_gym import Settings, jem_map, stance_graph
 from mlivr_gym.cli.table1 import Start
 from mlivr_gym.errors import StanceError
-from mlivr_gym.files import write_whole
 from mlivr_gym.paper import CASES, MODES, PAPER, case_graph, relations
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -33,12 +28,6 @@ LEAST = 3.0
 
 HEURISTICS = {"faithful": "paper", "steps": "cost_to_go", "collisions": "cost_to_go"}
 """Heuristic in each mode; those that are not the paper's keep plans optimal."""
-
-FACTORS = (0.0, 0.5, 0.75, 1.0, 1.25, 1.5)
-"""Thresholds of the sweep, as shares of the paper's."""
-
-SWEPT = 60
-"""Pairs of the sweep."""
 
 FIGURES = ("steps", "base_translation", "expanded", "backward", "time")
 
@@ -152,149 +141,72 @@ def summary(answers: list[dict[str, Any]]) -> dict[str, Any]:
     return out
 
 
-def swept(number: int) -> dict[str, Any]:
-    """Plans of random pairs under other thresholds."""
-    pairs, jem, rows = [random_pair(seed) for seed in range(number)], jem_map(), []
-    whole = Settings().thresholds(2)
-    for factor in FACTORS:
-        given = {"limb_threshold": factor * whole[0], "base_threshold": factor * whole[1]}
-        free, checked = (
-            stance_graph(jem, settings=Settings(transitions=check, collisions=False, **given))
-            for check in (False, True)
-        )
-        assert isinstance(free, PairGraph)
-        assert isinstance(checked, PairGraph)
-        plans = []
-        for start, goal in pairs:
-            try:
-                found = Planner(free).plan(start.stance, goal, "base", goal_face="overhead")
-            except StanceError:
-                continue
-            if found.plan:
-                plans.append(found.plan)
-        rows.append(
-            {
-                "factor": factor,
-                "stances": len(free),
-                "plans": len(plans),
-                "steps": mean([len(plan.steps) for plan in plans]),
-                "base_translation": mean([plan.base_translation for plan in plans]),
-                "executable": sum(can_be_executed(checked, plan) for plan in plans),
-            }
-        )
-    return {"pairs": number, "rows": rows}
+ROWS = "case | mode | plans | steps | base translation [m] | explored | backward | query [ms]"
 
-
-def mean(values: Sequence[float]) -> float | None:
-    """The mean, None of nothing."""
-    return float(np.mean(values)) if values else None
-
-
-GIVEN_POSE = (
-    "One start pose serves all modes, that with collisions checked. Where a graph would give the "
-    "stance another, it is a given pose, to which thresholds do not apply: so a plan may begin "
-    "below them."
+FORMS = (
+    ("steps", ".0f", 1.0),
+    ("base_translation", ".2f", 1.0),
+    ("expanded", ".0f", 1.0),
+    ("backward", ".0f", 1.0),
+    ("time", ".1f", 1e3),
 )
-"""Why a plan may go below the thresholds."""
+"""What the columns show, with their digits and units."""
 
 
 def told(data: dict[str, Any]) -> str:
     """Everything as Markdown."""
     found = data["statistics"]
-    lines = [
-        "# Table I for random starts and goals", "",
-        "Made by `experiments/table1_statistics.py`. "
-        f"{found['pairs']} random walks from the deck to the overhead, at least {LEAST:g} m from "
-        "base to goal, both limbs on the overhead at the end. Figures are the median, in brackets "
-        "the 10th and 90th percentile. Heuristics: the paper's in the paper-faithful mode, "
-        "`cost_to_go` in the others, whose work backward is counted.", "",
-        "| case | mode | plans | steps | base translation [m] | explored | backward | query [ms] |",
-        "|---|---|---|---|---|---|---|---|",
-    ]  # fmt: skip
+    rows = []
     for case in map(str, CASES):
-        for mode, rows in found["modes"].items():
-            row = rows[case]
-            cells = [
-                " ".join([f"{mid:{form}}", f"({low:{form}} to {high:{form}})"])
-                for name, form, scale in (
-                    ("steps", ".0f", 1), ("base_translation", ".2f", 1), ("expanded", ".0f", 1),
-                    ("backward", ".0f", 1), ("time", ".1f", 1e3),
-                )
-                for low, mid, high in [[scale * v for v in row[name]]]
-            ]  # fmt: skip
-            title = MODES[mode].title
-            lines.append(f"| {case} | {title} | {row['plans']} | {' | '.join(cells)} |")
-    names = " | ".join(MODES[mode].title for mode in found["relations"])
-    lines += ["", f"How often relations hold, of the pairs with plans in all cases "
-              f"({', '.join(str(r['pairs']) for r in found['relations'].values())}):", "",
-              f"| relation | why it may hold | {names} |",
-              "|---|---|" + "---|" * len(found["relations"])]  # fmt: skip
-    for name, kind in found["kinds"].items():
-        if kind == "calibration":
-            continue
-        shares = [
-            f"{100 * r[name] / max(1, r['pairs']):.0f} %" for r in found["relations"].values()
-        ]
-        lines.append(f"| {name} | {kind} | {' | '.join(shares)} |")
-    lines += ["", GIVEN_POSE]
-    return "\n".join(
-        [*lines, "", *told_loss(found["paper_heuristic"]), *told_sweep(data["sweep"]), ""]
-    )
-
-
-def told_loss(loss: dict[str, Any]) -> list[str]:
-    """What the paper's heuristic costs, in lines."""
-    share = 100 * loss["longer"] / loss["pairs"]
-    return [
-        f"**What the paper's heuristic costs.** In the paper-faithful Case 2 its plan is longer "
-        f"than the optimum for {loss['longer']} of {loss['pairs']} pairs ({share:.0f} %), by "
-        f"{loss['mean']:.3f} m on average and {loss['largest']:.3f} m at most.",
-        "",
+        for mode, by_case in found["modes"].items():
+            cells = []
+            for name, form, scale in FORMS:
+                low, middle, high = (format(scale * value, form) for value in by_case[case][name])
+                cells.append(f"{middle} ({low} to {high})")
+            rows.append([case, MODES[mode].title, by_case[case]["plans"], *cells])
+    held = found["relations"]
+    shares = [
+        [name, kind, *(f"{100 * row[name] / max(1, row['pairs']):.0f} %" for row in held.values())]
+        for name, kind in found["kinds"].items()
+        if kind != "calibration"
     ]
+    titles = " | ".join(MODES[mode].title for mode in held)
+    whole, loss = ", ".join(str(row["pairs"]) for row in held.values()), found["paper_heuristic"]
+    return f"""# Table I for random starts and goals
 
+Made by `experiments/table1_statistics.py`. {found["pairs"]} random walks from the deck to the \
+overhead, at least {LEAST:g} m from base to goal, both limbs on the overhead at the end. Figures \
+are the median, in brackets the 10th and 90th percentile. Heuristics: the paper's in the \
+paper-faithful mode, `cost_to_go` in the others, whose work backward is counted.
 
-def told_sweep(sweep: dict[str, Any]) -> list[str]:
-    """Plans under other thresholds, in lines."""
-    lines = [
-        "**Thresholds.** Both as a share of the paper's, base cost, "
-        f"{sweep['pairs']} of the pairs, steps not checked. Executable: every step can be made by "
-        "the holding limb.",
-        "",
-        "| share | stances | plans | steps | base translation [m] | executable |",
-        "|---|---|---|---|---|---|",
-    ]
-    for row in sweep["rows"]:
-        cells = ["-"] * 3
-        if row["plans"]:
-            share = 100 * row["executable"] / row["plans"]
-            cells = [
-                f"{row['steps']:.2f}",
-                f"{row['base_translation']:.3f}",
-                f"{row['executable']} ({share:.0f} %)",
-            ]
-        lines.append(
-            f"| {row['factor']:g} | {row['stances']} | {row['plans']} | {' | '.join(cells)} |"
-        )
-    return lines
+{table(ROWS, rows)}
+How often relations hold, of the pairs with plans in all cases ({whole}):
+
+{table(f"relation | why it may hold | {titles}", shares)}
+One start pose serves all modes, that with collisions checked. Where a graph would give the \
+stance another, it is a given pose, to which thresholds do not apply: so a plan may begin below \
+them.
+
+**What the paper's heuristic costs.** In the paper-faithful Case 2 its plan is longer than the \
+optimum for {loss["longer"]} of {loss["pairs"]} pairs \
+({100 * loss["longer"] / loss["pairs"]:.0f} %), by {loss["mean"]:.3f} m on average and \
+{loss["largest"]:.3f} m at most.
+"""
 
 
 def main() -> None:
     """Plan, summarise and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("--pairs", type=int, default=300)
     parser.add_argument("--keep", type=Path, help="folder for single answers, to go on from")
-    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
     args = parser.parse_args()
     for mode in MODES:
         for case in CASES:
             planner_of(case, mode, 0)
     processes = Processes(len(os.sched_getaffinity(0)), args.keep)
     answers = list(processes.answers(pair, range(args.pairs), "table 1 pairs"))
-    data = {"statistics": summary(answers), "sweep": swept(min(SWEPT, args.pairs))}
-    write_whole(args.out / "table1_statistics.json", json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "table1_statistics.md", told(data))
+    data = {"statistics": summary(answers)}
+    publish(args.out, "table1_statistics", data, told)
     print(told(data))
 
 

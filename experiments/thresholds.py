@@ -13,20 +13,18 @@ share in `thresholds.json`, and a share that is there is not measured again; `th
 
 from __future__ import annotations
 
-import argparse
-import json
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from reports import command_line, keep, pair_graph, publish, read, table
 from scipy.stats import spearmanr
-from table1_statistics import mean, random_pair
+from table1_statistics import random_pair
 from tqdm import tqdm
 
-from mlivr_gym import Settings, jem_map, stance_graph
+from mlivr_gym import Settings
 from mlivr_gym.errors import StanceError
-from mlivr_gym.files import write_whole
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
@@ -52,10 +50,8 @@ Measure = dict[str, Any]
 
 def measured(factor: float, pairs: int) -> Measure:
     """Plans under thresholds, and how they are carried out."""
-    names = ("limb_threshold", "base_threshold")
-    given = dict(zip(names, (factor * whole for whole in Settings().thresholds(2)), strict=True))
-    graph = stance_graph(jem_map(), settings=Settings(**given))
-    assert isinstance(graph, PairGraph)
+    limb, base = (factor * whole for whole in Settings().thresholds(2))
+    graph = pair_graph(limb_threshold=limb, base_threshold=base)
     planner, found = Planner(graph), []
     for seed in tqdm(range(pairs), desc=f"{factor:g}", mininterval=5.0):
         start, goal = random_pair(seed)
@@ -106,61 +102,62 @@ def pooled(rows: list[Measure], name: str) -> dict[str, list[float]]:
     return out
 
 
+def average(values: Sequence[float], form: str, scale: float = 1.0) -> str:
+    """The mean, `-` of nothing."""
+    return format(scale * float(np.mean(values)), form) if values else "-"
+
+
+ROWS = (
+    "share | stances | plans | explored | steps | base translation [m] | carried out by | "
+    "share carried out | base error [mm] | capture [mm]"
+)
+CORRELATIONS = (
+    "carried out by | steps | base error, `w_m` | base error, `w_b` | capture, `w_m` | "
+    "capture, `w_b`"
+)
+"""Heads of the tables."""
+
+
 def markdown(data: Measure) -> str:
     """The report."""
-    rows, whole = data["rows"], Settings().thresholds(2)
-    lines = [
-        "# Do the thresholds predict how well a walk is carried out?",
-        "",
-        f"Made by `experiments/thresholds.py`: {data['pairs']} random pairs from the deck to the "
-        "overhead, base cost, steps and collisions checked; thresholds as a share of the paper's, "
-        f"which are {whole[0]:g} and {whole[1]:g}. *Base error*: largest distance of the base "
-        "from its trajectory, mean over the steps that ended with a grasp; *capture*: distance of "
-        "the gripper from its point just before it grasps, mean.",
-        "",
-        "![Base error against manipulability](thresholds.png)",
-        "",
-        "| share | stances | plans | explored | steps | base translation [m] "
-        "| carried out by | share carried out | base error [mm] | capture [mm] |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for row in rows:
+    limb, base = Settings().thresholds(2)
+    rows, correlations = [], []
+    for row in data["rows"]:
         plans = row["plans"]
         for name in SETUPS:
-            steps = pooled([row], name)
-            ended = sum(plan[name]["failure"] is None for plan in plans)
-            errors = [mean(steps[what]) for what in ("base_error", "capture")]
-            cells = [
+            steps, ended = pooled([row], name), [plan[name]["failure"] is None for plan in plans]
+            rows.append([
                 f"{row['factor']:g}", row["stances"], len(plans),
-                *(_figure(mean([plan[what] for plan in plans]), form) for what, form in (
-                    ("expanded", ".0f"), ("steps", ".2f"), ("base_translation", ".3f"))),
-                name, f"{ended} of {len(plans)}",
-                *(_figure(None if error is None else 1e3 * error, ".2f") for error in errors),
-            ]  # fmt: skip
-            lines.append("| " + " | ".join(map(str, cells)) + " |")
-    lines += [
-        "",
-        "Spearman's rank correlation over the steps of all shares, of what was measured in a step "
-        "with the least manipulability of the two stances between which it leads. A threshold "
-        "predicts an error if its correlation is clearly below 0.",
-        "",
-        "| carried out by | steps | base error, `w_m` | base error, `w_b` | capture, `w_m` "
-        "| capture, `w_b` |",
-        "|---|---|---|---|---|---|",
-    ]
+                average([plan["expanded"] for plan in plans], ".0f"),
+                average([plan["steps"] for plan in plans], ".2f"),
+                average([plan["base_translation"] for plan in plans], ".3f"),
+                name, f"{sum(ended)} of {len(plans)}",
+                *(average(steps[what], ".2f", 1e3) for what in ("base_error", "capture")),
+            ])  # fmt: skip
     for name in SETUPS:
-        steps = pooled(rows, name)
+        steps = pooled(data["rows"], name)
         found = [
             f"{spearmanr(steps[w], steps[what]).statistic:+.2f}"
             for what in ("base_error", "capture")
             for w in ("w_m", "w_b")
         ]
-        lines.append(f"| {name} | {len(steps['w_m'])} | " + " | ".join(found) + " |")
-    return "\n".join([*lines, ""])
+        correlations.append([name, len(steps["w_m"]), *found])
+    return f"""# Do the thresholds predict how well a walk is carried out?
 
+Made by `experiments/thresholds.py`: {data["pairs"]} random pairs from the deck to the overhead, \
+base cost, steps and collisions checked; thresholds as a share of the paper's, which are {limb:g} \
+and {base:g}. *Base error*: largest distance of the base from its trajectory, mean over the steps \
+that ended with a grasp; *capture*: distance of the gripper from its point just before it grasps, \
+mean.
 
-def _figure(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)
+![Base error against manipulability](thresholds.png)
+
+{table(ROWS, rows)}
+Spearman's rank correlation over the steps of all shares, of what was measured in a step with the \
+least manipulability of the two stances between which it leads. A threshold predicts an error if \
+its correlation is clearly below 0.
+
+{table(CORRELATIONS, correlations)}"""
 
 
 def figure(data: Measure) -> Figure:
@@ -181,20 +178,17 @@ def figure(data: Measure) -> Figure:
 
 def main() -> None:
     """Measure what is not there, and tell all."""
-    parser = argparse.ArgumentParser(description="Thresholds and how walks are carried out.")
-    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser = command_line(__doc__)
     parser.add_argument("--pairs", type=int, default=20)
     args = parser.parse_args()
-    path = args.out / "thresholds.json"
-    data: Measure = {"pairs": args.pairs, "rows": []}
-    if path.exists():
-        known = json.loads(path.read_text(encoding="utf-8"))
-        data = known if known["pairs"] == args.pairs else data
+    data = read(args.out, "thresholds")
+    if data.get("pairs") != args.pairs:
+        data = {"pairs": args.pairs, "rows": []}
     for factor in FACTORS:
         if factor not in [row["factor"] for row in data["rows"]]:
             data["rows"].append(measured(factor, args.pairs))
-            write_whole(path, json.dumps(data) + "\n")
-    write_whole(args.out / "thresholds.md", markdown(data))
+            keep(args.out, "thresholds", data, indent=None)
+    publish(args.out, "thresholds", data, markdown, indent=None)
     save_figure(figure(data), args.out / "thresholds.png")
 
 

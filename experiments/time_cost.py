@@ -8,29 +8,22 @@ default limits. Means over the tasks make a front; `fastest` is the fastest of a
 
 from __future__ import annotations
 
-import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from reports import command_line, publish, table
 from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.fastest import COSTS, step_seconds
-from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.build import stance_graph
 
 SEED = 20270103
 """Seed of the tasks."""
-
-
-def name_of(cost: str, price: float | None) -> str:
-    """A cost in words."""
-    return cost if price is None else f"{price:g} m a regrasp"
 
 
 def measured(tasks: int) -> dict[str, Any]:
@@ -43,61 +36,58 @@ def measured(tasks: int) -> dict[str, Any]:
         for cost, price in COSTS:
             plan = planner.plan(start.stance, goal, cost, regrasp_price=price).unwrap()
             seconds = sum(step_seconds(planner.graph, plan)) if plan.steps else 0.0
-            row[name_of(cost, price)] = [seconds, len(plan.steps), plan.base_translation]
+            name = cost if price is None else f"{price:g} m a regrasp"
+            row[name] = [seconds, len(plan.steps), plan.base_translation]
         row["fastest"] = min(row.values())
         rows.append(row)
     return {"tasks": rows}
 
 
+def means(data: dict[str, Any]) -> dict[str, list[float]]:
+    """Mean seconds, steps and translation of each cost's plans."""
+    rows = data["tasks"]
+    return {name: np.mean([row[name] for row in rows], axis=0).tolist() for name in rows[0]}
+
+
 def markdown(data: dict[str, Any]) -> str:
     """The means as a page."""
-    rows = data["tasks"]
-    lines = [
-        "# Time as a cost",
-        "",
-        f"Made by `experiments/time_cost.py`: {len(rows)} random tasks, collisions checked, clocks "
-        "at the default limits. Means over the tasks; *fastest* is",
-        "the fastest of a task's plans, and *wins* counts the tasks in which a cost's plan is as "
-        "fast as that. There is no bound on what plans that were",
-        "not considered would take.",
-        "",
-        "| optimal for | time [s] | steps | base translation [m] | wins |",
-        "|---|---|---|---|---|",
-    ]
-    for name in rows[0]:
-        seconds, steps, translation = np.mean([row[name] for row in rows], axis=0)
+    rows, cells = data["tasks"], []
+    for name, (seconds, steps, translation) in means(data).items():
         wins = sum(row[name][0] <= row["fastest"][0] + 1e-9 for row in rows)
-        lines.append(f"| {name} | {seconds:.1f} | {steps:.2f} | {translation:.2f} | {wins} |")
-    return "\n".join(lines) + "\n"
+        cells.append([name, f"{seconds:.1f}", f"{steps:.2f}", f"{translation:.2f}", wins])
+    return f"""# Time as a cost
+
+Made by `experiments/time_cost.py`: {len(rows)} random tasks, collisions checked, clocks at the \
+default limits. Means over the tasks; *fastest* is
+the fastest of a task's plans, and *wins* counts the tasks in which a cost's plan is as fast as \
+that. There is no bound on what plans that were
+not considered would take.
+
+{table("optimal for | time [s] | steps | base translation [m] | wins", cells)}"""
 
 
 def front(data: dict[str, Any], path: Path) -> None:
     """Mean time over mean translation and over mean steps."""
-    rows = data["tasks"]
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     places: dict[tuple[float, ...], list[str]] = {}
-    for name in rows[0]:
-        mean = np.mean([row[name] for row in rows], axis=0).round(6)
-        places.setdefault(tuple(mean.tolist()), []).append(name.removesuffix(" a regrasp"))
+    for name, mean in means(data).items():
+        places.setdefault(tuple(np.round(mean, 6)), []).append(name.removesuffix(" a regrasp"))
     for k, ((seconds, steps, translation), names) in enumerate(places.items()):
         best = "fastest" in names
         shift = (6, 5) if k % 2 else (6, -10)
         for axis, value in zip(axes, (translation, steps), strict=True):
             axis.plot(value, seconds, "*" if best else "o", color="#d62728" if best else "#1f5fd0")
-            axis.annotate(
-                ", ".join(names), (value, seconds), xytext=shift, textcoords="offset points",
-                fontsize=7,
-            )  # fmt: skip
-    axes[0].set_xlabel("mean base translation [m]")
-    axes[1].set_xlabel("mean number of steps")
-    axes[0].set_ylabel("mean time of a plan [s]")
+            axis.annotate(", ".join(names), (value, seconds), xytext=shift,
+                          textcoords="offset points", fontsize=7)  # fmt: skip
+    axes[0].set(xlabel="mean base translation [m]", ylabel="mean time of a plan [s]")
+    axes[1].set(xlabel="mean number of steps")
     for axis in axes:
         axis.grid(alpha=0.3)
         axis.margins(0.15)
     figure.suptitle(
-        f"Plans of {len(rows)} tasks, optimal for base, steps, or a price of a regrasp [m] "
-        "(axes do not start at 0)",
+        f"Plans of {len(data['tasks'])} tasks, optimal for base, steps, or a price of a regrasp "
+        "[m] (axes do not start at 0)",
         fontsize=10,
     )
     save_figure(figure, path)
@@ -105,15 +95,11 @@ def front(data: dict[str, Any], path: Path) -> None:
 
 def main() -> None:
     """Measure and write `time_cost.{json,md,png}`."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=40)
     args = parser.parse_args()
     data = measured(args.tasks)
-    write_whole(args.out / "time_cost.json", json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "time_cost.md", markdown(data))
+    publish(args.out, "time_cost", data, markdown)
     front(data, args.out / "time_cost.png")
 
 

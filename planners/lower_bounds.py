@@ -142,7 +142,7 @@ class LowerBounds:
     def _goals(self, goal: Goal) -> BoolArray:
         """Nodes that may be at the goal, shape (n,)."""
         close = distances(self.table.base_position, goal.target) <= goal.tolerance + self._rounded
-        close[close] = goal.held(self.table.points[close])
+        close[close] = goal.held(self.table.points[close].astype(np.int64))
         return np.asarray(close)
 
     def _toward(self, cost: Cost, starts: IntArray, taken: BoolArray) -> Array:
