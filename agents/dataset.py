@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import warnings
 from collections.abc import Callable
 from pathlib import PurePosixPath
@@ -15,7 +14,7 @@ from mlivr_gym import __version__
 from mlivr_gym.agents.policies import ExpertPolicy
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import SettingError, need
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 
 NEEDED = ("minari", "h5py", "jax")
@@ -58,7 +57,7 @@ def write_dataset(
         SettingError: If there is no episode, the id is no id of Minari or taken, or the extra
             [data] is not installed; all before the first episode.
     """
-    _need_minari()
+    need(*NEEDED, extra="data")
     if episodes < 1:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
     _check_id(dataset_id)
@@ -116,7 +115,7 @@ def load_dataset(dataset_id: str) -> Any:
         SettingError: If there is none of this id, its walks were made under other rules of the
             stance graph, or the extra [data] is not installed.
     """
-    _need_minari()
+    need(*NEEDED, extra="data")
     import minari
 
     try:
@@ -126,14 +125,6 @@ def load_dataset(dataset_id: str) -> Any:
     found = dataset.storage.metadata.get(RULES)
     check_rules(f"data set {dataset_id!r}", found, "write it anew with write_dataset", SettingError)
     return dataset
-
-
-def _need_minari() -> None:
-    for package in NEEDED:
-        if importlib.util.find_spec(package) is None:
-            raise SettingError(
-                f"data sets need the package {package!r}: pip install 'mlivr-gym[data]'"
-            )
 
 
 def _check_id(dataset_id: str) -> None:

@@ -5,7 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from mlivr_gym.cli.arguments import chosen_graph, output_arguments, world_arguments
+from mlivr_gym.cli.arguments import (
+    Commands,
+    chosen_graph,
+    option,
+    output_arguments,
+    world_arguments,
+)
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import about, claim, file_size
 from mlivr_gym.cli.progress import PER_CENT, Progress
@@ -14,7 +20,7 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.table_build import build_table, estimate_table, name_of, write_built
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "build",
@@ -25,13 +31,8 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         "four all nodes and what each step between them keeps at most. Before it begins it tells "
         "about how long that takes. What was stopped goes on where it was.",
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="file to pass on, too, which is found in a cache folder under the name that is "
-        "printed",
-    )
+    told = "file to pass on, too, which is found in a cache folder under the name that is printed"
+    option(parser, "--out FILE", told, type=Path)
     parser.set_defaults(run=run)
 
 

@@ -6,7 +6,7 @@ import argparse
 import re
 from datetime import datetime
 
-from mlivr_gym.cli.arguments import output_arguments
+from mlivr_gym.cli.arguments import Commands, option, output_arguments
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import UNITS, file_size
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
@@ -15,7 +15,7 @@ from mlivr_gym.errors import SettingError, shown
 from mlivr_gym.files import FileError
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "cache",
@@ -25,12 +25,9 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         "size and when they were used last. All of it is made again where it is needed.",
     )
     how = parser.add_mutually_exclusive_group()
-    how.add_argument("--clear", action="store_true", help="remove all of it")
-    how.add_argument(
-        "--limit",
-        metavar="SIZE",
-        help="remove what was not used for longest until no more than, say, 2GB is kept",
-    )
+    option(how, "--clear", "remove all of it")
+    told = "remove what was not used for longest until no more than, say, 2GB is kept"
+    option(how, "--limit SIZE", told)
     parser.set_defaults(run=run)
 
 

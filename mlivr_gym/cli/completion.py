@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 
+from mlivr_gym.cli.arguments import Commands
 from mlivr_gym.cli.exits import SUCCESS
 
 SCRIPT = """\
@@ -28,7 +29,7 @@ complete -o default -F _mlivr_gym mlivr-gym
 """What both shells take; files are completed where nothing else fits."""
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "completion",

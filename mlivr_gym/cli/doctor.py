@@ -15,7 +15,7 @@ from typing import Any
 import numba
 
 from mlivr_gym import __version__
-from mlivr_gym.cli.arguments import output_arguments
+from mlivr_gym.cli.arguments import Commands, output_arguments
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_root
@@ -42,7 +42,7 @@ REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[^]]*\])?\s*([^;]*?)\s*(?:;.*extra == 
 """A requirement in the metadata: the package, its versions, and the extra that asks for it."""
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "doctor",

@@ -11,16 +11,17 @@ import gymnasium
 import numpy as np
 
 from mlivr_gym.cli.arguments import (
+    Commands,
     check_counts,
     environment_arguments,
+    option,
     output_arguments,
     refuse_without_effect,
     world_arguments,
 )
 from mlivr_gym.cli.exits import SUCCESS
-from mlivr_gym.cli.extras import need
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import SettingError, choice, shown
+from mlivr_gym.errors import SettingError, choice, need, shown
 
 if TYPE_CHECKING:  # agents and environment import MuJoCo, which loads a GL library
     from mlivr_gym.agents.evaluation import Evaluation
@@ -28,20 +29,12 @@ if TYPE_CHECKING:  # agents and environment import MuJoCo, which loads a GL libr
     from mlivr_gym.envs.env import MlivrEnv
 
 PLANNERS = (
-    "expert",
-    "astar",
-    "astar-base",
-    "dijkstra",
-    "greedy",
-    "local",
-    "two_level",
-    "mcts",
-    "random",
-)
+    "expert", "astar", "astar-base", "dijkstra", "greedy", "local", "two_level", "mcts", "random",
+)  # fmt: skip
 """What can be measured besides learned policies."""
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "evaluate",
@@ -50,33 +43,15 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         description="Success, steps and base translation over seeded episodes, "
         "or over the frozen test set.",
     )
-    parser.add_argument(
-        "--policy",
-        default="pretrained",
-        help=f"pretrained, a checkpoint, or {', '.join(PLANNERS)} (default: %(default)s)",
-    )
-    parser.add_argument("--episodes", type=int, default=20, help="episodes (default: %(default)s)")
-    parser.add_argument(
-        "--seed", type=int, default=0, help="seed of the first episode (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--grasp-failure",
-        type=float,
-        default=0.0,
-        metavar="P",
-        help="mean probability that a grasp fails",
-    )
-    parser.add_argument(
-        "--beam",
-        type=int,
-        metavar="W",
-        help="let the pointer policy guide a beam search of this width",
-    )
-    parser.add_argument(
-        "--split",
-        help="same, half, dense or occupied: a split of the frozen test set in place of seeded "
-        "episodes",
-    )
+    told = f"pretrained, a checkpoint, or {', '.join(PLANNERS)}"
+    option(parser, "--policy POLICY", told, "pretrained")
+    option(parser, "--episodes N", "episodes", 20)
+    option(parser, "--seed N", "seed of the first episode", 0)
+    option(parser, "--grasp-failure P", "mean probability that a grasp fails", 0.0)
+    told = "let the pointer policy guide a beam search of this width"
+    option(parser, "--beam W", told, type=int)
+    told = "a split of the frozen test set in place of seeded episodes"
+    option(parser, "--split SPLIT", f"same, half, dense or occupied: {told}")
     parser.set_defaults(run=run)
 
 

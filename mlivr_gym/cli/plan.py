@@ -6,12 +6,15 @@ import argparse
 from typing import Any
 
 from mlivr_gym.cli.arguments import (
+    Commands,
     chosen_graph,
     chosen_task,
     obstacle_arguments,
+    option,
     output_arguments,
     query_arguments,
     refuse_without_effect,
+    search_options,
     world_arguments,
 )
 from mlivr_gym.cli.exits import SUCCESS
@@ -26,29 +29,19 @@ from mlivr_gym.stances.node_files import node_table
 from mlivr_gym.stances.pair_graph import PairGraph
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "plan",
-        parents=[
-            world_arguments(),
-            obstacle_arguments(),
-            query_arguments(),
-            output_arguments(),
-        ],
+        parents=[world_arguments(), obstacle_arguments(), query_arguments(), output_arguments()],
         help="plan from a stance to a goal",
         description="Plan from a start stance to a goal position of the base. "
         "Start and goal have defaults.",
     )
-    parser.add_argument("--out", metavar="FILE", help="write the plan as JSON")
-    parser.add_argument(
-        "--picture", metavar="FILE", help="draw the plan as PNG, and as SVG beside it"
-    )
-    parser.add_argument(
-        "--refined",
-        action="store_true",
-        help="choose other base poses on the footholds found, for less translation",
-    )
+    option(parser, "--out FILE", "write the plan as JSON")
+    option(parser, "--picture FILE", "draw the plan as PNG, and as SVG beside it")
+    told = "choose other base poses on the footholds found, for less translation"
+    option(parser, "--refined", told)
     parser.set_defaults(run=run)
 
 
@@ -76,6 +69,10 @@ def run(args: argparse.Namespace) -> int:
     return SUCCESS
 
 
+TOLD_OF_STEP = ("limb", "from_point", "to_point", "displacement", "path", "swing")
+"""What `--json` tells of a step."""
+
+
 def told_of(plan: Plan) -> dict[str, Any]:
     """A plan as `--json` tells it: lengths in metres, times in seconds."""
     spent = plan.statistics
@@ -89,17 +86,7 @@ def told_of(plan: Plan) -> dict[str, Any]:
         "base_translation": plan.base_translation,
         "w_m_min": plan.w_m_min,
         "w_b_min": plan.w_b_min,
-        "steps": [
-            {
-                "limb": step.limb,
-                "from_point": step.from_point,
-                "to_point": step.to_point,
-                "displacement": step.displacement,
-                "path": step.path,
-                "swing": step.swing,
-            }
-            for step in plan.steps
-        ],
+        "steps": [{name: getattr(step, name) for name in TOLD_OF_STEP} for step in plan.steps],
         "bound": spent.bound,
         "expanded": spent.expanded,
         "generated": spent.generated,
@@ -158,20 +145,7 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         cost, price = fastest_cost(planner, start, goal, args)
     with Progress("states explored", quiet=args.quiet) as progress:
         result = planner.plan(
-            start,
-            goal,
-            cost,
-            regrasp_price=price,
-            method=args.method,
-            heuristic=args.heuristic,
-            inflation=args.inflation,
-            goal_tolerance=args.tolerance,
-            goal_face=args.goal_face,
-            start_pose=args.start_pose,
-            start_joints=args.start_joints,
-            limit=args.limit,
-            time_limit=args.time_limit,
-            progress=progress.show,
+            start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)
         )
     if result.reason in CUT_OFF:
         how = {name: getattr(args, name) for name in ("goal_face", "start_pose", "start_joints")}

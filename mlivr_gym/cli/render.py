@@ -10,9 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.cli.arguments import (
+    Commands,
     chosen_graph,
     chosen_map,
     chosen_task,
+    option,
     output_arguments,
     refuse_ignored,
     world_arguments,
@@ -35,7 +37,7 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "render",
@@ -45,29 +47,13 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         "one picture of its start and its goal side by side, "
         "or of the stance chosen with --stance, with its base path, its goal and its footholds.",
     )
-    parser.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
-    parser.add_argument(
-        "--plan", metavar="FILE", help="a plan; its start and goal stance are drawn"
-    )
-    parser.add_argument(
-        "--stance", type=int, metavar="K", help="of the plan, draw the stance after K steps alone"
-    )
-    parser.add_argument(
-        "--out", default="scene.png", metavar="FILE", help="PNG file (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--size",
-        nargs=2,
-        type=int,
-        default=(1280, 640),
-        metavar=("W", "H"),
-        help="pixels of each stance's picture",
-    )
-    parser.add_argument(
-        "--mjcf",
-        metavar="FILE",
-        help="also export the simulation model as MJCF, in the (first) stance drawn",
-    )
+    option(parser, "--start POINT...", "point id of each limb")
+    option(parser, "--plan FILE", "a plan; its start and goal stance are drawn")
+    option(parser, "--stance K", "of the plan, draw the stance after K steps alone", type=int)
+    option(parser, "--out FILE", "PNG file", "scene.png")
+    option(parser, "--size W H", "pixels of each stance's picture", (1280, 640))
+    told = "also export the simulation model as MJCF, in the (first) stance drawn"
+    option(parser, "--mjcf FILE", told)
     parser.set_defaults(run=run)
 
 

@@ -5,7 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from mlivr_gym.cli.arguments import chosen_graph, output_arguments, world_arguments
+from mlivr_gym.cli.arguments import (
+    Commands,
+    chosen_graph,
+    option,
+    output_arguments,
+    world_arguments,
+)
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim, make_folder
 from mlivr_gym.cli.progress import PER_CENT, Progress
@@ -16,7 +22,7 @@ from mlivr_gym.planners.roadmap_build import MOST, build
 from mlivr_gym.stances.lazy_graph import LazyGraph
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "roadmap",
@@ -29,23 +35,9 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         "joined, and the fewer steps plans take; 10,000 take minutes. Of those found the ones are "
         "kept through which most short walks pass.",
     )
-    parser.add_argument(
-        "--expansions",
-        type=int,
-        default=10_000,
-        metavar="N",
-        help="stances whose steps are worked out (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--stances",
-        type=int,
-        default=MOST,
-        metavar="N",
-        help="most stances that are kept (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="file (default: the package's cache folder)"
-    )
+    option(parser, "--expansions N", "stances whose steps are worked out", 10_000)
+    option(parser, "--stances N", "most stances that are kept", MOST)
+    option(parser, "--out FILE", "file (default: the package's cache folder)", type=Path)
     parser.set_defaults(run=run)
 
 

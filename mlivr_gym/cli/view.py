@@ -7,21 +7,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
+    Commands,
     chosen_graph,
     chosen_map,
     chosen_task,
     obstacle_arguments,
+    option,
     output_arguments,
     query_arguments,
     refuse_ignored,
+    search_options,
     world_arguments,
 )
 from mlivr_gym.cli.exits import SUCCESS
-from mlivr_gym.cli.extras import need
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.plan import fastest_cost
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import NoPlanError, PlanError, SettingError
+from mlivr_gym.errors import NoPlanError, PlanError, SettingError, need
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.schema import Place, Whole
@@ -40,45 +42,23 @@ FILES = "plan.json", "simulation.npz"
 """What is read of the folder of an execution."""
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "view",
-        parents=[
-            world_arguments(),
-            obstacle_arguments(),
-            query_arguments(),
-            output_arguments(),
-        ],
+        parents=[world_arguments(), obstacle_arguments(), query_arguments(), output_arguments()],
         help="look at plans in a browser, and change them there",
         description="Serve a page on which a plan or an execution is played, and on which a click "
         "on a point, a new goal, another cost or a box plans anew. "
         "With --out, write a page that plays without a server. Needs the extra 'viewer'.",
     )
-    parser.add_argument(
-        "--plan",
-        metavar="FILE",
-        action="append",
-        default=[],
-        help="a plan; a second one is shown beside the first",
-    )
-    parser.add_argument(
-        "--execution", metavar="FOLDER", help="what `mlivr-gym simulate` has written"
-    )
-    parser.add_argument(
-        "--out", metavar="FILE", help="write one HTML file that plays, and serve nothing"
-    )
-    parser.add_argument(
-        "--host",
-        default=HOST,
-        help="network interface that answers (default: %(default)s, this computer alone)",
-    )
-    parser.add_argument(
-        "--port",
-        type=int,
-        default=PORT,
-        help="port, the next free one if it is taken; 0 for any (default: %(default)s)",
-    )
+    told = "a plan; a second one is shown beside the first"
+    option(parser, "--plan FILE", told, [], action="append")
+    option(parser, "--execution FOLDER", "what `mlivr-gym simulate` has written")
+    option(parser, "--out FILE", "write one HTML file that plays, and serve nothing")
+    told = "network interface that answers; the default is this computer alone"
+    option(parser, "--host HOST", told, HOST)
+    option(parser, "--port PORT", "port, the next free one if it is taken; 0 for any", PORT)
     parser.set_defaults(run=run)
 
 
@@ -133,11 +113,7 @@ def _found(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
     (x, y, z), cost, price = goal, args.cost, args.regrasp_price
     if cost == "time":
         cost, price = fastest_cost(Planner(graph), start, goal, args)
-    asked = Asked(
-        start, (x, y, z), cost, price, args.tolerance, args.goal_face,
-        args.start_pose, args.start_joints, args.method, args.heuristic, args.inflation, args.limit,
-        args.time_limit,
-    )  # fmt: skip
+    asked = Asked(start, (x, y, z), cost, price, **search_options(args))
     live = LivePlan(graph, asked)
     live.replan()
     return live, None

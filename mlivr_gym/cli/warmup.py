@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from mlivr_gym.cli.arguments import output_arguments
+from mlivr_gym.cli.arguments import Commands, output_arguments
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
@@ -15,7 +15,7 @@ from mlivr_gym.stances.build import stance_graph
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
     parser = commands.add_parser(
         "warmup",

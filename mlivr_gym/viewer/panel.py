@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlivr_gym.errors import missing
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer.live_plan import PRICE
-from mlivr_gym.viewer.policy_view import missing
+from mlivr_gym.viewer.policy_view import NEEDED
 from mlivr_gym.viewer.second_plan import APART, HIDDEN, OVER
 from mlivr_gym.viewer.viewer import (
     AIM,
@@ -97,7 +98,7 @@ def _add_showing(viewer: Viewer) -> None:
     page, graph = viewer.page, viewer.live.graph
     whys = [f"{WHY}{limb}" for limb in range(graph.limbs)]
     page.choice("points", "colours tell", (PLAIN, REACH, *whys, POLICY), PLAIN, viewer.mark)
-    page.text("legend", missing())
+    page.text("legend", missing(*NEEDED, extra="agents"))
     page.checkbox("tree", "explored steps", False, lambda on: viewer.switch("tree", on))
     page.checkbox("path", "path and footholds", True, lambda on: viewer.switch("plan", on))
     page.checkbox("ghost", "plan before, pale", True, lambda on: viewer.switch("ghost", on))

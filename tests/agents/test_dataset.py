@@ -92,7 +92,7 @@ def test_a_missing_extra_is_one_clear_error_before_collecting(
     monkeypatch.setitem(sys.modules, package, None)
     for call in (lambda: write_dataset("foo-v0", 1), lambda: load_dataset("foo-v0")):
         with pytest.raises(
-            SettingError, match=rf"need the package '{package}': pip install 'mlivr-gym\[data\]'"
+            SettingError, match=rf"needs the package '{package}': pip install 'mlivr-gym\[data\]'"
         ):
             call()
 

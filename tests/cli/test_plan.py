@@ -118,8 +118,8 @@ def test_plan_and_info_take_the_map_and_the_robot_of_a_file(run, tmp_path):
     assert "steps" in out
     code, out, _ = run("info", "--map", str(world), "--robot", str(robot))
     assert code == 0
-    assert "map map" in out
-    assert "robot given" in out
+    assert "map:\n  name: map\n" in out
+    assert "robot:\n  name: given\n" in out
 
 
 @pytest.mark.parametrize(
