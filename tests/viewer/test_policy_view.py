@@ -41,4 +41,3 @@ def test_chances_are_those_of_the_policy_in_its_environment(small_checked_graph)
         scores = scores_and_value(network, as_tensors(network, env_features(env)))[0][0].numpy()
     likely = np.where(env.action_masks(), np.exp(scores), 0.0)
     np.testing.assert_allclose(after.ravel(), likely / likely.sum(), atol=1e-5)
-

@@ -7,6 +7,10 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.scene import compiled, scene_spec, set_configuration
+from mlivr_gym.world.boxes import Box
+
+pytest.importorskip("trimesh", reason="the extra 'viewer' is not installed")
+
 from mlivr_gym.viewer.solids import (
     box_mesh,
     capsule_mesh,
@@ -15,13 +19,6 @@ from mlivr_gym.viewer.solids import (
     rod_mesh,
     scene_solids,
 )
-from mlivr_gym.world.boxes import Box
-
-
-def volume(mesh):
-    """Volume inside a closed surface whose triangles are seen anticlockwise from outside."""
-    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
-    return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
 
 
 def link_poses(scene, configuration):
@@ -93,12 +90,12 @@ def test_what_is_not_checked_is_told_apart(jem):
 
 def test_surfaces_are_closed_and_face_outwards():
     """Volumes from the triangles are near those of the solids, and positive."""
-    assert volume(box_mesh((0.1, 0.2, 0.3))) == pytest.approx(8 * 0.1 * 0.2 * 0.3)
+    assert box_mesh((0.1, 0.2, 0.3)).volume == pytest.approx(8 * 0.1 * 0.2 * 0.3)
     ball, tube = 4 / 3 * np.pi * 0.1**3, np.pi * 0.1**2 * 0.8
-    assert volume(capsule_mesh(0.1, 0.4)) == pytest.approx(ball + tube, rel=0.05)
-    assert volume(cylinder_mesh(0.1, 0.4)) == pytest.approx(tube, rel=0.05)
+    assert capsule_mesh(0.1, 0.4).volume == pytest.approx(ball + tube, rel=0.05)
+    assert cylinder_mesh(0.1, 0.4).volume == pytest.approx(tube, rel=0.05)
     both = joined([box_mesh((0.1, 0.1, 0.1)), box_mesh((0.2, 0.2, 0.2))])
-    assert volume(both) == pytest.approx(0.2**3 + 0.4**3)
+    assert both.volume == pytest.approx(0.2**3 + 0.4**3)
 
 
 def test_a_rod_reaches_from_one_place_to_the_other():
