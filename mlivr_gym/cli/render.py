@@ -26,8 +26,8 @@ from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.captions import strip_height, with_caption
-from mlivr_gym.pictures.configuration_figure import configuration_figure
 from mlivr_gym.pictures.figures import save_image
+from mlivr_gym.pictures.plan_figure import configuration_figure
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan

@@ -89,8 +89,9 @@ class Route(NamedTuple):
 
 
 def _rgba(colour: str, opacity: float = 1.0) -> Array:
-    red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    return np.array([red, green, blue, opacity], dtype=np.float32)
+    from matplotlib.colors import to_rgba
+
+    return np.array(to_rgba(colour, opacity), dtype=np.float32)
 
 
 def _add_ball(scene: Any, place: Array, radius: float, colour: Array) -> None:

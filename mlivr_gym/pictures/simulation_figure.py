@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.pictures.figures import new_figure, save_figure
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.phase_torques import (
     CAPTURE,
@@ -54,11 +54,7 @@ def simulation_figure(
         path: PNG file to write.
         title: Heading.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 9.0), dpi=110)
-    FigureCanvasAgg(figure)
+    figure = new_figure(11.0, 9.0)
     axes: list[Any] = figure.subplots(4, 1, sharex=True).tolist()
     times, limbs = recording.times, recording.joint_torques.shape[1]
     forces = np.linalg.norm(recording.grasp_forces, axis=2)
