@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -67,12 +68,9 @@ def write_dataset(
         if progress is not None:
             progress(k + 1)
     with warnings.catch_warnings():
-        # Author and link are the user's to add.
-        warnings.filterwarnings("ignore", message=".*is set to None")
-        # Minari leaves its temporary folders to the garbage collector.
-        warnings.filterwarnings(
-            "ignore", message="Implicitly cleaning up", category=ResourceWarning
-        )
+        # Author and link are the user's to add; Minari leaves temporary folders to the collector.
+        for told in (".*is set to None", "Implicitly cleaning up"):
+            warnings.filterwarnings("ignore", message=told)
         dataset = collector.create_dataset(
             dataset_id=dataset_id,
             algorithm_name="optimal expert (exact cost-to-go: the costs of A*)",
@@ -132,13 +130,10 @@ def _check_id(dataset_id: str) -> None:
     from minari.dataset.minari_dataset import parse_dataset_id
     from minari.storage.datasets_root_dir import get_dataset_path
 
-    try:
+    fault = "it must be names of letters, digits, - and _, joined by /, with a version at the end"
+    with suppress(ValueError, TypeError):
         parse_dataset_id(dataset_id)
         fault = "" if PurePosixPath(dataset_id).as_posix() == dataset_id else "it has an empty part"
-    except (ValueError, TypeError):
-        fault = (
-            "it must be names of letters, digits, - and _, joined by /, with a version at the end"
-        )
     if fault:
         raise SettingError(
             f"data set id {dataset_id!r} is not valid: {fault}, for example {EXAMPLE!r}"

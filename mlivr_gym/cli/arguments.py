@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -34,6 +35,24 @@ WIDEST_BEAM = 1000
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 """The commands of the parser."""
+
+
+def command(
+    commands: Commands, run: Callable[[argparse.Namespace], int | None], **told: Any
+) -> argparse.ArgumentParser:
+    """Add a command, which is called as its module is, to the parser's.
+
+    Args:
+        commands: Those of the parser.
+        run: What it does with its arguments; returns its exit code, or None for success.
+        **told: `groups`, the names of `GROUPS` it has besides those of what is printed, and
+            arguments of `add_parser`.
+    """
+    groups = (*told.pop("groups", ()), "output")
+    name, parents = run.__module__.split(".")[-1], [GROUPS[group]() for group in groups]
+    parser = commands.add_parser(name, parents=parents, **told)
+    parser.set_defaults(run=run)
+    return parser
 
 
 def option(
@@ -135,6 +154,15 @@ def query_arguments() -> argparse.ArgumentParser:
     option(parser, "--time-limit S", told, type=float)
     option(parser, "--limit LIMIT", "most states explored", 200_000)
     return parser
+
+
+GROUPS = {
+    "world": world_arguments,
+    "obstacles": obstacle_arguments,
+    "query": query_arguments,
+    "output": output_arguments,
+}
+"""Arguments that several commands have, by name."""
 
 
 def search_options(args: argparse.Namespace) -> dict[str, Any]:

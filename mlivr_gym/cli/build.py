@@ -5,13 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from mlivr_gym.cli.arguments import (
-    Commands,
-    chosen_graph,
-    option,
-    output_arguments,
-    world_arguments,
-)
+from mlivr_gym.cli.arguments import Commands, chosen_graph, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import about, claim, file_size
 from mlivr_gym.cli.progress import PER_CENT, Progress
@@ -22,9 +16,10 @@ from mlivr_gym.stances.table_build import build_table, estimate_table, name_of, 
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "build",
-        parents=[world_arguments(), output_arguments()],
+    parser = command(
+        commands,
+        run,
+        groups=("world",),
         help="work out once all that is known of a robot on a map",
         description="Work out the complete table of a robot on a map and keep it in the package's "
         "cache folder, where plans and environments find it: of two limbs all steps, of three and "
@@ -33,7 +28,6 @@ def add_command(commands: Commands) -> None:
     )
     told = "file to pass on, too, which is found in a cache folder under the name that is printed"
     option(parser, "--out FILE", told, type=Path)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -6,8 +6,7 @@ import argparse
 import re
 from datetime import datetime
 
-from mlivr_gym.cli.arguments import Commands, option, output_arguments
-from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.arguments import Commands, command, option
 from mlivr_gym.cli.outputs import UNITS, file_size
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 from mlivr_gym.compiled.kept import MACHINE_CODE, Kept, kept, remove, too_much
@@ -17,9 +16,9 @@ from mlivr_gym.files import FileError
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "cache",
-        parents=[output_arguments()],
+    parser = command(
+        commands,
+        run,
         help="list what is kept between runs, limit its size, or clear it",
         description="List the tables and the machine code that are kept between runs, with their "
         "size and when they were used last. All of it is made again where it is needed.",
@@ -28,10 +27,9 @@ def add_command(commands: Commands) -> None:
     option(how, "--clear", "remove all of it")
     told = "remove what was not used for longest until no more than, say, 2GB is kept"
     option(how, "--limit SIZE", told)
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """List what is kept, or remove some of it."""
     files = kept()
     if args.clear or args.limit:
@@ -57,7 +55,6 @@ def run(args: argparse.Namespace) -> int:
         last, many = max(one.used for one in code), sum(one.size for one in code)
         print(_line(Kept(kernel_root(), MACHINE_CODE, many, last)))
     print(f"{file_size(size)} in {cache_folder() or kernel_root()}")
-    return SUCCESS
 
 
 def _line(one: Kept) -> str:

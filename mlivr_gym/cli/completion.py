@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Mapping
 
 from mlivr_gym.cli.arguments import Commands
-from mlivr_gym.cli.exits import SUCCESS
 
 SCRIPT = """\
 # Completion of mlivr-gym for bash and zsh; made by `mlivr-gym completion`.
@@ -40,10 +39,9 @@ def add_command(commands: Commands) -> None:
     parser.set_defaults(run=lambda _: run(commands.choices))
 
 
-def run(parsers: Mapping[str, argparse.ArgumentParser]) -> int:
+def run(parsers: Mapping[str, argparse.ArgumentParser]) -> None:
     """Print the script."""
     print(script(parsers), end="")
-    return SUCCESS
 
 
 def script(parsers: Mapping[str, argparse.ArgumentParser]) -> str:

@@ -4,24 +4,17 @@ from __future__ import annotations
 
 import argparse
 
-from mlivr_gym.cli.arguments import (
-    Commands,
-    check_counts,
-    environment_arguments,
-    option,
-    output_arguments,
-    world_arguments,
-)
-from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.arguments import Commands, check_counts, command, environment_arguments, option
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import need
 
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "dataset",
-        parents=[world_arguments(), output_arguments()],
+    parser = command(
+        commands,
+        run,
+        groups=("world",),
         help="write planner episodes as a Minari data set",
         description="Episodes of the A* expert with action masks as a Minari data set; "
         "needs minari[create,hdf5].",
@@ -30,10 +23,9 @@ def add_command(commands: Commands) -> None:
     option(parser, "--episodes N", "episodes", 200)
     option(parser, "--seed N", "seed of the first episode", 0)
     option(parser, "--reward REWARD", "steps or base", "steps")
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Write the data set."""
     check_counts(args)
     need("minari", extra="data")
@@ -48,4 +40,3 @@ def run(args: argparse.Namespace) -> int:
         f"{args.id}: {episodes} episodes, {steps} steps; "
         f"load with mlivr_gym.agents.dataset.load_dataset({args.id!r})"
     )
-    return SUCCESS

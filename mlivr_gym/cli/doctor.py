@@ -15,7 +15,7 @@ from typing import Any
 import numba
 
 from mlivr_gym import __version__
-from mlivr_gym.cli.arguments import Commands, output_arguments
+from mlivr_gym.cli.arguments import Commands, command
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_root
@@ -44,15 +44,14 @@ REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[^]]*\])?\s*([^;]*?)\s*(?:;.*extra == 
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "doctor",
-        parents=[output_arguments()],
+    command(
+        commands,
+        run,
         help="what works here: versions, extras, GL, compiled code",
         description="Tell the versions of the package and of what it needs, which extras are "
         "installed, which GL libraries render, and where machine code and step tables are kept. "
         "Exit code 1 if something that every command needs is missing.",
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -13,13 +13,11 @@ import numpy as np
 from mlivr_gym.cli.arguments import (
     Commands,
     check_counts,
+    command,
     environment_arguments,
     option,
-    output_arguments,
     refuse_without_effect,
-    world_arguments,
 )
-from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError, choice, need, shown
 
@@ -36,9 +34,10 @@ PLANNERS = (
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "evaluate",
-        parents=[world_arguments(), output_arguments()],
+    parser = command(
+        commands,
+        run,
+        groups=("world",),
         help="measure a policy or planner",
         description="Success, steps and base translation over seeded episodes, "
         "or over the frozen test set.",
@@ -52,10 +51,9 @@ def add_command(commands: Commands) -> None:
     option(parser, "--beam W", told, type=int)
     told = "a split of the frozen test set in place of seeded episodes"
     option(parser, "--split SPLIT", f"same, half, dense or occupied: {told}")
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Measure what acts, in every world that is asked for, and print the means."""
     from mlivr_gym.agents.evaluation import evaluate
     from mlivr_gym.envs.env import MlivrEnv
@@ -78,7 +76,6 @@ def run(args: argparse.Namespace) -> int:
             results.append(evaluate(env, policy, episodes, args.seed, progress=progress.show))
     args.result |= {"policy": args.policy} | told_of(results)
     _report(args.policy, args.result)
-    return SUCCESS
 
 
 def _worlds(args: argparse.Namespace) -> list[tuple[dict[str, Any], Any]]:

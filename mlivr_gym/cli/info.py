@@ -9,14 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.cli.arguments import (
-    Commands,
-    chosen_graph,
-    obstacle_arguments,
-    output_arguments,
-    world_arguments,
-)
-from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.arguments import Commands, chosen_graph, command
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -24,15 +17,15 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "info",
-        parents=[world_arguments(), obstacle_arguments(), output_arguments()],
+    command(
+        commands,
+        run,
+        groups=("world", "obstacles"),
         help="what map, robot and stance graph hold",
     )
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Describe map, robot, settings and stance graph."""
     with Progress("making the stance graph", quiet=args.quiet):
         told = told_of(chosen_graph(args))
@@ -41,7 +34,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"{part.replace('_', ' ')}:")
         for name, value in found.items():
             print(f"  {name.replace('_', ' ')}: {_words(value)}")
-    return SUCCESS
 
 
 def _words(value: Any) -> str:

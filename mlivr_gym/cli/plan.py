@@ -9,15 +9,11 @@ from mlivr_gym.cli.arguments import (
     Commands,
     chosen_graph,
     chosen_task,
-    obstacle_arguments,
+    command,
     option,
-    output_arguments,
-    query_arguments,
     refuse_without_effect,
     search_options,
-    world_arguments,
 )
-from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import NoPlanError
@@ -31,9 +27,10 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "plan",
-        parents=[world_arguments(), obstacle_arguments(), query_arguments(), output_arguments()],
+    parser = command(
+        commands,
+        run,
+        groups=("world", "obstacles", "query"),
         help="plan from a stance to a goal",
         description="Plan from a start stance to a goal position of the base. "
         "Start and goal have defaults.",
@@ -42,10 +39,9 @@ def add_command(commands: Commands) -> None:
     option(parser, "--picture FILE", "draw the plan as PNG, and as SVG beside it")
     told = "choose other base poses on the footholds found, for less translation"
     option(parser, "--refined", told)
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Plan, describe the plan, and write what is asked for."""
     pictures = figure_files(args.picture) if args.picture is not None else ()
     claim(args.out, *pictures)
@@ -66,7 +62,6 @@ def run(args: argparse.Namespace) -> int:
         title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
         plan_figure(graph.grasp_map, plan, args.picture, result.tree, title)
         print(f"picture: {pictures[0]}, {pictures[1]}")
-    return SUCCESS
 
 
 TOLD_OF_STEP = ("limb", "from_point", "to_point", "displacement", "path", "swing")

@@ -14,12 +14,10 @@ from mlivr_gym.cli.arguments import (
     chosen_graph,
     chosen_map,
     chosen_task,
+    command,
     option,
-    output_arguments,
     refuse_ignored,
-    world_arguments,
 )
-from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.collisions.contacts import Configuration
@@ -39,9 +37,10 @@ from mlivr_gym.world.grasp_map import GraspMap
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "render",
-        parents=[world_arguments(), output_arguments()],
+    parser = command(
+        commands,
+        run,
+        groups=("world",),
         help="picture of the scene",
         description="Picture of the MuJoCo scene with the robot in a stance. Of a plan, "
         "one picture of its start and its goal side by side, "
@@ -54,10 +53,9 @@ def add_command(commands: Commands) -> None:
     option(parser, "--size W H", "pixels of each stance's picture", (1280, 640))
     told = "also export the simulation model as MJCF, in the (first) stance drawn"
     option(parser, "--mjcf FILE", told)
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Draw a stance, or stances of a plan, and export the scene if that is asked for."""
     _check(args)
     claim(args.out, args.mjcf)
@@ -84,7 +82,6 @@ def run(args: argparse.Namespace) -> int:
     if scene is not None:
         write_whole(args.mjcf, scene)
         print(f"scene: {args.mjcf}")
-    return SUCCESS
 
 
 def _check(args: argparse.Namespace) -> None:

@@ -5,14 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from mlivr_gym.cli.arguments import (
-    Commands,
-    chosen_graph,
-    option,
-    output_arguments,
-    world_arguments,
-)
-from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.arguments import Commands, chosen_graph, command, option
 from mlivr_gym.cli.outputs import claim, make_folder
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder
@@ -24,9 +17,10 @@ from mlivr_gym.stances.lazy_graph import LazyGraph
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "roadmap",
-        parents=[world_arguments(), output_arguments()],
+    parser = command(
+        commands,
+        run,
+        groups=("world",),
         help="work out for a robot of three or four limbs what makes its first plans quick",
         description="Explore the stance graph of a robot with three or four limbs, and keep the "
         "stances and steps found: first plans of that robot, map and settings then come from "
@@ -38,10 +32,9 @@ def add_command(commands: Commands) -> None:
     option(parser, "--expansions N", "stances whose steps are worked out", 10_000)
     option(parser, "--stances N", "most stances that are kept", MOST)
     option(parser, "--out FILE", "file (default: the package's cache folder)", type=Path)
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Build a roadmap and keep it."""
     for name in ("expansions", "stances"):
         if not 1 <= getattr(args, name) <= 10_000_000:
@@ -66,4 +59,3 @@ def run(args: argparse.Namespace) -> int:
     roadmap.write(path)
     args.result |= {"file": path, "stances": len(roadmap), "steps": len(roadmap.pairs.rows)}
     print(f"{len(roadmap)} stances, {len(roadmap.pairs.rows)} steps between them: {path}")
-    return SUCCESS

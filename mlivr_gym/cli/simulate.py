@@ -14,13 +14,10 @@ from mlivr_gym.cli.arguments import (
     Commands,
     chosen_graph,
     chosen_map,
-    obstacle_arguments,
+    command,
     option,
-    output_arguments,
-    query_arguments,
     refuse_ignored,
     refuse_without_effect,
-    world_arguments,
 )
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import claim, make_folder
@@ -72,9 +69,10 @@ MOST_FRAMES = 5000
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "simulate",
-        parents=[world_arguments(), obstacle_arguments(), query_arguments(), output_arguments()],
+    parser = command(
+        commands,
+        run,
+        groups=("world", "obstacles", "query"),
         help="execute a plan in MuJoCo",
         description="Execute a plan in MuJoCo: one from a file, "
         "or one that is made first as with `plan`.",
@@ -105,7 +103,6 @@ def add_command(commands: Commands) -> None:
         f"{RATE} pictures a second; without it, so that it takes {LONGEST:g} s at most",
         type=float,
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

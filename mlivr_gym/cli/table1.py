@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.cli.arguments import Commands, option, output_arguments
+from mlivr_gym.cli.arguments import Commands, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import claim, make_folder
 from mlivr_gym.cli.progress import Progress
@@ -64,14 +64,13 @@ FILES = (
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "table1",
-        parents=[output_arguments()],
+    parser = command(
+        commands,
+        run,
         help="the four cases of the paper's Table I",
         description="Plan the four cases, draw and tabulate them.",
     )
     option(parser, "--out FOLDER", "where results go", "table1")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

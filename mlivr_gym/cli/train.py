@@ -11,11 +11,10 @@ from pathlib import Path
 from mlivr_gym.cli.arguments import (
     Commands,
     check_counts,
+    command,
     environment_arguments,
     option,
-    output_arguments,
     refuse_without_effect,
-    world_arguments,
 )
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
 from mlivr_gym.cli.outputs import claim
@@ -26,9 +25,10 @@ from mlivr_gym.files import FileError
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "train",
-        parents=[world_arguments(), output_arguments()],
+    parser = command(
+        commands,
+        run,
+        groups=("world",),
         help="train a policy",
         description="Train a policy for two limbs. Every step of the map is checked first, once: "
         "one to two minutes for the JEM. Ctrl-C ends it early and leaves a checkpoint of what was "
@@ -47,7 +47,7 @@ def add_command(commands: Commands) -> None:
     told = "threads of PyTorch; these networks are small, and more are slower"
     option(parser, "--threads N", told, 1)
     option(parser, "--logs FOLDER", "write TensorBoard logs")
-    parser.set_defaults(run=run, grace=LONG_GRACE)
+    parser.set_defaults(grace=LONG_GRACE)
 
 
 def run(args: argparse.Namespace) -> int:

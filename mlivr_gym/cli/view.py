@@ -11,13 +11,10 @@ from mlivr_gym.cli.arguments import (
     chosen_graph,
     chosen_map,
     chosen_task,
-    obstacle_arguments,
+    command,
     option,
-    output_arguments,
-    query_arguments,
     refuse_ignored,
     search_options,
-    world_arguments,
 )
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
@@ -44,9 +41,10 @@ FILES = "plan.json", "simulation.npz"
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "view",
-        parents=[world_arguments(), obstacle_arguments(), query_arguments(), output_arguments()],
+    parser = command(
+        commands,
+        run,
+        groups=("world", "obstacles", "query"),
         help="look at plans in a browser, and change them there",
         description="Serve a page on which a plan or an execution is played, and on which a click "
         "on a point, a new goal, another cost or a box plans anew. "
@@ -59,7 +57,6 @@ def add_command(commands: Commands) -> None:
     told = "network interface that answers; the default is this computer alone"
     option(parser, "--host HOST", told, HOST)
     option(parser, "--port PORT", "port, the next free one if it is taken; 0 for any", PORT)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

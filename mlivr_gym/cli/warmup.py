@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from mlivr_gym.cli.arguments import Commands, output_arguments
-from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.arguments import Commands, command
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 from mlivr_gym.planners import Planner
@@ -17,17 +16,16 @@ START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
 def add_command(commands: Commands) -> None:
     """Add the command to the parser's."""
-    parser = commands.add_parser(
-        "warmup",
-        parents=[output_arguments()],
+    command(
+        commands,
+        run,
         help="compile for this machine what a first plan needs, and say where it is kept",
         description="Compile for this machine what a first plan needs, once for each version. "
         "The first plan does the same; an image or an installation can do it beforehand.",
     )
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Plan once, so that all is compiled."""
     began = time.perf_counter()
     with Progress("compiling and planning", quiet=args.quiet):
@@ -37,4 +35,3 @@ def run(args: argparse.Namespace) -> int:
     print(f"ready after {seconds:.1f} s")
     print(f"machine code: {kernel_root()}")
     print(f"step tables: {'not kept' if tables is None else tables}")
-    return SUCCESS

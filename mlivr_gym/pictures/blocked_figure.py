@@ -68,15 +68,9 @@ def blocked_figure(
     *,
     clearance: float,
 ) -> None:
-    """What configurations touch: the robot as a solid, and below a close-up of the worst contact.
+    """What configurations touch, as PNG and SVG: the robot as a solid, and below a close-up.
 
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        panels: What is drawn, from left to right.
-        obstacles: Boxes besides the map's.
-        path: PNG file to write, and an SVG beside it.
-        clearance: Least distance that shapes must keep [m].
+    The close-up shows the worst contact, and the clearance that shapes must keep [m].
     """
     figure = new_figure(6.6 * len(panels), 10.2)
     boxes = {scene_name(BOX, box.id): box for box in (*grasp_map.boxes, *obstacles)}

@@ -74,26 +74,13 @@ def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
 
 
 def draw_base_path(axes: Any, line: Array, stances: Array, label: str) -> None:
-    """Draw a base path thick, the bases of its stances as squares.
-
-    Args:
-        axes: Axes of `map_axes`.
-        line: Base positions along it, shape (k, 3) [m].
-        stances: Base positions of its stances, shape (s, 3) [m].
-        label: What the legend calls the path.
-    """
+    """Draw a base path, shape (k, 3), thick, the bases of its stances, (s, 3) [m], as squares."""
     axes.plot(*line.T, color=BASE_COLOUR, linewidth=3.0, zorder=5, label=label)
     axes.scatter(*stances.T, color=BASE_COLOUR, marker="s", s=30, depthshade=False, zorder=5)
 
 
 def draw_goal(axes: Any, goal: Sequence[float], tolerance: float) -> None:
-    """Draw a goal as a star, and the ball in which the base is to end.
-
-    Args:
-        axes: Axes of `map_axes`.
-        goal: Goal position [m].
-        tolerance: Radius of the ball [m].
-    """
+    """Draw a goal [m] as a star, and the ball in which the base is to end."""
     style = {"color": GOAL_COLOUR, "edgecolor": "black", "depthshade": False, "zorder": 7}
     axes.scatter(*np.array(goal), s=150, marker="*", label="goal", **style)
     turn, rise = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 17), np.linspace(0.0, np.pi, 9))

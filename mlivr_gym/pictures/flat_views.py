@@ -35,8 +35,8 @@ def map_views(grasp_map: GraspMap) -> tuple[Any, Any, dict[View, Any]]:
     figure.set_size_inches(12.8, 9.6)
     axes.set_position((-0.06, 0.22, 1.08, 0.82))
     flats = {}
-    for left, view in ((0.05, FROM_ABOVE), (0.54, FROM_THE_SIDE)):
-        flat = flats[view] = figure.add_axes((left, 0.06, 0.42, 0.22))
+    for edge, view in ((0.05, FROM_ABOVE), (0.54, FROM_THE_SIDE)):
+        flat = flats[view] = figure.add_axes((edge, 0.06, 0.42, 0.22))
         flat.scatter(*grasp_map.positions[:, view].T, s=3, color=tints(grasp_map), zorder=1)
         flat.set_aspect("equal")
         flat.set_xlabel("xyz"[view[0]] + " [m]", fontsize=8)

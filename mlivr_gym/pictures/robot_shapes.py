@@ -51,13 +51,7 @@ class Part(NamedTuple):
 
 
 def capsule_faces(ends: Array, radius: float, around: int = _ROUND) -> Array:
-    """Corners of faces on a capsule, shape (f, 4, 3) [m].
-
-    Args:
-        ends: Ends of its axis, shape (2, 3) [m].
-        radius: Its radius [m].
-        around: Number of faces around it.
-    """
+    """Corners of faces on a capsule, shape (f, 4, 3) [m], by the ends of its axis, (2, 3) [m]."""
     rings = max(around // 4, 2)
     along = ends[1] - ends[0]
     size = float(np.linalg.norm(along))
@@ -139,7 +133,8 @@ def pale(colour: str, share: float) -> str:
     """A colour mixed with a share of white."""
     from matplotlib.colors import to_hex, to_rgb
 
-    return str(to_hex((1.0 - share) * np.array(to_rgb(colour)) + share))
+    red, green, blue = ((1.0 - share) * part + share for part in to_rgb(colour))
+    return str(to_hex((red, green, blue)))
 
 
 def draw_robot(

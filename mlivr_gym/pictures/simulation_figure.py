@@ -41,18 +41,11 @@ def simulation_figure(
     path: str | Path,
     title: str,
 ) -> None:
-    """Draw a recording over time.
+    """Draw a recording over time, as PNG and an SVG beside it.
 
     Departures and approaches are shaded, captures dotted. The largest torque of each step has a
     mark that tells its phase, on a logarithmic axis; a short spike at a capture is cut off and its
     height written.
-
-    Args:
-        recording: Measurements.
-        captures: When limbs grasped their points.
-        failure: Why the walk ended early, or None.
-        path: PNG file to write.
-        title: Heading.
     """
     figure = new_figure(11.0, 9.0)
     axes: list[Any] = figure.subplots(4, 1, sharex=True).tolist()
@@ -116,12 +109,7 @@ def cut_spikes(
 ) -> None:
     """Fit a panel to its values, but cut off what a capture makes for a moment and write it.
 
-    Args:
-        panel: Axes.
-        times: Shape (k,) [s].
-        values: The largest value drawn at each, shape (k,).
-        caught: Which of them lie just after a capture, shape (k,).
-        captures: When limbs grasped their points.
+    Times, values and whether these lie just after a capture have shape (k,).
     """
     rest = float(values[~caught].max(initial=0.0))
     if values.max() <= SPIKE * rest:

@@ -87,15 +87,10 @@ class Walk(NamedTuple):
 
 
 def walk_figure(grasp_map: GraspMap, legs: Sequence[Leg], path: str | Path) -> None:
-    """Picture of a walk among obstacles, in space and from three sides.
+    """Picture of a walk among obstacles, in space and from two sides, as PNG and SVG.
 
     The path walked is thick and green; what a plan had in mind when it was given up is dashed, each
     plan in a colour of its own. Goal, obstacles and occupied points are those of the last plan.
-
-    Args:
-        grasp_map: The map.
-        legs: The plans, and how much of each was walked.
-        path: PNG file to write, and an SVG beside it.
     """
     walk, last = Walk.of(legs), legs[-1].plan
     figure, axes, flats = map_views(grasp_map)

@@ -125,7 +125,8 @@ def stance_frames(plan: Plan) -> Frames:
     """The stances of a plan, `STEP_TIME` apart."""
     motion, number = plan.motion, np.arange(len(plan.stances))
     bases, resting = (motion.base_positions, motion.base_quaternions), np.full_like(number, AT_REST)
-    return Frames(STEP_TIME * number, number, resting, *bases, motion.joint_positions)
+    times = STEP_TIME * number.astype(np.float64)
+    return Frames(times, number, resting, *bases, motion.joint_positions)
 
 
 def recording_frames(recording: Recording) -> Frames:

@@ -150,15 +150,10 @@ class LivePlan:
         self.replan()
 
     def put_box(self, name: str, centre: Array) -> None:
-        """Put a box into the world, or put it elsewhere.
-
-        Args:
-            name: Its id.
-            centre: Its middle [m].
+        """Put a box of this id into the world, or put it elsewhere, by its middle [m].
 
         Raises:
-            SettingError: If collisions are not checked.
-            ShapeError: If the map has a box of that id.
+            MlivrError: If collisions are not checked, or the map has a box of that id.
         """
         kept = [box for box in self.graph.obstacles if box.id == name]
         half = np.array(kept[0].half) if kept else np.full(3, 0.5 * BOX_EDGE)

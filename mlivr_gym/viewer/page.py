@@ -175,13 +175,9 @@ class Page:
     def set_curves(
         self, name: str, title: str, curves: Sequence[tuple[str, str]], highest: float
     ) -> None:
-        """Give a plot curves, whose data follow; without any it is hidden.
+        """Give a plot curves of a label and a colour, whose data follow; without any it is hidden.
 
-        Args:
-            name: The plot.
-            title: What it shows.
-            curves: Label and colour of each.
-            highest: Largest value that is seen; the least is 0.
+        Values are seen from 0 to `highest`.
         """
         item = self.items[name]
         item.visible = bool(curves)

@@ -111,14 +111,18 @@ def scene_solids(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one."""
-    return trimesh.util.concatenate(list(meshes))
+    whole = trimesh.util.concatenate(list(meshes))
+    assert isinstance(whole, Mesh)
+    return whole
 
 
 def moved(mesh: Mesh, position: Array, rotation: Array) -> Mesh:
     """A mesh turned by a rotation, shape (3, 3), and then moved by a position [m]."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, position
-    return mesh.copy().apply_transform(pose)
+    there: Mesh = mesh.copy()
+    there.apply_transform(pose)
+    return there
 
 
 def box_mesh(half: Sequence[float] | Array) -> Mesh:
@@ -129,7 +133,7 @@ def box_mesh(half: Sequence[float] | Array) -> Mesh:
 def capsule_mesh(radius: float, half: float) -> Mesh:
     """A capsule along z about the origin; `half` is half the length of its axis [m]."""
     capsule = trimesh.creation.capsule(2.0 * half, radius, (ROUND // 2, ROUND))
-    return capsule.apply_translation(-capsule.bounds.mean(axis=0))
+    return moved(capsule, -capsule.bounds.mean(axis=0), np.eye(3))
 
 
 def cylinder_mesh(radius: float, half: float) -> Mesh:
@@ -149,7 +153,8 @@ def rod_mesh(start: Array, end: Array, radius: float) -> Mesh:
 
 def _with_edges(mesh: Mesh) -> Mesh:
     """A mesh whose sharp edges stay sharp: no corner is shared across one."""
-    return trimesh.graph.smooth_shade(mesh, angle=0.25 * np.pi)
+    shaded: Mesh = trimesh.graph.smooth_shade(mesh, angle=0.25 * np.pi)
+    return shaded
 
 
 def _mesh_of(kind: int, size: Array) -> Mesh:

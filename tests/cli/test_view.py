@@ -63,26 +63,6 @@ def test_view_writes_nothing_where_there_is_no_plan(run, tmp_path):
     assert "no stance" in told
 
 
-@needs_viewer
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--plan", "a", "--plan", "b", "--plan", "c"), "--plan is given 3 times"),
-        (("--plan", "a", "--execution", "b"), "either --plan or --execution"),
-        (("--plan", "a", "--plan", "b", "--out", "w.html"), "--out takes one plan"),
-        (("--plan", "a", "--goal", "1", "2", "3"), "--goal has no effect beside --plan"),
-        (("--execution", "a", "--cost", "steps"), "--cost has no effect beside --execution"),
-        (("--port", "99999"), "--port"),
-        (("--plan", "nowhere.json"), "nowhere.json"),
-        (("--out", "no/such/folder/walk.html"), "cannot write"),
-    ],
-)
-def test_view_refuses_what_cannot_be_shown(run, arguments, said):
-    code, _, told = run("view", *arguments)
-    assert code == 2
-    assert said in told
-
-
 def test_view_says_what_to_install(run, monkeypatch):
     monkeypatch.setattr("mlivr_gym.errors.importlib.util.find_spec", lambda name: None)
     code, _, told = run("view")

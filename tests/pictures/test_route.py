@@ -5,8 +5,8 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from gl_there import gl_or_skip
 
-from mlivr_gym.errors import RenderError
 from mlivr_gym.kinematics.base_path import PATH_KINDS
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.pictures.figures import BASE_COLOUR
@@ -93,12 +93,8 @@ def test_stances_and_footholds_are_numbered_alike(checked_graph, plan):
 
 
 def test_a_ghost_is_a_pale_copy_of_the_robot_alone(checked_graph, plan):
-    try:
+    with gl_or_skip():
         renderer = SceneRenderer(checked_graph.grasp_map, checked_graph.robot, 160, 90)
-    except RenderError as error:
-        if "MUJOCO_GL" not in str(error):
-            raise
-        pytest.skip("no GL library")
     here, there = plan.configuration(0), plan.configuration(len(plan.steps))
     alone = renderer.render(*here).astype(int)
     count = renderer._renderer.scene.ngeom
