@@ -181,7 +181,7 @@ class Imitation:
             rows.append(here)
             self._step(walks, legal, optimal if expert else self._chosen(here), tables)
             going = ~values.goals[which, walks.stances]
-            walks, which = Robots(*(part[going] for part in walks)), which[going]
+            walks, which = Robots._make(part[going] for part in walks), which[going]
         samples = Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
         known, walking = np.isfinite(samples.cost), len(which)
         return Samples(*(column[known] for column in samples)), 1.0 - walking / max(count, 1)

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 import torch
 
@@ -91,10 +90,7 @@ class _Request:
 
     def make_env(self) -> MlivrEnv:
         """The environment, with the steps of its whole map worked out."""
-        arguments = self.env_arguments | {"precompute": True}
-        env = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **arguments).unwrapped
-        assert isinstance(env, MlivrEnv)
-        return env
+        return MlivrEnv(**(self.env_arguments | {"precompute": True}))
 
     def config(self, env: MlivrEnv, seconds: float) -> dict[str, Any]:
         """What a checkpoint says of its training."""

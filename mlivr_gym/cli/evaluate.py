@@ -7,7 +7,6 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import gymnasium
 import numpy as np
 
 from mlivr_gym.cli.arguments import (
@@ -67,9 +66,7 @@ def run(args: argparse.Namespace) -> None:
     results = []
     for world, episodes in _worlds(args):
         with Progress("making the environment", quiet=args.quiet):
-            made = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **(arguments | world))
-            env = made.unwrapped
-            assert isinstance(env, MlivrEnv)
+            env = MlivrEnv(**(arguments | world))
             policy = make_acting(args.policy, env, args.seed, args.beam)
         total = episodes if isinstance(episodes, int) else len(episodes)
         with Progress(args.policy, total, args.quiet) as progress:

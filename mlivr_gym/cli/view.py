@@ -61,7 +61,7 @@ def add_command(commands: Commands) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write a page, or serve one until it is interrupted."""
-    need("viser", extra="viewer")
+    need("viser", "trimesh", extra="viewer")
     _check(args)
     claim(args.out)
     with Progress("making the stance graph and the plan", quiet=args.quiet):
