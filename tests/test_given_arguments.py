@@ -127,6 +127,10 @@ def standing(of):
     return dict(zip(("position", "quaternion", "joints"), of["plan"].configuration(0), strict=True))
 
 
+def settings(of):
+    return {"settings": of["graph"].settings}
+
+
 def held(of):
     return {"configuration": of["plan"].configuration(0), "points": of["plan"].stances[0]}
 
