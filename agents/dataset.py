@@ -15,7 +15,8 @@ from mlivr_gym import __version__
 from mlivr_gym.agents.policies import ExpertPolicy
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
-from mlivr_gym.errors import SettingError, need
+from mlivr_gym.errors import SettingError
+from mlivr_gym.extras import need
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 
 NEEDED = ("minari", "h5py", "jax")

@@ -6,7 +6,6 @@ can tell a bad input from a fault of the program.
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import reprlib
 from collections.abc import Iterable
@@ -122,24 +121,6 @@ class UnknownPointError(StanceError):
             f"unknown graspable point {shown(point_id)}: the map has {len(ids)} points, "
             f"for example {sample}"
         )
-
-
-def missing(*packages: str, extra: str) -> str:
-    """What to install of an extra of this package, one sentence; empty if all of it is there."""
-    for name in packages:
-        if importlib.util.find_spec(name) is None:
-            return f"this needs the package {name!r}: pip install 'mlivr-gym[{extra}]'"
-    return ""
-
-
-def need(*packages: str, extra: str) -> None:
-    """Refuse where packages of an extra are not installed.
-
-    Raises:
-        SettingError: naming the first of them.
-    """
-    if told := missing(*packages, extra=extra):
-        raise SettingError(told)
 
 
 def choice(name: str, value: object, valid: Iterable[str]) -> str:

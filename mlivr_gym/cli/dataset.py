@@ -6,7 +6,7 @@ import argparse
 
 from mlivr_gym.cli.arguments import Commands, check_counts, command, environment_arguments, option
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import need
+from mlivr_gym.extras import need
 
 
 def add_command(commands: Commands) -> None:

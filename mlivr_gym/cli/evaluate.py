@@ -18,7 +18,8 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
 )
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import SettingError, choice, need, shown
+from mlivr_gym.errors import SettingError, choice, shown
+from mlivr_gym.extras import need
 
 if TYPE_CHECKING:  # agents and environment import MuJoCo, which loads a GL library
     from mlivr_gym.agents.evaluation import Evaluation

@@ -19,7 +19,7 @@ from mlivr_gym.cli.arguments import (
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import need
+from mlivr_gym.extras import need
 from mlivr_gym.files import FileError
 
 

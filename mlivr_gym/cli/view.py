@@ -20,7 +20,8 @@ from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.plan import fastest_cost
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import NoPlanError, PlanError, SettingError, need
+from mlivr_gym.errors import NoPlanError, PlanError, SettingError
+from mlivr_gym.extras import need
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.schema import Place, Whole

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mlivr_gym.errors import missing
+from mlivr_gym.extras import missing
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing

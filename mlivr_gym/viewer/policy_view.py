@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import need
+from mlivr_gym.extras import need
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 

@@ -64,7 +64,7 @@ def test_view_writes_nothing_where_there_is_no_plan(run, tmp_path):
 
 
 def test_view_says_what_to_install(run, monkeypatch):
-    monkeypatch.setattr("mlivr_gym.errors.importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("mlivr_gym.extras.importlib.util.find_spec", lambda name: None)
     code, _, told = run("view")
     assert code == 2
     assert "this needs the package 'viser': pip install 'mlivr-gym[viewer]'" in told
