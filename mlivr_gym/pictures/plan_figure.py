@@ -29,9 +29,8 @@ from mlivr_gym.pictures.flat_views import (
     map_views,
     number,
 )
-from mlivr_gym.pictures.plan_paths import base_line
 from mlivr_gym.pictures.robot_shapes import draw_ghost, draw_robot, robot_parts
-from mlivr_gym.pictures.route import Route
+from mlivr_gym.pictures.route import Route, base_line
 from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.schema import Maybe, Numbers
 from mlivr_gym.world.grasp_map import GraspMap

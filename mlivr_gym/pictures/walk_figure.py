@@ -27,8 +27,8 @@ from mlivr_gym.pictures.flat_views import (
     map_views,
     number,
 )
-from mlivr_gym.pictures.plan_paths import base_paths
 from mlivr_gym.pictures.robot_shapes import outline
+from mlivr_gym.pictures.route import base_paths
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 

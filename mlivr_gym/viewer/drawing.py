@@ -12,9 +12,8 @@ from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
-from mlivr_gym.pictures.plan_paths import base_line
 from mlivr_gym.pictures.rendering import MARGIN
-from mlivr_gym.pictures.route import FOOTHOLD_RADIUS, PATH_RADIUS, STANCE_RADIUS, Route
+from mlivr_gym.pictures.route import FOOTHOLD_RADIUS, PATH_RADIUS, STANCE_RADIUS, Route, base_line
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import rgba
 from mlivr_gym.viewer.marks import OCCUPIED_COLOUR, Marks

@@ -84,7 +84,8 @@ def _add_changing(viewer: Viewer) -> None:
     page, gui, live = viewer.page, viewer.page.gui, viewer.live
     starts = [f"start of limb {limb}" for limb in range(live.graph.limbs)]
     click = ("a click on a point", (TELL, BLOCK, *starts))
-    page.item("click", gui.add_dropdown(*click, initial_value=viewer.click), viewer.choose)
+    clicks = gui.add_dropdown(*click, initial_value=viewer.click)
+    page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
     page.text("told")
     cost = gui.add_dropdown("cost", COSTS, initial_value=live.asked.cost)
     given = live.asked.regrasp_price or PRICE

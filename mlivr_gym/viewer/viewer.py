@@ -333,10 +333,6 @@ class Viewer:
         """Show the collision shapes alone, or with what stands for joints."""
         drawing.show_unchecked(self.page, "robot", self.scene, not alone)
 
-    def choose(self, click: str) -> None:
-        """Choose what a click on a point does."""
-        self.click = click
-
     def add_box(self) -> None:
         """Put a box in the middle of the base path, with arrows to drag it."""
         name = f"added{self._boxes}"

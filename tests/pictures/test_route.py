@@ -10,9 +10,8 @@ from gl_there import gl_or_skip
 from mlivr_gym.kinematics.base_path import PATH_KINDS
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.pictures.figures import BASE_COLOUR
-from mlivr_gym.pictures.plan_paths import base_line, base_paths
 from mlivr_gym.pictures.rendering import GHOST_OPACITY, SceneRenderer
-from mlivr_gym.pictures.route import PATH_RADIUS, Route
+from mlivr_gym.pictures.route import PATH_RADIUS, Route, base_line, base_paths
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import compiled, rgba, scene_spec

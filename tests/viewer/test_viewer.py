@@ -81,7 +81,7 @@ def test_steps_are_jumped_to(viewer):
 
 def test_a_click_blocks_a_point_and_the_plan_before_is_pale(viewer, walk):
     point = walk.steps[0].to_point
-    viewer.choose(viewers.BLOCK)
+    viewer.click = viewers.BLOCK
     viewer.clicked(*sight(viewer, point))
     assert point not in {step.to_point for step in viewer.live.plan.steps}
     assert "(pale)" in said(viewer, "summary")
@@ -92,7 +92,7 @@ def test_a_click_blocks_a_point_and_the_plan_before_is_pale(viewer, walk):
 
 
 def test_a_click_starts_a_limb(viewer):
-    viewer.choose("start of limb 0")
+    viewer.click = "start of limb 0"
     viewer.clicked(*sight(viewer, "D2a:3"))
     assert viewer.live.plan.stances[0] == ("D2a:3", "D2b:4")
 
