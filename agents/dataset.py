@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -16,6 +16,7 @@ from mlivr_gym.agents.policies import ExpertPolicy
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.errors import SettingError
+from mlivr_gym.extras import need
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 
 NEEDED = ("minari", "h5py", "jax")
@@ -58,7 +59,7 @@ def write_dataset(
         SettingError: If there is no episode, the id is no id of Minari or taken, or the extra
             [data] is not installed; all before the first episode.
     """
-    _need_minari()
+    need(*NEEDED, extra="data")
     if episodes < 1:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
     _check_id(dataset_id)
@@ -68,12 +69,9 @@ def write_dataset(
         if progress is not None:
             progress(k + 1)
     with warnings.catch_warnings():
-        # Author and link are the user's to add.
-        warnings.filterwarnings("ignore", message=".*is set to None")
-        # Minari leaves its temporary folders to the garbage collector.
-        warnings.filterwarnings(
-            "ignore", message="Implicitly cleaning up", category=ResourceWarning
-        )
+        # Author and link are the user's to add; Minari leaves temporary folders to the collector.
+        for told in (".*is set to None", "Implicitly cleaning up"):
+            warnings.filterwarnings("ignore", message=told)
         dataset = collector.create_dataset(
             dataset_id=dataset_id,
             algorithm_name="optimal expert (exact cost-to-go: the costs of A*)",
@@ -116,7 +114,7 @@ def load_dataset(dataset_id: str) -> Any:
         SettingError: If there is none of this id, its walks were made under other rules of the
             stance graph, or the extra [data] is not installed.
     """
-    _need_minari()
+    need(*NEEDED, extra="data")
     import minari
 
     try:
@@ -128,26 +126,15 @@ def load_dataset(dataset_id: str) -> Any:
     return dataset
 
 
-def _need_minari() -> None:
-    for package in NEEDED:
-        if importlib.util.find_spec(package) is None:
-            raise SettingError(
-                f"data sets need the package {package!r}: pip install 'mlivr-gym[data]'"
-            )
-
-
 def _check_id(dataset_id: str) -> None:
     """Refuse an id that Minari would refuse, or that is taken, when everything is collected."""
     from minari.dataset.minari_dataset import parse_dataset_id
     from minari.storage.datasets_root_dir import get_dataset_path
 
-    try:
+    fault = "it must be names of letters, digits, - and _, joined by /, with a version at the end"
+    with suppress(ValueError, TypeError):
         parse_dataset_id(dataset_id)
         fault = "" if PurePosixPath(dataset_id).as_posix() == dataset_id else "it has an empty part"
-    except (ValueError, TypeError):
-        fault = (
-            "it must be names of letters, digits, - and _, joined by /, with a version at the end"
-        )
     if fault:
         raise SettingError(
             f"data set id {dataset_id!r} is not valid: {fault}, for example {EXAMPLE!r}"

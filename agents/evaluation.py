@@ -58,18 +58,6 @@ class Evaluation:
         return float(self.success.mean())
 
 
-class _Episode(NamedTuple):
-    """What happened in one episode, in the order of the fields of `Evaluation`."""
-
-    success: bool
-    steps: int
-    base_translation: float
-    first_decision: float
-    decision: float
-    failed_grasps: int
-    executed: float
-
-
 def evaluate(
     env: MlivrEnv,
     policy: Policy,
@@ -101,7 +89,7 @@ def evaluate(
     tasks = [None] * episodes if isinstance(episodes, int) else list(episodes)
     if not tasks:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
-    rows: list[_Episode] = []
+    rows: list[tuple[float, ...]] = []
     before = env.graph.ids(sorted(env.graph.occupied))
     for k, task in enumerate(tasks):
         if task is not None:
@@ -127,8 +115,8 @@ def _episode(
     seed: int,
     max_steps: int,
     execute: Callable[[MlivrEnv, tuple[State, ...]], bool | None] | None,
-) -> _Episode:
-    """Run one episode; the arguments are those of `evaluate`."""
+) -> tuple[float, ...]:
+    """One row of `Evaluation`; the arguments are those of `evaluate`."""
     began = time.perf_counter()
     options = {} if task is None else {"start": task.start, "goal": task.goal}
     observation, info = env.reset(seed=seed, options=options)
@@ -148,15 +136,9 @@ def _episode(
             states.append(env.state)
     answer = execute(env, tuple(states)) if success and execute is not None else None
     steps = int(info["steps"])
-    return _Episode(
-        success,
-        steps,
-        float(info["base_translation"]),
-        first,
-        spent / max(steps, 1),
-        failed,
-        math.nan if answer is None else float(answer),
-    )
+    executed = math.nan if answer is None else float(answer)
+    metres = float(info["base_translation"])
+    return success, steps, metres, first, spent / max(steps, 1), failed, executed
 
 
 def bootstrap(

@@ -67,19 +67,6 @@ class _Layout(NamedTuple):
     """Index of the first of these goals among all goals so far."""
 
 
-class _Walks(NamedTuple):
-    """Walks under way; a step changes the arrays in place."""
-
-    stances: IntArray
-    """Stance indices, shape (k,)."""
-    masks: IntArray
-    """Branches each limb may be on, shape (k, 2)."""
-    which: IntArray
-    """Index of each walk's goal on this layout, shape (k,)."""
-    streams: NDArray[np.uint64]
-    """State of each walk's random numbers, shape (k,)."""
-
-
 def optimal_set_loss(scores: Tensor, legal: Tensor, optimal: Tensor) -> Tensor:
     """Minus the mean logarithm of the summed probability of the optimal actions.
 
@@ -185,17 +172,19 @@ class Imitation:
         reach = [reach_of_points(graph, goal, tolerance, held) for goal in goals]
         self._reach.append(np.array(reach, dtype=np.float32))
         streams = self.rng.integers(2**63, size=len(stances)).astype(np.uint64)
-        walks = _Walks(stances, tables.masks[stances].astype(np.int64), which, streams)
+        walks = Robots(stances, tables.masks[stances].astype(np.int64), streams)
         rows, count = [_nothing(self.m)], len(stances)
         for _ in range(self.settings.longest):
             if not len(walks.stances):
                 break
-            here, legal, optimal = self._label(walks, layout)
+            here, legal, optimal = self._label(walks, which, layout)
             rows.append(here)
-            walks = self._step(walks, legal, optimal if expert else self._chosen(here), values)
+            self._step(walks, legal, optimal if expert else self._chosen(here), tables)
+            going = ~values.goals[which, walks.stances]
+            walks, which = Robots._make(part[going] for part in walks), which[going]
         samples = Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
-        known, going = np.isfinite(samples.cost), len(walks.stances)
-        return Samples(*(column[known] for column in samples)), 1.0 - going / max(count, 1)
+        known, walking = np.isfinite(samples.cost), len(which)
+        return Samples(*(column[known] for column in samples)), 1.0 - walking / max(count, 1)
 
     def _draw_goals(self, tables: StepTables) -> Array:
         """Goals on a layout that can be reached and are not held out [m], shape (g, 3)."""
@@ -215,21 +204,23 @@ class Imitation:
         kept: Array = goals[away > SAME_GOAL]
         return kept
 
-    def _label(self, walks: _Walks, layout: _Layout) -> tuple[Samples, BoolArray, BoolArray]:
+    def _label(
+        self, walks: Robots, which: IntArray, layout: _Layout
+    ) -> tuple[Samples, BoolArray, BoolArray]:
         """The states of k walks with what is best there.
 
         Returns:
             The samples, which actions are possible and which are optimal, both of shape (k, 2 m).
         """
-        costs = layout.values.of_actions(walks.stances, walks.masks, walks.which, 2 * self.m)
+        costs = layout.values.of_actions(walks.stances, walks.masks, which, 2 * self.m)
         least = costs.min(axis=1)
         legal = np.isfinite(costs)
         optimal = legal & (costs <= least[:, None] + 1e-6)
         samples = Samples(
             walks.stances.copy(),
             walks.masks.copy(),
-            layout.goals[walks.which],
-            layout.first + walks.which,
+            layout.goals[which],
+            layout.first + which,
             np.tile(np.packbits(layout.free), (len(walks.stances), 1)),
             np.packbits(optimal, axis=1),
             least.astype(np.float32),
@@ -237,21 +228,16 @@ class Imitation:
         return samples, legal, optimal
 
     def _step(
-        self, walks: _Walks, legal: BoolArray, preferred: BoolArray, values: TableValues
-    ) -> _Walks:
-        """Take a step on each walk, by chance any possible one; walks at their goal end."""
+        self, walks: Robots, legal: BoolArray, preferred: BoolArray, tables: StepTables
+    ) -> None:
+        """Take a step on each walk, in place, by chance any possible one."""
         rng, count = self.rng, len(walks.stances)
         noisy = rng.random(count) < self.settings.noise
         likely = np.where(noisy[:, None], legal, preferred)
         actions = (rng.random(likely.shape, dtype=np.float32) * likely).argmax(axis=1)
         moved, outcome = np.zeros(count), np.zeros(count, dtype=np.int64)
         skip, chances = np.zeros(count, np.bool_), Chances(self.env.failure_probability, 0.0)
-        robots = Robots(walks.stances, walks.masks, walks.streams)
-        advance(actions, skip, chances, values.tables, robots, moved, outcome)
-        going = ~values.goals[walks.which, walks.stances]
-        return _Walks(
-            walks.stances[going], walks.masks[going], walks.which[going], walks.streams[going]
-        )
+        advance(actions, skip, chances, tables, walks, moved, outcome)
 
     def _starts(self, values: TableValues) -> tuple[IntArray, IntArray]:
         """Goals and stances where walks begin; the goal can be reached, and is not yet."""

@@ -66,11 +66,9 @@ class LearnedPolicy:
         config: What it was trained with.
     """
 
-    def __init__(
-        self, policy: Any, network: str, config: dict[str, Any] | None = None, memory: bool = True
-    ) -> None:
-        """Use a policy; `memory=False` lets it return to stances."""
-        self.policy, self.network, self.config, self.memory = policy, network, config or {}, memory
+    def __init__(self, policy: Any, network: str, config: dict[str, Any] | None = None) -> None:
+        """Use a policy."""
+        self.policy, self.network, self.config = policy, network, config or {}
         self._visited: set[tuple[int, ...]] = set()
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
@@ -90,15 +88,11 @@ class LearnedPolicy:
             self._visited.clear()
         self._visited.add(env.state.stance)
         scores = np.where(mask, scores, -np.inf)
-        if self.memory:
-            steps, stance = env.successors(), env.state.stance
-            fresh = scores.copy()
-            for limb, point in zip(steps.limb.tolist(), steps.point.tolist(), strict=True):
-                if (*stance[:limb], point, *stance[limb + 1 :]) in self._visited:
-                    fresh[limb * len(env.graph.grasp_map) + point] = -np.inf
-            if np.isfinite(fresh).any():
-                scores = fresh
-        return int(scores.argmax())
+        steps, fresh = env.successors(), scores.copy()
+        for limb, point in zip(steps.limb.tolist(), steps.point.tolist(), strict=True):
+            if env.state.stance_after(limb, point) in self._visited:
+                fresh[limb * len(env.graph.grasp_map) + point] = -np.inf
+        return int((fresh if np.isfinite(fresh).any() else scores).argmax())
 
 
 def beam_walk(
@@ -124,9 +118,8 @@ def beam_walk(
     for _ in range(longest):
         states = [state for _, state, _ in beam]
         with torch.no_grad():
-            scores, _ = scores_and_value(
-                policy.policy, as_tensors(policy.policy, env_features(env, states))
-            )
+            seen_now = as_tensors(policy.policy, env_features(env, states))
+            scores, _ = scores_and_value(policy.policy, seen_now)
             chances = torch.log_softmax(scores, dim=1).numpy()
         found: list[tuple[float, State, list[int]]] = []
         arrived: list[tuple[float, list[int]]] = []
@@ -136,13 +129,8 @@ def beam_walk(
             there = np.linalg.norm(steps.base_in_world - env.goal, axis=1) <= tolerance
             arrived += [(chance + float(logs[a]), [*actions, int(a)]) for a in numbers[there]]
             for action in numbers[np.argsort(-logs[numbers], kind="stable")[: 2 * width]].tolist():
-                found.append(
-                    (
-                        chance + float(logs[action]),
-                        env.moves.take(state, action),
-                        [*actions, action],
-                    )
-                )
+                after = env.moves.take(state, action)
+                found.append((chance + float(logs[action]), after, [*actions, action]))
         if arrived:
             return max(arrived, key=lambda pair: pair[0])[1]
         beam = []

@@ -80,23 +80,13 @@ class PointerNetwork(nn.Module):
     @staticmethod
     def scaled(observation: dict[str, Tensor]) -> dict[str, Tensor]:
         """An observation in the units of the network."""
-        points, limbs, goal = (observation[name] for name in ("points", "limbs", "goal"))
-        return {
-            "points": torch.cat([points[..., :3] / LENGTH, points[..., 3:]], dim=-1),
-            "limbs": torch.cat(
-                [
-                    limbs[..., :2],
-                    limbs[..., 2:5] / LENGTH,
-                    limbs[..., 5:6],
-                    limbs[..., REACH] / LENGTH,
-                    limbs[..., ARRIVALS] / ARRIVAL,
-                    limbs[..., ONWARD_REACH] / LENGTH,
-                    limbs[..., ONWARD_ARRIVALS] / ARRIVAL,
-                ],
-                dim=-1,
-            ),
-            "goal": goal / LENGTH,
-        }
+        points, limbs = observation["points"].clone(), observation["limbs"].clone()
+        points[..., :3] /= LENGTH
+        for lengths in (slice(2, 5), REACH, ONWARD_REACH):
+            limbs[..., lengths] /= LENGTH
+        for arrivals in (ARRIVALS, ONWARD_ARRIVALS):
+            limbs[..., arrivals] /= ARRIVAL
+        return {"points": points, "limbs": limbs, "goal": observation["goal"] / LENGTH}
 
     def codes(self, observation: dict[str, Tensor]) -> Tensor:
         """Codes of the points, nothing for those that may not be grasped, shape (k, m, summary)."""
@@ -145,9 +135,18 @@ class PointerNetwork(nn.Module):
 
     def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
         """Score of each action, shape (k, N m)."""
+        return self.forward(observation)[0]
+
+    def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
+        """What the value is read from, shape (k, width)."""
+        return self.forward(observation)[1]
+
+    def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
+        """Score of each action, shape (k, N m), and what the value is read from, (k, width)."""
         observation = self.scaled(observation)
-        codes = self.codes(observation)
-        return self._scores(observation, *self.summarise(observation, codes))
+        summary, held = self.summarise(observation, self.codes(observation))
+        of_state = torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1)
+        return self._scores(observation, summary, held), torch.relu(self.assess(of_state))
 
     def _scores(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
         """Score of each action from what `summarise` returns, shape (k, N m)."""
@@ -168,26 +167,6 @@ class PointerNetwork(nn.Module):
         scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
         scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
         return scores.flatten(1)
-
-    def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
-        """What the value is read from, shape (k, width)."""
-        observation = self.scaled(observation)
-        return self._assessment(observation, *self.summarise(observation, self.codes(observation)))
-
-    def _assessment(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
-        """What the value is read from, from what `summarise` returns, shape (k, width)."""
-        code: Tensor = self.assess(
-            torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1)
-        )
-        return torch.relu(code)
-
-    def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
-        """Scores and assessment."""
-        observation = self.scaled(observation)
-        codes = self.codes(observation)
-        summary, held = self.summarise(observation, codes)
-        scores = self._scores(observation, summary, held)
-        return scores, self._assessment(observation, summary, held)
 
 
 class _AsItIs(BaseFeaturesExtractor):

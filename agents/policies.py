@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
 import numpy as np
@@ -128,60 +128,42 @@ class PlanPolicy:
         return action
 
 
-def planner_policy(cost: str = "steps", method: str = "astar", **options: Any) -> PlanPolicy:
-    """Follows plans of `Planner`, made on the stance graph of the environment.
+def planner_policy(
+    cost: str = "steps", method: str = "astar", planner: Planner | None = None, **options: Any
+) -> PlanPolicy:
+    """Follows plans of `Planner`, by default made on the stance graph of the environment.
 
     A query starts from the state: after a grasp that failed the limb that held may be on some of
-    its branches only.
+    its branches only. Plans of another graph of the same map, such as one without manipulability,
+    start from its stance and are followed whether they are possible or not.
 
     Args:
         cost: Cost of the plans.
         method: Search method.
+        planner: Plans on another graph.
         **options: Further arguments of `Planner.plan`.
     """
-    planners: dict[int, Planner] = {}
+    made: dict[int, Planner] = {}
 
     def find(env: MlivrEnv) -> list[int] | None:
-        graph = env.graph
-        if id(graph) not in planners:
-            planners.clear()
-            planners[id(graph)] = Planner(graph)
-        result = planners[id(graph)].plan(
-            env.state,
+        graph, start = env.graph, env.state
+        given: dict[str, Any] = {} if planner is None else {"start_pose": start.pose}
+        if planner is None and id(graph) not in made:
+            made.clear()
+            made[id(graph)] = Planner(graph)
+        result = (planner or made[id(graph)]).plan(
+            start if planner is None else start.stance,
             env.goal.tolist(),
             cost,
             method=method,
             goal_tolerance=env.goal_tolerance,
+            **given,
             **options,
         )
         if result.plan is None:
             return None
-        m, index = len(graph.grasp_map), graph.grasp_map.index
-        return [limb * m + index(point) for limb, point in result.plan.actions]
-
-    return PlanPolicy(find)
-
-
-def foreign_plan_policy(planner: Planner, cost: str = "steps") -> PlanPolicy:
-    """Follows plans made on another stance graph of the same map, whether possible or not.
-
-    One such graph is that of A* without manipulability.
-    """
-
-    def find(env: MlivrEnv) -> list[int] | None:
-        result = planner.plan(
-            env.state.stance,
-            env.goal.tolist(),
-            cost,
-            goal_tolerance=env.goal_tolerance,
-            start_pose=env.state.pose,
-        )
-        if result.plan is None:
-            return None
-        grasp_map = planner.graph.grasp_map
-        return [
-            limb * len(grasp_map) + grasp_map.index(point) for limb, point in result.plan.actions
-        ]
+        index = graph.grasp_map.index
+        return _actions(env, [(limb, index(point)) for limb, point in result.plan.actions])
 
     return PlanPolicy(find)
 
@@ -190,16 +172,14 @@ def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
     """Follows walks of `planners.baselines`."""
 
     def find(env: MlivrEnv) -> list[int] | None:
-        walk = find_walk(
-            method,
-            env.moves,
-            env.state,
-            env.goal,
-            env.goal_tolerance,
-            budget=budget,
-            seed=seed + env.steps,
+        where = env.moves, env.state, env.goal, env.goal_tolerance
+        return _actions(
+            env, find_walk(method, *where, budget=budget, seed=seed + env.steps).actions
         )
-        m = len(env.graph.grasp_map)
-        return [limb * m + point for limb, point in walk.actions]
 
     return PlanPolicy(find)
+
+
+def _actions(env: MlivrEnv, moves: Iterable[tuple[int, int]]) -> list[int]:
+    """Actions of moves, each a limb and the index of a point."""
+    return [limb * len(env.graph.grasp_map) + point for limb, point in moves]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -58,19 +57,14 @@ class TableVecEnv(VecEnv):
         if self.plain:
             return dict[str, Any](**plain)
         copies = self.copies
-        free = np.ones(len(self.features.grasp_map), dtype=np.bool_)
-        free[list(copies.env.graph.occupied)] = False
         graph = copies.env.graph
+        free = np.ones(len(self.features.grasp_map), dtype=np.bool_)
+        free[list(graph.occupied)] = False
         for k in np.flatnonzero((self._goals != copies.goals).any(axis=1)):
-            self._reach[k], self._goals[k] = (
-                reach_of_points(graph, copies.goals[k], copies.env.goal_tolerance),
-                copies.goals[k],
-            )
-        return {
-            **self.features(
-                copies.tables, copies.stances, copies.masks, copies.goals, self._reach, free
-            )
-        }
+            self._goals[k] = copies.goals[k]
+            self._reach[k] = reach_of_points(graph, copies.goals[k], copies.env.goal_tolerance)
+        where = copies.tables, copies.stances, copies.masks, copies.goals
+        return dict(self.features(*where, self._reach, free))
 
     def reset(self) -> dict[str, NDArray[Any]]:
         """Start all copies anew."""
@@ -96,14 +90,11 @@ class TableVecEnv(VecEnv):
         seen = self._see(plain)
         if done.any():
             for k in np.flatnonzero(done):
+                episode = {"r": float(self._return[k]), "l": int(self._info["steps"][k]), "t": 0.0}
                 infos[k] = {
                     "terminal_observation": {name: array[k] for name, array in seen.items()},
                     "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
-                    "episode": {
-                        "r": float(self._return[k]),
-                        "l": int(self._info["steps"][k]),
-                        "t": 0.0,
-                    },
+                    "episode": episode,
                     "is_success": bool(self._info["is_success"][k]),
                 }
             self._return[done] = 0.0
@@ -130,18 +121,10 @@ class TableVecEnv(VecEnv):
         masks = self.action_masks()
         return [masks[k] for k in self._get_indices(indices)]
 
-    def has_attr(self, attr_name: str) -> bool:
-        """Whether copies have an attribute."""
-        return attr_name == "action_masks"
-
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """An attribute of the environment for each copy."""
-        value = (
-            self.action_masks
-            if attr_name == "action_masks"
-            else getattr(self.copies.env, attr_name)
-        )
-        return [value for _ in self._get_indices(indices)]
+        owner = self if attr_name == "action_masks" else self.copies.env
+        return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Not possible: the copies share one world."""
@@ -155,7 +138,3 @@ class TableVecEnv(VecEnv):
 
     def close(self) -> None:
         """Nothing to release."""
-
-    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """No pictures."""
-        return [None] * self.num_envs

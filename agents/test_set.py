@@ -16,17 +16,7 @@ from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import MOST_LIMBS
-from mlivr_gym.schema import (
-    NAME,
-    Anything,
-    Choice,
-    Fields,
-    Listed,
-    Maybe,
-    Place,
-    Tuples,
-    Whole,
-)
+from mlivr_gym.schema import NAME, Anything, Choice, Fields, Listed, Maybe, Place, Tuples, Whole
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.values import LONGEST, MOST_POINTS
@@ -52,20 +42,21 @@ TASK = Fields(
 )
 """A task of a test set."""
 
+WORLD = Fields(
+    {
+        "split": Choice(SPLITS),
+        "spacing": SPACING,
+        "sparse_seed": Maybe(Whole(0, 1 << 63)),
+        "tasks": Listed(TASK),
+    }
+)
+"""Tasks on one map."""
+
 TEST_SET = Fields(
     {
         "seed": Whole(0, 1 << 63),
         "rules": Anything(),
-        "worlds": Listed(
-            Fields(
-                {
-                    "split": Choice(SPLITS),
-                    "spacing": SPACING,
-                    "sparse_seed": Maybe(Whole(0, 1 << 63)),
-                    "tasks": Listed(TASK),
-                }
-            )
-        ),
+        "worlds": Listed(WORLD),
     }
 )
 """A file of a test set."""
@@ -139,9 +130,8 @@ def _draw(world: World, count: int, rng: np.random.Generator, groups: int = 0) -
     for group in range(max(groups, 1)):
         occupied: tuple[str, ...] = ()
         if groups:
-            chosen = rng.permutation(len(env.graph.grasp_map))[
-                : int(OCCUPIED * len(env.graph.grasp_map))
-            ]
+            m = len(env.graph.grasp_map)
+            chosen = rng.permutation(m)[: int(OCCUPIED * m)]
             occupied = env.graph.ids(sorted(chosen.tolist()))
             env.graph.vacate()
             env.graph.occupy(occupied)
@@ -155,8 +145,7 @@ def _draw(world: World, count: int, rng: np.random.Generator, groups: int = 0) -
             low, high = env.graph.grasp_map.cabin
             if np.linalg.norm(goal - origin) < FAR or (goal < low).any() or (goal > high).any():
                 continue
-            if planner.plan(
-                first.stance, goal.tolist(), "steps", goal_tolerance=env.goal_tolerance
-            ):
+            asked = first.stance, goal.tolist(), "steps"
+            if planner.plan(*asked, goal_tolerance=env.goal_tolerance):
                 tasks.append(Task(env.graph.ids(first.stance), tuple(goal.tolist()), occupied))
     return world._replace(tasks=tuple(tasks))

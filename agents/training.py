@@ -6,20 +6,15 @@ import platform
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 import torch
 
 from mlivr_gym import __version__
-from mlivr_gym.agents.hyperparameters import (
-    METHODS,
-    ImitationSettings,
-    checked,
-    hyperparameters,
-)
+from mlivr_gym.agents.hyperparameters import METHODS, ImitationSettings, checked, hyperparameters
 from mlivr_gym.agents.imitation import Imitation
 from mlivr_gym.agents.learned import LearnedPolicy, load_policy, made_for, save_policy
 from mlivr_gym.agents.networks import make_policy, policy_class
@@ -95,10 +90,7 @@ class _Request:
 
     def make_env(self) -> MlivrEnv:
         """The environment, with the steps of its whole map worked out."""
-        arguments = self.env_arguments | {"precompute": True}
-        env = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **arguments).unwrapped
-        assert isinstance(env, MlivrEnv)
-        return env
+        return MlivrEnv(**(self.env_arguments | {"precompute": True}))
 
     def config(self, env: MlivrEnv, seconds: float) -> dict[str, Any]:
         """What a checkpoint says of its training."""
@@ -116,8 +108,7 @@ class _Request:
             "seconds": round(seconds, 1),
             "versions": {
                 "python": platform.python_version(),
-                "torch": torch.__version__,
-                "numpy": np.__version__,
+                **{module.__name__: module.__version__ for module in (torch, np)},
             },
         }
 
@@ -185,7 +176,7 @@ def _imitate(request: _Request, env: MlivrEnv, policy: Any, report: _Report) -> 
     settings = ImitationSettings(**request.settings["imitation"])
     plain = request.network == "mlp"
     imitation = Imitation(env, policy, plain, settings, request.seed, held_out_goals())
-    imitation.run(lambda done, total, figures: report("imitation", done, total, figures))
+    imitation.run(partial(report, "imitation"))
 
 
 def _improve(request: _Request, env: MlivrEnv, policy: Any, report: _Report) -> None:

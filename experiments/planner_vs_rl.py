@@ -41,7 +41,6 @@ from mlivr_gym.agents import (
 )
 from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.learned import beam_policy, load_policy
-from mlivr_gym.agents.policies import foreign_plan_policy
 from mlivr_gym.agents.test_set import World, freeze_test_set, load_test_set
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
@@ -106,7 +105,7 @@ def without_manipulability(env: MlivrEnv) -> Policy:
     """A* on the graph that knows no thresholds."""
     graph = stance_graph(env.graph.grasp_map, settings=Settings(manipulability=False))
     graph.occupy(sorted(env.graph.occupied))
-    return foreign_plan_policy(Planner(graph))
+    return planner_policy(planner=Planner(graph))
 
 
 def record(result: Evaluation, ids: Sequence[int]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.files import FileError, load
-from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.schema import NAME, Anything, Fields, Listed, Place, Tuples, Whole
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
@@ -55,40 +55,14 @@ CASES = {
     4: Case(True, "base", True, "Case 4: thresholds, base cost, sparse map"),
 }
 
-PAPER: dict[int, dict[str, float]] = {
-    1: {
-        "expanded": 172,
-        "base_translation": 4.4,
-        "steps": 6,
-        "w_m_min": 0.07,
-        "w_b_min": 0.0008,
-        "time": 1.2,
-    },
-    2: {
-        "expanded": 386,
-        "base_translation": 4.5,
-        "steps": 7,
-        "w_m_min": 0.10,
-        "w_b_min": 0.0015,
-        "time": 1.8,
-    },
-    3: {
-        "expanded": 40,
-        "base_translation": 4.7,
-        "steps": 5,
-        "w_m_min": 0.12,
-        "w_b_min": 0.0018,
-        "time": 0.2,
-    },
-    4: {
-        "expanded": 72,
-        "base_translation": 5.0,
-        "steps": 7,
-        "w_m_min": 0.12,
-        "w_b_min": 0.0020,
-        "time": 0.2,
-    },
+_COLUMNS = ("expanded", "base_translation", "steps", "w_m_min", "w_b_min", "time")
+_ROWS = {
+    1: (172, 4.4, 6, 0.07, 0.0008, 1.2),
+    2: (386, 4.5, 7, 0.10, 0.0015, 1.8),
+    3: (40, 4.7, 5, 0.12, 0.0018, 0.2),
+    4: (72, 5.0, 7, 0.12, 0.0020, 0.2),
 }
+PAPER = {case: dict(zip(_COLUMNS, row, strict=True)) for case, row in _ROWS.items()}
 """Imai, Uno, Kuwahara, Yoshida: Table I, on an Intel i9-12900H."""
 
 
@@ -119,11 +93,8 @@ MODES = {
 
 def default_setup() -> dict[str, Any]:
     """The calibrated start (point ids), goal [m] and seed."""
-    return load(SETUP, "setup of Table I", FileError, _setup)
-
-
-def _setup(data: dict[str, Any]) -> dict[str, Any]:
-    return SETUP_DATA.read(data, Place("", FileError))
+    read = SETUP_DATA.read
+    return load(SETUP, "setup of Table I", FileError, lambda data: read(data, Place("", FileError)))
 
 
 def case_map(case: int, setup: dict[str, Any]) -> GraspMap:
@@ -148,8 +119,7 @@ def case_graph(case: int, setup: dict[str, Any], mode: str) -> PairGraph:
     """
     how, robot = MODES[mode], robot_spec("mlivr2")
     if not how.transitions:
-        farthest = robot.mount_radius + robot.limb.reach + robot.tool_length
-        robot = replace(robot, span=2.0 * farthest)
+        robot = unlimited(robot)
     settings = Settings(
         manipulability=CASES[case].manipulability,
         transitions=how.transitions,
@@ -158,6 +128,11 @@ def case_graph(case: int, setup: dict[str, Any], mode: str) -> PairGraph:
     graph = stance_graph(case_map(case, setup), robot, settings)
     assert isinstance(graph, PairGraph)
     return graph
+
+
+def unlimited(robot: RobotSpec) -> RobotSpec:
+    """A robot with a span that no two of its limbs can reach."""
+    return replace(robot, span=2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length))
 
 
 Row = Mapping[str, Any]

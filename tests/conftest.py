@@ -1,3 +1,4 @@
+import json
 import os
 import sys
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from cache_of_tests import KEPT
 from hypothesis import settings
+from map_data import LADDER
 from paper import NO_COLLISIONS
 from remembered import stances_solved_once
 from shared_graphs import put_back, shared
@@ -89,20 +91,11 @@ def small_checked_graph(small_map):
 
 @pytest.fixture
 def ladder():
-    """A user's own map: three short rails on a floor."""
-    return GraspMap.from_dict(
-        {
-            "name": "ladder",
-            "segments": [
-                {
-                    "id": f"R{k}",
-                    "face": "deck",
-                    "start": [x, -0.4, 0.0],
-                    "end": [x, 0.4, 0.0],
-                    "normal": [0, 0, 1],
-                }
-                for k, x in enumerate((0.0, 0.9, 1.8))
-            ],
-            "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]},
-        }
-    )
+    return GraspMap.from_dict({"name": "ladder", **LADDER})
+
+
+@pytest.fixture
+def ladder_file(tmp_path):
+    path = tmp_path / "map.json"
+    path.write_text(json.dumps(LADDER))
+    return path

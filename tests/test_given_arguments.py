@@ -127,6 +127,21 @@ def standing(of):
     return dict(zip(("position", "quaternion", "joints"), of["plan"].configuration(0), strict=True))
 
 
+def settings(of):
+    return {"settings": of["graph"].settings}
+
+
+def held(of):
+    return {"configuration": of["plan"].configuration(0), "points": of["plan"].stances[0]}
+
+
+def drawn(of):
+    return {"grasp_map": of["map"], "plan": of["plan"]}
+
+
+FILM = {"path": "walk.gif", "size": (32, 16), "speed": 1000.0}
+
+
 def saved(save):
     return lambda of: (save, {"trajectory": of["trajectory"], "path": "walk"})
 
@@ -140,10 +155,7 @@ FUNCTIONS = {
     "MlivrVectorEnv.step": lambda of: (of["copies"].step, {"actions": [0, 0]}),
     "ActionMaskObservation": lambda of: (ActionMaskObservation, {"env": of["env"]}),
     "RecordVideo": lambda of: (RecordVideo, {"env": of["env"], "video_folder": "films"}),
-    "stance_graph": lambda of: (
-        stance_graph,
-        {"grasp_map": of["map"], "settings": of["graph"].settings},
-    ),
+    "stance_graph": lambda of: (stance_graph, {"grasp_map": of["map"], **settings(of)}),
     "Planner": lambda of: (Planner, {"graph": of["graph"]}),
     "Planner.plan": lambda of: (of["planner"].plan, query(of)),
     "Planner.why_not": lambda of: (of["planner"].why_not, query(of)),
@@ -154,10 +166,7 @@ FUNCTIONS = {
     "step_seconds": lambda of: (step_seconds, walk(of)),
     "Cost.named": lambda of: (Cost.named, {"cost": "base"}),
     "execute": lambda of: (execute, walk(of)),
-    "execute_many": lambda of: (
-        execute_many,
-        {"graph": of["graph"], "plans": [], "workers": 1},
-    ),
+    "execute_many": lambda of: (execute_many, {"graph": of["graph"], "plans": [], "workers": 1}),
     "step_trajectory": lambda of: (step_trajectory, {**walk(of), "index": 0}),
     "plan_trajectory": lambda of: (plan_trajectory, walk(of)),
     "Setup": lambda of: (Setup, {}),
@@ -177,33 +186,14 @@ FUNCTIONS = {
     "save_npz": saved(save_npz),
     "save_ros": saved(save_ros),
     "load_npz": lambda of: (load_npz, {"path": of["folder"] / "walk.npz"}),
-    "exported_model": lambda of: (
-        exported_model,
-        {
-            **scene(of),
-            "configuration": of["plan"].configuration(0),
-            "points": of["plan"].stances[0],
-        },
-    ),
-    "plan_figure": lambda of: (
-        plan_figure,
-        {"grasp_map": of["map"], "plan": of["plan"], "path": "plan.png"},
-    ),
+    "exported_model": lambda of: (exported_model, {**scene(of), **held(of)}),
+    "plan_figure": lambda of: (plan_figure, {**drawn(of), "path": "plan.png"}),
     "SceneRenderer": lambda of: (SceneRenderer, {**scene(of), "width": 32, "height": 16}),
     "SceneRenderer.render": lambda of: (
         SceneRenderer(**scene(of), width=32, height=16).render,
         {**standing(of), "camera": Camera((0.0, 0.0, 0.0)), "route": of["route"]},
     ),
-    "film": lambda of: (
-        film,
-        {
-            **scene(of),
-            "recording": of["recording"],
-            "path": "walk.gif",
-            "size": (32, 16),
-            "speed": 1000.0,
-        },
-    ),
+    "film": lambda of: (film, {**scene(of), "recording": of["recording"], **FILM}),
 }
 """Each function, and what it is called with where it is called right."""
 

@@ -49,15 +49,11 @@ def test_wheels_from_sdist_and_tree_are_equal(built):
 
 def test_the_wheel_holds_every_module_and_asset(built):
     names = set(contents(built[1]))
-    for folder, prefix in (
-        ("mlivr_gym", ""),
-        ("planners", "planners/"),
-        ("agents", "agents/"),
-        ("envs_assets", "envs_assets/"),
-    ):
+    for folder in ("mlivr_gym", "planners", "agents", "envs_assets"):
+        prefix = "mlivr_gym" if folder == "mlivr_gym" else f"mlivr_gym/{folder}"
         for path in (ROOT / folder).iterdir():
-            if path.suffix in {".py", ".json", ".pt", ".zip"} or path.name == "py.typed":
-                assert f"mlivr_gym/{prefix}{path.name}" in names
+            if path.suffix in {".py", ".json", ".md", ".pt", ".zip"} or path.name == "py.typed":
+                assert f"{prefix}/{path.name}" in names
 
 
 def test_the_sdist_has_no_links_out_of_itself(built):
@@ -68,18 +64,8 @@ def test_the_sdist_has_no_links_out_of_itself(built):
 @pytest.mark.slow
 def test_an_installed_wheel_plans(built, tmp_path):
     target = tmp_path / "site"
-    command = [
-        sys.executable,
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--no-deps",
-        "--target",
-        str(target),
-        str(built[1]),
-    ]
-    subprocess.run(command, check=True, capture_output=True)
+    line = f"-m pip install --quiet --no-deps --target {target} {built[1]}"
+    subprocess.run([sys.executable, *line.split()], check=True, capture_output=True)
     code = (
         f"import sys; sys.path.insert(0, {str(target)!r})\n"
         "import gymnasium, mlivr_gym\n"
@@ -95,13 +81,8 @@ def test_an_installed_wheel_plans(built, tmp_path):
 
 @pytest.mark.parametrize("name", ["planners", "agents", "envs_assets"])
 def test_bare_folders_refuse_to_be_imported(name):
-    done = subprocess.run(
-        [sys.executable, "-c", f"import {name}"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-c", f"import {name}"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert done.stderr.strip().splitlines()[-1].startswith(f"ImportError: import mlivr_gym.{name}:")
 

@@ -29,7 +29,7 @@ LAYERS = (
     {"kinematics", "settings", "files"},
     {"arguments"},
     {"schema"},
-    {"values"},
+    {"values", "extras"},
     {"compiled", "errors"},
     {"envs_assets", "_version", "_headless", "arrays"},
 )

@@ -28,69 +28,53 @@ from mlivr_gym.stances.table_heads import head_of
 OTHERS = (None, 1, GRAPH_RULES + 1, str(GRAPH_RULES))
 
 
-def tamper(data, rules):
-    """The same data with another number of rules, or none."""
-    assert data["rules"] == GRAPH_RULES
-    return (
-        {**data, "rules": rules}
-        if rules is not None
-        else {k: v for k, v in data.items() if k != "rules"}
-    )
-
-
-def sentence(what, rules, remedy):
-    found = 1 if rules is None else rules
-    return (
-        f"{what} was made by rules {found!r} of the stance graph, and this version has rules "
-        f"{GRAPH_RULES}: {remedy}"
-    )
-
-
 @pytest.fixture(scope="module")
 def env(small_map):
     return MlivrEnv(map=small_map, collisions=False)
 
 
-@pytest.mark.parametrize("rules", OTHERS)
-def test_plans(env, tmp_path, rules):
+def a_plan(env, folder):
     env.reset(seed=0)
     plan = Planner(env.graph).plan(env.state.stance, env.goal.tolist(), "steps").unwrap()
-    file = tmp_path / "plan.json"
-    plan.save(file)
-    assert Plan.load(file).to_dict() == plan.to_dict()
-    file.write_text(json.dumps(tamper(json.loads(file.read_text()), rules)))
-    with pytest.raises(PlanError) as caught:
-        Plan.load(file)
-    assert str(caught.value) == f"plan {str(file)!r}: " + sentence(
-        "the plan", rules, "plan it anew"
-    )
+    plan.save(folder / "plan.json")
+    assert Plan.load(folder / "plan.json").to_dict() == plan.to_dict()
+    return folder / "plan.json", lambda: Plan.load(folder / "plan.json")
 
 
-@pytest.mark.parametrize("rules", OTHERS)
-def test_checkpoints(env, tmp_path, rules):
-    path = tmp_path / "policy"
-    config = {"network": "mlp", "sizes": {}} | made_for(env, "mlp")
+def a_checkpoint(env, folder):
+    path, config = folder / "policy", {"network": "mlp", "sizes": {}} | made_for(env, "mlp")
     save_policy(path, make_policy(env, "mlp", {}), config)
     assert "rules" not in config
     assert load_policy(path, env).config["rules"] == GRAPH_RULES
-    file = path.with_suffix(".json")
-    file.write_text(json.dumps(tamper(json.loads(file.read_text()), rules)))
-    with pytest.raises(CheckpointError) as caught:
-        load_policy(path, env)
-    assert str(caught.value) == f"checkpoint {str(file)!r}: " + sentence(
-        "it", rules, "train it anew"
-    )
+    return path.with_suffix(".json"), lambda: load_policy(path, env)
+
+
+def a_test_set(env, folder):
+    (folder / "set.json").write_text(asset_path("test_set.json").read_text())
+    return folder / "set.json", lambda: load_test_set(folder / "set.json")
 
 
 @pytest.mark.parametrize("rules", OTHERS)
-def test_test_sets(tmp_path, rules):
-    data = json.loads(asset_path("test_set.json").read_text())
-    file = tmp_path / "set.json"
-    file.write_text(json.dumps(tamper(data, rules)))
-    with pytest.raises(MlivrError) as caught:
-        load_test_set(file)
-    assert str(caught.value) == f"test set {str(file)!r}: " + sentence(
-        "it", rules, "draw it anew with freeze_test_set"
+@pytest.mark.parametrize(
+    ("make", "error", "kind", "what", "remedy"),
+    [
+        (a_plan, PlanError, "plan", "the plan", "plan it anew"),
+        (a_checkpoint, CheckpointError, "checkpoint", "it", "train it anew"),
+        (a_test_set, MlivrError, "test set", "it", "draw it anew with freeze_test_set"),
+    ],
+)
+def test_a_file_of_other_rules_or_none_is_refused(
+    env, tmp_path, rules, make, error, kind, what, remedy
+):
+    file, load = make(env, tmp_path)
+    data = json.loads(file.read_text())
+    assert data.pop("rules") == GRAPH_RULES
+    file.write_text(json.dumps(data | ({} if rules is None else {"rules": rules})))
+    with pytest.raises(error) as caught:
+        load()
+    assert str(caught.value) == (
+        f"{kind} {str(file)!r}: {what} was made by rules {1 if rules is None else rules!r} of the "
+        f"stance graph, and this version has rules {GRAPH_RULES}: {remedy}"
     )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -32,153 +33,144 @@ WIDEST_BEAM = 1000
 """Most walks that a beam search keeps."""
 
 
+Add: TypeAlias = Callable[..., argparse.ArgumentParser]
+"""Adds a command to the parser's, whose name and help it knows."""
+
+
+def command(
+    add: Add, run: Callable[[argparse.Namespace], int | None], **told: Any
+) -> argparse.ArgumentParser:
+    """Add a command to the parser's.
+
+    Args:
+        add: What adds it.
+        run: What it does with its arguments; returns its exit code, or None for success.
+        **told: `groups`, the names of `GROUPS` it has besides those of what is printed, and
+            arguments of `add_parser`.
+    """
+    groups = (*told.pop("groups", ()), "output")
+    parser = add(parents=[GROUPS[group]() for group in groups], **told)
+    parser.set_defaults(run=run)
+    return parser
+
+
+def option(
+    parser: argparse._ActionsContainer, usage: str, told: str, default: Any = None, **rest: Any
+) -> None:
+    """Add an option as its usage reads.
+
+    Args:
+        parser: The parser, or a group of it.
+        usage: `"--json"` is a switch, `"--size W H"` takes two values, `"--start POINT..."` any.
+        told: Its help, to which the default is added.
+        default: What it is if it is not given, whose type its values have.
+        **rest: Further arguments of `add_argument`.
+    """
+    names = [word for word in usage.split() if word.startswith("-")]
+    values = usage.split()[len(names) :]
+    if not values:
+        parser.add_argument(*names, action="store_true", help=told, **rest)
+        return
+    first = default[0] if isinstance(default, tuple) else default
+    if isinstance(first, int | float):
+        rest["type"] = type(first)
+    if "choices" not in rest:
+        rest["metavar"] = tuple(values) if len(values) > 1 else values[0].removesuffix("...")
+    if len(values) > 1 or values[0].endswith("..."):
+        rest["nargs"] = len(values) if len(values) > 1 else "+"
+    elif default is not None and default != []:
+        told += " (default: %(default)s)"
+    parser.add_argument(*names, default=default, help=told, **rest)
+
+
+def _group() -> argparse.ArgumentParser:
+    """A parser for `parents`."""
+    return argparse.ArgumentParser(add_help=False)
+
+
 def world_arguments() -> argparse.ArgumentParser:
     """The arguments of robot, map and thresholds, for `parents`."""
-    parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument(
-        "--robot",
-        default="mlivr2",
-        help="mlivr2, mlivr3, mlivr4 or a JSON file (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--map", metavar="FILE", help="map as a JSON file (default: the measured JEM)"
-    )
-    parser.add_argument(
-        "--no-manipulability", action="store_true", help="do without both thresholds"
-    )
-    parser.add_argument(
-        "--no-transitions", action="store_true", help="do not check that steps can be executed"
-    )
-    parser.add_argument(
-        "--no-collisions", action="store_true", help="let limbs touch each other and the cabin"
-    )
-    parser.add_argument(
-        "--clearance",
-        type=float,
-        default=0.02,
-        metavar="M",
-        help="least distance between shapes [m] (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--limb-threshold",
-        type=float,
-        default=0.1,
-        metavar="W",
-        help="least w_m (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--base-threshold", type=float, metavar="W", help="least w_b (default: 0.001 (2/N)^3)"
-    )
+    parser = _group()
+    option(parser, "--robot ROBOT", "mlivr2, mlivr3, mlivr4 or a JSON file", "mlivr2")
+    option(parser, "--map FILE", "map as a JSON file (default: the measured JEM)")
+    option(parser, "--no-manipulability", "do without both thresholds")
+    option(parser, "--no-transitions", "do not check that steps can be executed")
+    option(parser, "--no-collisions", "let limbs touch each other and the cabin")
+    option(parser, "--clearance M", "least distance between shapes [m]", 0.02)
+    option(parser, "--limb-threshold W", "least w_m", 0.1)
+    option(parser, "--base-threshold W", "least w_b (default: 0.001 (2/N)^3)", type=float)
     return parser
 
 
 def output_arguments() -> argparse.ArgumentParser:
     """The arguments of what is printed, for `parents`."""
-    parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print the result as one JSON object in place of text, also where the command fails",
-    )
-    parser.add_argument(
-        "-q", "--quiet", action="store_true", help="print neither text nor progress"
-    )
+    parser = _group()
+    told = "print the result as one JSON object in place of text, also where the command fails"
+    option(parser, "--json", told)
+    option(parser, "-q --quiet", "print neither text nor progress")
     return parser
 
 
 def obstacle_arguments() -> argparse.ArgumentParser:
     """The arguments of obstacles and occupied points, for `parents`."""
-    parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument(
-        "--obstacles", metavar="FILE", help="boxes and occupied points as a JSON file"
-    )
-    parser.add_argument(
-        "--box",
-        nargs=6,
-        type=float,
-        action="append",
-        default=[],
-        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="a box or keep-out zone, lower and upper corner [m]; may be repeated",
-    )
-    parser.add_argument(
-        "--occupied", nargs="+", default=[], metavar="POINT", help="points that may not be grasped"
-    )
+    parser, boxes = _group(), {"type": float, "action": "append"}
+    option(parser, "--obstacles FILE", "boxes and occupied points as a JSON file")
+    told = "a box or keep-out zone, lower and upper corner [m]; may be repeated"
+    option(parser, "--box X0 Y0 Z0 X1 Y1 Z1", told, [], **boxes)
+    option(parser, "--occupied POINT...", "points that may not be grasped", [])
     return parser
 
 
 def query_arguments() -> argparse.ArgumentParser:
     """The arguments of start, goal and search, for `parents`."""
-    parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
-    parser.add_argument(
-        "--start-pose",
-        nargs=7,
-        type=float,
-        metavar=("X", "Y", "Z", "QW", "QX", "QY", "QZ"),
-        help="base pose at the start, if the robot stands in another than that of its stance [m] "
+    parser = _group()
+    option(parser, "--start POINT...", "point id of each limb")
+    option(
+        parser,
+        "--start-pose X Y Z QW QX QY QZ",
+        "base pose at the start, if the robot stands in another than that of its stance [m] "
         "(default: that one)",
-    )
-    parser.add_argument(
-        "--start-joints",
-        nargs="+",
         type=float,
-        metavar="Q",
-        help="joint angles at the start, six for each limb [rad] "
-        "(default: any that hold the points)",
     )
-    parser.add_argument(
-        "--goal", nargs=3, type=float, metavar=("X", "Y", "Z"), help="goal position of the base [m]"
-    )
-    parser.add_argument(
-        "--tolerance",
+    told = "joint angles at the start, six for each limb [rad] (default: any that hold the points)"
+    option(parser, "--start-joints Q...", told, type=float)
+    option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)
+    option(parser, "--tolerance M", "radius of the goal [m]", 0.2)
+    option(parser, "--goal-face FACE", "all limbs are to hold points of this face at the goal")
+    told = "base, steps, weighted, or time: fastest of several plans"
+    option(parser, "--cost COST", told, "base")
+    option(parser, "--regrasp-price M", "metres charged for a regrasp, with weighted", type=float)
+    option(parser, "--method METHOD", "astar, dijkstra, greedy or algorithm1", "astar")
+    option(parser, "--heuristic HEURISTIC", "cost_to_go, consistent, paper or zero")
+    option(
+        parser,
+        "--inflation E",
+        "the plan costs at most E times the least (default: 1 for two limbs; with more the "
+        "first plan found is taken, and within what factor it is proved is told)",
         type=float,
-        default=0.2,
-        metavar="M",
-        help="radius of the goal [m] (default: %(default)s)",
     )
-    parser.add_argument(
-        "--goal-face", metavar="FACE", help="all limbs are to hold points of this face at the goal"
-    )
-    _search_arguments(parser)
+    told = "more than two limbs: look for a plan and improve it for S seconds at most"
+    option(parser, "--time-limit S", told, type=float)
+    option(parser, "--limit LIMIT", "most states explored", 200_000)
     return parser
 
 
-def _search_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of cost and search."""
-    parser.add_argument(
-        "--cost",
-        default="base",
-        help="base, steps, weighted, or time: fastest of several plans (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--regrasp-price",
-        type=float,
-        metavar="M",
-        help="metres charged for a regrasp, with weighted",
-    )
-    parser.add_argument(
-        "--method",
-        default="astar",
-        help="astar, dijkstra, greedy or algorithm1 (default: %(default)s)",
-    )
-    parser.add_argument("--heuristic", help="cost_to_go, consistent, paper or zero")
-    parser.add_argument(
-        "--inflation",
-        type=float,
-        metavar="E",
-        help="the plan costs at most E times the least (default: 1 for two limbs; with more the "
-        "first plan found is taken, and within what factor it is proved is told)",
-    )
-    parser.add_argument(
-        "--time-limit",
-        type=float,
-        metavar="S",
-        help="more than two limbs: look for a plan and improve it for S seconds at most",
-    )
-    parser.add_argument(
-        "--limit", type=int, default=200_000, help="most states explored (default: %(default)s)"
-    )
+GROUPS = {
+    "world": world_arguments,
+    "obstacles": obstacle_arguments,
+    "query": query_arguments,
+    "output": output_arguments,
+}
+"""Arguments that several commands have, by name."""
+
+
+def search_options(args: argparse.Namespace) -> dict[str, Any]:
+    """Arguments of `Planner.plan` besides start, goal and cost."""
+    names = (
+        "goal_face", "start_pose", "start_joints", "method", "heuristic", "inflation", "limit",
+        "time_limit",
+    )  # fmt: skip
+    return {"goal_tolerance": args.tolerance} | {name: getattr(args, name) for name in names}
 
 
 def chosen_map(args: argparse.Namespace) -> GraspMap:
@@ -190,12 +182,10 @@ def chosen_graph(args: argparse.Namespace) -> PairGraph | LazyGraph:
     """The stance graph of the arguments, with the obstacles of commands that take some."""
     _check_world(args)
     settings = Settings(
-        manipulability=not args.no_manipulability,
-        transitions=not args.no_transitions,
         limb_threshold=args.limb_threshold,
         base_threshold=args.base_threshold,
-        collisions=not args.no_collisions,
         clearance=args.clearance,
+        **_switched_off(args),
     )
     graph = stance_graph(chosen_map(args), robot_spec(args.robot), settings)
     if "box" in args:
@@ -290,17 +280,16 @@ def check_counts(args: argparse.Namespace) -> None:
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
     """Arguments of `MlivrEnv` from the command line, without defaults."""
     _check_world(args)
-    given: dict[str, Any] = {
-        "robot": args.robot if args.robot != "mlivr2" else None,
-        "map": args.map,
-        "manipulability": False if args.no_manipulability else None,
-        "transitions": False if args.no_transitions else None,
-        "collisions": False if args.no_collisions else None,
-        "clearance": args.clearance if args.clearance != 0.02 else None,
-        "base_threshold": args.base_threshold,
-        "limb_threshold": args.limb_threshold if args.limb_threshold != 0.1 else None,
-        "reward": getattr(args, "reward", None),
-        "grasp_failure": getattr(args, "grasp_failure", 0.0) or None,
-        "shaping": getattr(args, "shaping", False) or None,
-    }
-    return {name: value for name, value in given.items() if value is not None}
+    names = (
+        "robot", "map", "clearance", "base_threshold", "limb_threshold", "reward", "grasp_failure",
+        "shaping",
+    )  # fmt: skip
+    given = {name: getattr(args, name) for name in names if name in args}
+    changed = {name: value for name, value in given.items() if value != args.default(name)}
+    return changed | _switched_off(args)
+
+
+def _switched_off(args: argparse.Namespace) -> dict[str, bool]:
+    """Checks of the stance graph that are left out."""
+    names = ("manipulability", "transitions", "collisions")
+    return {name: False for name in names if getattr(args, f"no_{name}")}

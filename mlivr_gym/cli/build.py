@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 
-from mlivr_gym.cli.arguments import chosen_graph, output_arguments, world_arguments
+from mlivr_gym.cli.arguments import Add, chosen_graph, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import about, claim, file_size
 from mlivr_gym.cli.progress import PER_CENT, Progress
@@ -15,23 +14,19 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.table_build import build_table, estimate_table, name_of, write_built
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[world_arguments(), output_arguments()],
+    parser = command(
+        add,
+        run,
+        groups=("world",),
         description="Work out the complete table of a robot on a map and keep it in the package's "
         "cache folder, where plans and environments find it: of two limbs all steps, of three and "
         "four all nodes and what each step between them keeps at most. Before it begins it tells "
         "about how long that takes. What was stopped goes on where it was.",
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="file to pass on, too, which is found in a cache folder under the name that is "
-        "printed",
-    )
-    parser.set_defaults(run=run)
+    told = "file to pass on, too, which is found in a cache folder under the name that is printed"
+    option(parser, "--out FILE", told, type=Path)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable
 from datetime import datetime
 
-from mlivr_gym.cli.arguments import output_arguments
-from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.arguments import Add, command, option
 from mlivr_gym.cli.outputs import UNITS, file_size
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 from mlivr_gym.compiled.kept import MACHINE_CODE, Kept, kept, remove, too_much
@@ -16,24 +14,21 @@ from mlivr_gym.errors import SettingError, shown
 from mlivr_gym.files import FileError
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[output_arguments()],
+    parser = command(
+        add,
+        run,
         description="List the tables and the machine code that are kept between runs, with their "
         "size and when they were used last. All of it is made again where it is needed.",
     )
     how = parser.add_mutually_exclusive_group()
-    how.add_argument("--clear", action="store_true", help="remove all of it")
-    how.add_argument(
-        "--limit",
-        metavar="SIZE",
-        help="remove what was not used for longest until no more than, say, 2GB is kept",
-    )
-    parser.set_defaults(run=run)
+    option(how, "--clear", "remove all of it")
+    told = "remove what was not used for longest until no more than, say, 2GB is kept"
+    option(how, "--limit SIZE", told)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """List what is kept, or remove some of it."""
     files = kept()
     if args.clear or args.limit:
@@ -59,7 +54,6 @@ def run(args: argparse.Namespace) -> int:
         last, many = max(one.used for one in code), sum(one.size for one in code)
         print(_line(Kept(kernel_root(), MACHINE_CODE, many, last)))
     print(f"{file_size(size)} in {cache_folder() or kernel_root()}")
-    return SUCCESS
 
 
 def _line(one: Kept) -> str:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 
-from mlivr_gym.cli.exits import SUCCESS
-
 SCRIPT = """\
 # Completion of mlivr-gym for bash and zsh; made by `mlivr-gym completion`.
 if [ -n "${{ZSH_VERSION-}}" ]; then
@@ -37,10 +35,9 @@ def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
     parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Print the script."""
     print(script(args.commands), end="")
-    return SUCCESS
 
 
 def script(parsers: Mapping[str, argparse.ArgumentParser]) -> str:

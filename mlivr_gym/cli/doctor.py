@@ -8,7 +8,6 @@ import platform
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from typing import Any
 import numba
 
 from mlivr_gym import __version__
-from mlivr_gym.cli.arguments import output_arguments
+from mlivr_gym.cli.arguments import Add, command
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_root
@@ -43,15 +42,15 @@ REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[^]]*\])?\s*([^;]*?)\s*(?:;.*extra == 
 """A requirement in the metadata: the package, its versions, and the extra that asks for it."""
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[output_arguments()],
+    command(
+        add,
+        run,
         description="Tell the versions of the package and of what it needs, which extras are "
         "installed, which GL libraries render, and where machine code and step tables are kept. "
         "Exit code 1 if something that every command needs is missing.",
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

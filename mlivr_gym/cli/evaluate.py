@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import gymnasium
 import numpy as np
 
 from mlivr_gym.cli.arguments import (
+    Add,
     check_counts,
+    command,
     environment_arguments,
-    output_arguments,
+    option,
     refuse_without_effect,
-    world_arguments,
 )
-from mlivr_gym.cli.exits import SUCCESS
-from mlivr_gym.cli.extras import need
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError, choice, shown
+from mlivr_gym.extras import need
 
 if TYPE_CHECKING:  # agents and environment import MuJoCo, which loads a GL library
     from mlivr_gym.agents.evaluation import Evaluation
@@ -29,57 +27,32 @@ if TYPE_CHECKING:  # agents and environment import MuJoCo, which loads a GL libr
     from mlivr_gym.envs.env import MlivrEnv
 
 PLANNERS = (
-    "expert",
-    "astar",
-    "astar-base",
-    "dijkstra",
-    "greedy",
-    "local",
-    "two_level",
-    "mcts",
-    "random",
-)
+    "expert", "astar", "astar-base", "dijkstra", "greedy", "local", "two_level", "mcts", "random",
+)  # fmt: skip
 """What can be measured besides learned policies."""
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[world_arguments(), output_arguments()],
+    parser = command(
+        add,
+        run,
+        groups=("world",),
         description="Success, steps and base translation over seeded episodes, "
         "or over the frozen test set.",
     )
-    parser.add_argument(
-        "--policy",
-        default="pretrained",
-        help=f"pretrained, a checkpoint, or {', '.join(PLANNERS)} (default: %(default)s)",
-    )
-    parser.add_argument("--episodes", type=int, default=20, help="episodes (default: %(default)s)")
-    parser.add_argument(
-        "--seed", type=int, default=0, help="seed of the first episode (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--grasp-failure",
-        type=float,
-        default=0.0,
-        metavar="P",
-        help="mean probability that a grasp fails",
-    )
-    parser.add_argument(
-        "--beam",
-        type=int,
-        metavar="W",
-        help="let the pointer policy guide a beam search of this width",
-    )
-    parser.add_argument(
-        "--split",
-        help="same, half, dense or occupied: a split of the frozen test set in place of seeded "
-        "episodes",
-    )
-    parser.set_defaults(run=run)
+    told = f"pretrained, a checkpoint, or {', '.join(PLANNERS)}"
+    option(parser, "--policy POLICY", told, "pretrained")
+    option(parser, "--episodes N", "episodes", 20)
+    option(parser, "--seed N", "seed of the first episode", 0)
+    option(parser, "--grasp-failure P", "mean probability that a grasp fails", 0.0)
+    told = "let the pointer policy guide a beam search of this width"
+    option(parser, "--beam W", told, type=int)
+    told = "a split of the frozen test set in place of seeded episodes"
+    option(parser, "--split SPLIT", f"same, half, dense or occupied: {told}")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Measure what acts, in every world that is asked for, and print the means."""
     from mlivr_gym.agents.evaluation import evaluate
     from mlivr_gym.envs.env import MlivrEnv
@@ -93,16 +66,13 @@ def run(args: argparse.Namespace) -> int:
     results = []
     for world, episodes in _worlds(args):
         with Progress("making the environment", quiet=args.quiet):
-            made = gymnasium.make("MLIVR-JEM-v0", disable_env_checker=True, **(arguments | world))
-            env = made.unwrapped
-            assert isinstance(env, MlivrEnv)
+            env = MlivrEnv(**(arguments | world))
             policy = make_acting(args.policy, env, args.seed, args.beam)
         total = episodes if isinstance(episodes, int) else len(episodes)
         with Progress(args.policy, total, args.quiet) as progress:
             results.append(evaluate(env, policy, episodes, args.seed, progress=progress.show))
     args.result |= {"policy": args.policy} | told_of(results)
     _report(args.policy, args.result)
-    return SUCCESS
 
 
 def _worlds(args: argparse.Namespace) -> list[tuple[dict[str, Any], Any]]:

@@ -4,59 +4,50 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from mlivr_gym.cli.arguments import (
-    chosen_graph,
-    obstacle_arguments,
-    output_arguments,
-    world_arguments,
-)
-from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.arguments import Add, chosen_graph, command
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.settings import Settings
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.world.grasp_map import GraspMap
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[world_arguments(), obstacle_arguments(), output_arguments()],
+    command(
+        add,
+        run,
+        groups=("world", "obstacles"),
     )
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
-    """Describe map, robot, thresholds and stance graph."""
+def run(args: argparse.Namespace) -> None:
+    """Describe map, robot, settings and stance graph."""
     with Progress("making the stance graph", quiet=args.quiet):
-        graph = chosen_graph(args)
-    args.result |= told_of(graph)
-    _describe_map(graph.grasp_map)
-    _describe_robot(graph.robot, graph.grasp_map, graph.settings)
-    print(
-        f"thresholds: w_m {graph.limb_threshold:g}, w_b {graph.base_threshold:g}, "
-        f"on paths w_m {graph.settings.path_floor:g}"
-    )
-    print(f"ordered pairs of points within span: {len(graph.pairs)}")
-    if isinstance(graph, PairGraph):
-        _describe_stances(graph)
-        _describe_steps(graph)
-    else:
-        print("stance graph: worked out as it is searched (more than two limbs)")
-    return SUCCESS
+        told = told_of(chosen_graph(args))
+    args.result |= told
+    for part, found in told.items():
+        print(f"{part.replace('_', ' ')}:")
+        for name, value in found.items():
+            print(f"  {name.replace('_', ' ')}: {_words(value)}")
 
 
-def told_of(graph: StanceGraph) -> dict[str, Any]:
-    """A stance graph as `--json` tells it: lengths in metres."""
+def _words(value: Any) -> str:
+    """A value as text."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {entry}" for name, entry in value.items()) or "none"
+    if isinstance(value, tuple | list):
+        return " to ".join(map(_words, value)) if len(value) == 2 else str(list(value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def told_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
+    """A stance graph as it is told: lengths in metres, ranges as the least and the largest."""
     grasp_map, robot = graph.grasp_map, graph.robot
-    told: dict[str, Any] = {
+    return {
         "map": {
             "name": grasp_map.name,
             "fingerprint": grasp_map.fingerprint,
@@ -65,93 +56,52 @@ def told_of(graph: StanceGraph) -> dict[str, Any]:
             "segments": len(grasp_map.segments),
             "handrails": len(grasp_map.handrails),
             "boxes_by_kind": Counter(box.kind for box in grasp_map.boxes),
-            "cabin": grasp_map.cabin,
+            "cabin": [corner.tolist() for corner in grasp_map.cabin],
         },
         "robot": {
             "name": robot.name,
             "fingerprint": robot.fingerprint,
             "limbs": robot.limbs,
             "span": robot.span,
+            "mount_radius": robot.mount_radius,
             "characteristic_length": robot.characteristic_length,
+            "body_size": robot.body_size,
+            "capsules_of_a_limb": len(robot.shapes),
         },
         "settings": asdict(graph.settings) | {"base_threshold": graph.base_threshold},
-        "obstacles": len(graph.obstacles),
-        "occupied": len(graph.occupied),
+        "stance_graph": {
+            "pairs_within_span": len(graph.pairs),
+            "obstacles": len(graph.obstacles),
+            "occupied": len(graph.occupied),
+            **(_of_pairs(graph) if isinstance(graph, PairGraph) else {"stances": "as searched"}),
+        },
     }
-    if isinstance(graph, PairGraph):
-        told["stances"] = len(graph)
-        told["stances_reachable"] = graph.reachable
-        told["stances_now"] = int((graph.mask > 0).all(axis=1).sum())
-        told["longest_step"] = graph.max_step
-    return told
 
 
-def _describe_map(grasp_map: GraspMap) -> None:
-    faces = Counter(grasp_map.faces)
-    low, high = grasp_map.cabin
-    print(
-        f"map {grasp_map.name} ({grasp_map.fingerprint}): "
-        f"{len(grasp_map)} points on {len(grasp_map.segments)} tracks"
-    )
-    print("  faces: " + ", ".join(f"{face} {count}" for face, count in faces.items()))
-    print(f"  handrails: {len(grasp_map.handrails)}; cabin {low.tolist()} to {high.tolist()} m")
+def _of_pairs(graph: PairGraph) -> dict[str, Any]:
+    """How many stances and steps there are of two limbs, and why other pairs are no stances.
 
-
-def _describe_robot(robot: RobotSpec, grasp_map: GraspMap, settings: Settings) -> None:
-    """The robot, and the shapes that collision checks compare."""
-    print(
-        f"robot {robot.name} ({robot.fingerprint}): {robot.limbs} limbs, "
-        f"mounts {robot.mount_radius:g} m from the axis, "
-        f"span {robot.span:g} m, l_c {robot.characteristic_length:g} m"
-    )
-    kinds = Counter(box.kind for box in grasp_map.boxes)
-    boxes = ", ".join(f"{kind} {count}" for kind, count in kinds.items()) or "no boxes"
-    checked = (
-        f"clearance {settings.clearance:g} m" if settings.collisions else "collisions not checked"
-    )
-    print(
-        f"shapes: {len(robot.shapes)} capsules a limb and a body of {robot.body_size:g} m; "
-        f"{boxes}; {checked}"
-    )
-
-
-def _describe_stances(graph: PairGraph) -> None:
-    """How many stances there are, and why the others are none."""
+    `departure` counts those that a limb cannot leave with `w_m` above the path floor, thresholds
+    or not. Pairs that are farther apart than the span are not tried.
+    """
     out = {
         "reach": graph.considered - graph.reachable,
         **graph.removed,
         "departure": graph.no_departure,
     }
     out["manipulability"] = graph.considered - len(graph) - sum(out.values())
-    order = ("reach", "manipulability", "departure", "self", "cabin", "handrail")
-    print(
-        f"stance graph: {graph.reachable} of {graph.considered} pairs in reach, "
-        f"{len(graph)} stances, {graph.solver.geometries} different geometries"
-    )
-    print("  left out by cause: " + ", ".join(f"{name} {out[name]}" for name in order))
-    print(
-        f"  departure: a limb cannot leave its point with w_m >= {graph.settings.path_floor:g}, "
-        f"thresholds or not; farther than the span of {graph.robot.span:g} m "
-        f"{graph.farther_than_span} pairs are not tried"
-    )
-    if graph.obstacles or graph.occupied:
-        remaining = int((graph.mask > 0).all(axis=1).sum())
-        print(
-            f"  {len(graph.obstacles)} obstacles and {len(graph.occupied)} occupied points "
-            f"leave {remaining} stances"
-        )
-
-
-def _describe_steps(graph: PairGraph) -> None:
-    """Edges, connected parts, manipulability of the stances, and the longest step."""
     count, part = graph.components
-    edges = int((graph.degree**2).sum() - 2 * len(graph))
-    print(
-        f"  {edges} steps before checks, {count} connected parts, "
-        f"the largest of {int(np.bincount(part).max())} stances"
-    )
-    print(
-        f"  w_m {graph.w_m.min():.4f} to {graph.w_m.max():.4f}, "
-        f"w_b {graph.w_b.min():.6f} to {graph.w_b.max():.6f}"
-    )
-    print(f"  longest base displacement of a step: {graph.max_step:.3f} m")
+    return {
+        "pairs_farther_than_span": graph.farther_than_span,
+        "stances_reachable": graph.reachable,
+        "stances": len(graph),
+        "stances_left_out": out,
+        "stances_now": int((graph.mask > 0).all(axis=1).sum()),
+        "geometries": graph.solver.geometries,
+        "steps_before_checks": int((graph.degree**2).sum() - 2 * len(graph)),
+        "connected_parts": count,
+        "stances_of_the_largest_part": int(np.bincount(part).max()),
+        "w_m": [float(graph.w_m.min()), float(graph.w_m.max())],
+        "w_b": [float(graph.w_b.min()), float(graph.w_b.max())],
+        "longest_step": graph.max_step,
+    }

@@ -24,6 +24,7 @@ from mlivr_gym.cli.exits import (
     INTERRUPTED,
     NO_PLAN,
     REFUSED,
+    SUCCESS,
     prompt_interrupts,
     say_interrupted,
 )
@@ -120,7 +121,7 @@ def _run(args: argparse.Namespace) -> tuple[int, str]:
     """Run the command; its exit code, and the error that was told if there was one."""
     try:
         with prompt_interrupts(args.grace):
-            return args.run(args), ""
+            return args.run(args) or SUCCESS, ""
     except MlivrError as error:
         print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
         return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, one_line(str(error))

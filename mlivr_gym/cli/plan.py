@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from typing import Any
 
 from mlivr_gym.cli.arguments import (
+    Add,
     chosen_graph,
     chosen_task,
-    obstacle_arguments,
-    output_arguments,
-    query_arguments,
+    command,
+    option,
     refuse_without_effect,
-    world_arguments,
+    search_options,
 )
-from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import NoPlanError
@@ -26,31 +24,22 @@ from mlivr_gym.stances.node_files import node_table
 from mlivr_gym.stances.pair_graph import PairGraph
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[
-            world_arguments(),
-            obstacle_arguments(),
-            query_arguments(),
-            output_arguments(),
-        ],
+    parser = command(
+        add,
+        run,
+        groups=("world", "obstacles", "query"),
         description="Plan from a start stance to a goal position of the base. "
         "Start and goal have defaults.",
     )
-    parser.add_argument("--out", metavar="FILE", help="write the plan as JSON")
-    parser.add_argument(
-        "--picture", metavar="FILE", help="draw the plan as PNG, and as SVG beside it"
-    )
-    parser.add_argument(
-        "--refined",
-        action="store_true",
-        help="choose other base poses on the footholds found, for less translation",
-    )
-    parser.set_defaults(run=run)
+    option(parser, "--out FILE", "write the plan as JSON")
+    option(parser, "--picture FILE", "draw the plan as PNG, and as SVG beside it")
+    told = "choose other base poses on the footholds found, for less translation"
+    option(parser, "--refined", told)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Plan, describe the plan, and write what is asked for."""
     pictures = figure_files(args.picture) if args.picture is not None else ()
     claim(args.out, *pictures)
@@ -73,7 +62,10 @@ def run(args: argparse.Namespace) -> int:
         title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
         plan_figure(graph.grasp_map, plan, args.picture, result.tree, title)
         print(f"picture: {pictures[0]}, {pictures[1]}")
-    return SUCCESS
+
+
+TOLD_OF_STEP = ("limb", "from_point", "to_point", "displacement", "path", "swing")
+"""What `--json` tells of a step."""
 
 
 def told_of(plan: Plan) -> dict[str, Any]:
@@ -89,17 +81,7 @@ def told_of(plan: Plan) -> dict[str, Any]:
         "base_translation": plan.base_translation,
         "w_m_min": plan.w_m_min,
         "w_b_min": plan.w_b_min,
-        "steps": [
-            {
-                "limb": step.limb,
-                "from_point": step.from_point,
-                "to_point": step.to_point,
-                "displacement": step.displacement,
-                "path": step.path,
-                "swing": step.swing,
-            }
-            for step in plan.steps
-        ],
+        "steps": [{name: getattr(step, name) for name in TOLD_OF_STEP} for step in plan.steps],
         "bound": spent.bound,
         "expanded": spent.expanded,
         "generated": spent.generated,
@@ -158,20 +140,7 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         cost, price = fastest_cost(planner, start, goal, args)
     with Progress("states explored", quiet=args.quiet) as progress:
         result = planner.plan(
-            start,
-            goal,
-            cost,
-            regrasp_price=price,
-            method=args.method,
-            heuristic=args.heuristic,
-            inflation=args.inflation,
-            goal_tolerance=args.tolerance,
-            goal_face=args.goal_face,
-            start_pose=args.start_pose,
-            start_joints=args.start_joints,
-            limit=args.limit,
-            time_limit=args.time_limit,
-            progress=progress.show,
+            start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)
         )
     if result.reason in CUT_OFF:
         how = {name: getattr(args, name) for name in ("goal_face", "start_pose", "start_joints")}

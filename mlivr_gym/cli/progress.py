@@ -9,7 +9,6 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from types import TracebackType
 
 from mlivr_gym.compiled.warming import is_showing
 
@@ -72,17 +71,13 @@ class Progress:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Clear the line."""
         self._ended.set()
         self._thread.join()
         with self._lock:
-            self._clear()
+            if self._line:
+                print("\r\033[K", end="", file=sys.stderr, flush=True)
 
     def _watch(self) -> None:
         while not self._ended.wait(0.5):
@@ -105,22 +100,10 @@ class Progress:
 
     def _text(self, spent: float) -> str:
         """The line, with the time that remains if that can be told."""
-        if self._total is None:
-            counted = f"{self._done} {self.what}" if self._done else self.what
-            return f"{counted}, {spent:.0f} s{self._told_of()}"
-        filled = int(WIDTH * self._done / max(self._total, 1))
-        bar = "#" * filled + "." * (WIDTH - filled)
-        remains = spent * (self._total - self._done) / self._done if self._done else None
-        remaining = "" if remains is None else f", {remains:.0f} s remain"
-        return (
-            f"{self.what} [{bar}] {self._done}/{self._total}, "
-            f"{spent:.0f} s{remaining}{self._told_of()}"
-        )
-
-    def _told_of(self) -> str:
-        return f"; {self._remark}" if self._remark else ""
-
-    def _clear(self) -> None:
-        if self._line:
-            self._line = False
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+        told, remaining = f"{self._done} {self.what}" if self._done else self.what, ""
+        if self._total is not None:
+            bar = "#" * int(WIDTH * self._done / max(self._total, 1))
+            told = f"{self.what} [{bar:.<{WIDTH}}] {self._done}/{self._total}"
+            if self._done:
+                remaining = f", {spent * (self._total - self._done) / self._done:.0f} s remain"
+        return f"{told}, {spent:.0f} s{remaining}" + (f"; {self._remark}" if self._remark else "")

@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.cli.arguments import (
+    Add,
     chosen_graph,
     chosen_map,
     chosen_task,
-    output_arguments,
+    command,
+    option,
     refuse_ignored,
-    world_arguments,
 )
-from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.captions import strip_height, with_caption
-from mlivr_gym.pictures.configuration_figure import configuration_figure
 from mlivr_gym.pictures.figures import save_image
+from mlivr_gym.pictures.plan_figure import configuration_figure
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan
@@ -35,41 +35,26 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[world_arguments(), output_arguments()],
+    parser = command(
+        add,
+        run,
+        groups=("world",),
         description="Picture of the MuJoCo scene with the robot in a stance. Of a plan, "
         "one picture of its start and its goal side by side, "
         "or of the stance chosen with --stance, with its base path, its goal and its footholds.",
     )
-    parser.add_argument("--start", nargs="+", metavar="POINT", help="point id of each limb")
-    parser.add_argument(
-        "--plan", metavar="FILE", help="a plan; its start and goal stance are drawn"
-    )
-    parser.add_argument(
-        "--stance", type=int, metavar="K", help="of the plan, draw the stance after K steps alone"
-    )
-    parser.add_argument(
-        "--out", default="scene.png", metavar="FILE", help="PNG file (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--size",
-        nargs=2,
-        type=int,
-        default=(1280, 640),
-        metavar=("W", "H"),
-        help="pixels of each stance's picture",
-    )
-    parser.add_argument(
-        "--mjcf",
-        metavar="FILE",
-        help="also export the simulation model as MJCF, in the (first) stance drawn",
-    )
-    parser.set_defaults(run=run)
+    option(parser, "--start POINT...", "point id of each limb")
+    option(parser, "--plan FILE", "a plan; its start and goal stance are drawn")
+    option(parser, "--stance K", "of the plan, draw the stance after K steps alone", type=int)
+    option(parser, "--out FILE", "PNG file", "scene.png")
+    option(parser, "--size W H", "pixels of each stance's picture", (1280, 640))
+    told = "also export the simulation model as MJCF, in the (first) stance drawn"
+    option(parser, "--mjcf FILE", told)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Draw a stance, or stances of a plan, and export the scene if that is asked for."""
     _check(args)
     claim(args.out, args.mjcf)
@@ -96,7 +81,6 @@ def run(args: argparse.Namespace) -> int:
     if scene is not None:
         write_whole(args.mjcf, scene)
         print(f"scene: {args.mjcf}")
-    return SUCCESS
 
 
 def _check(args: argparse.Namespace) -> None:

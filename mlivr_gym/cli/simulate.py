@@ -6,20 +6,18 @@ What imports MuJoCo is imported when the command runs, since MuJoCo loads a GL l
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
+    Add,
     chosen_graph,
     chosen_map,
-    obstacle_arguments,
-    output_arguments,
-    query_arguments,
+    command,
+    option,
     refuse_ignored,
     refuse_without_effect,
-    world_arguments,
 )
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import claim, make_folder
@@ -69,103 +67,40 @@ MOST_FRAMES = 5000
 """Most pictures of a film; they are kept until it is written."""
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[
-            world_arguments(),
-            obstacle_arguments(),
-            query_arguments(),
-            output_arguments(),
-        ],
+    parser = command(
+        add,
+        run,
+        groups=("world", "obstacles", "query"),
         description="Execute a plan in MuJoCo: one from a file, "
         "or one that is made first as with `plan`.",
     )
-    add_arguments(parser)
-    parser.set_defaults(run=run)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `simulate` takes besides the arguments of `plan`."""
-    parser.add_argument(
-        "--plan", metavar="FILE", help="a plan to execute; without it, one is made first"
-    )
-    parser.add_argument(
-        "--case",
-        type=int,
-        choices=(1, 2, 3, 4),
-        help="start, goal, map and cost of a case of Table I",
-    )
-    parser.add_argument(
-        "--pace",
-        choices=("fast", "gentle", "paper"),
-        default="fast",
-        help="as fast as the limits allow, as gentler ones do, or the paper's 50 s a step "
-        "(default: %(default)s)",
-    )
-    parser.add_argument(
-        "--duration",
-        type=float,
-        metavar="S",
-        help="duration of every step [s], refused if it breaks a limit; without it, the shortest",
-    )
-    parser.add_argument(
-        "--timestep",
-        type=float,
-        default=0.002,
-        metavar="S",
-        help="time step [s] (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--controller",
-        choices=("full", "feedforward", "paper"),
-        default="full",
-        help="guided to the points by a sensor, following the trajectory alone, or the paper's PD "
-        "control (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--disturbances",
-        choices=("none", "all"),
-        default="none",
-        help="whether robot and module differ from what the controller knows "
-        "(default: %(default)s)",
-    )
-    parser.add_argument(
-        "--seed", type=int, default=1, help="seed of the disturbances (default: %(default)s)"
-    )
-    _file_arguments(parser)
-
-
-def _file_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `simulate` writes, and how the film is made."""
-    parser.add_argument(
-        "--out", default="walk", metavar="FOLDER", help="where results go (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--rate",
-        type=float,
-        default=10.0,
-        metavar="HZ",
-        help="samples a second of the trajectory's files (default: %(default)g)",
-    )
-    parser.add_argument(
-        "--film", default="walk.gif", metavar="NAME", help=".gif or .mp4 (default: %(default)s)"
-    )
-    parser.add_argument("--no-film", action="store_true", help="do without a film")
-    parser.add_argument(
-        "--size",
-        nargs=2,
-        type=int,
-        default=USUAL_SIZE,
-        metavar=("W", "H"),
-        help="pixels of the film",
-    )
-    parser.add_argument(
-        "--speed",
-        type=float,
-        metavar="X",
-        help="how many times faster than the clock the film runs, at "
+    option(parser, "--plan FILE", "a plan to execute; without it, one is made first")
+    told = "start, goal, map and cost of a case of Table I"
+    option(parser, "--case CASE", told, type=int, choices=(1, 2, 3, 4))
+    told = "as fast as the limits allow, as gentler ones do, or the paper's 50 s a step"
+    option(parser, "--pace PACE", told, "fast", choices=("fast", "gentle", "paper"))
+    told = "duration of every step [s], refused if it breaks a limit; without it, the shortest"
+    option(parser, "--duration S", told, type=float)
+    option(parser, "--timestep S", "time step [s]", 0.002)
+    told = "guided to the points by a sensor, following the trajectory alone, or the paper's PD"
+    controllers = ("full", "feedforward", "paper")
+    option(parser, "--controller CONTROLLER", f"{told} control", "full", choices=controllers)
+    told = "whether robot and module differ from what the controller knows"
+    option(parser, "--disturbances WHICH", told, "none", choices=("none", "all"))
+    option(parser, "--seed N", "seed of the disturbances", 1)
+    option(parser, "--out FOLDER", "where results go", "walk")
+    option(parser, "--rate HZ", "samples a second of the trajectory's files", 10.0)
+    option(parser, "--film NAME", ".gif or .mp4", "walk.gif")
+    option(parser, "--no-film", "do without a film")
+    option(parser, "--size W H", "pixels of the film", USUAL_SIZE)
+    option(
+        parser,
+        "--speed X",
+        "how many times faster than the clock the film runs, at "
         f"{RATE} pictures a second; without it, so that it takes {LONGEST:g} s at most",
+        type=float,
     )
 
 

@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.cli.arguments import output_arguments
+from mlivr_gym.cli.arguments import Add, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import claim, make_folder
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.render import draw, shots_of
+from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.files import write_whole
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.paper import (
@@ -29,6 +30,7 @@ from mlivr_gym.paper import (
     case_map,
     default_setup,
     relations,
+    unlimited,
 )
 from mlivr_gym.pictures.plan_figure import plan_figure
 from mlivr_gym.pictures.route import Route
@@ -41,6 +43,9 @@ from mlivr_gym.world.grasp_map import jem_map
 
 MODE_PICTURES = {"steps": "", "collisions": "_collisions"}
 """Modes whose plans are drawn, and what their files' names end with."""
+
+TEXT = asset_path("table1.md")
+"""What the table says, with its figures as fields."""
 
 FILES = (
     "table1.json",
@@ -57,16 +62,14 @@ FILES = (
 """What the command writes."""
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[output_arguments()],
+    parser = command(
+        add,
+        run,
         description="Plan the four cases, draw and tabulate them.",
     )
-    parser.add_argument(
-        "--out", default="table1", metavar="FOLDER", help="where results go (default: %(default)s)"
-    )
-    parser.set_defaults(run=run)
+    option(parser, "--out FOLDER", "where results go", "table1")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -107,14 +110,10 @@ def told(data: dict[str, Any]) -> str:
     rows = [["case", *(mode["title"] for mode in data["modes"].values())]]
     for case in map(str, CASES):
         found = [rows_of_mode[case] for rows_of_mode in data["measured"].values()]
-        rows.append([
-            case,
-            *(f"{m['steps']} steps, {m['base_translation']:.3f} m, {m['expanded']} states"
-              for m in found),
-        ])  # fmt: skip
+        words = "{steps} steps, {base_translation:.3f} m, {expanded} states"
+        rows.append([case, *(words.format(**row) for row in found)])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
-    return "\n".join(lines)
+    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 
 
 def run_cases(out: Path, progress: Callable[[int], None]) -> tuple[dict[int, Plan], dict[str, Any]]:
@@ -241,10 +240,7 @@ def limits_without_thresholds(setup: dict[str, Any]) -> dict[str, float]:
     """
     graph = case_graph(1, setup, "steps")
     unchecked = replace(graph.settings, transitions=False)
-    wide = replace(
-        graph.robot,
-        span=2.0 * (graph.robot.mount_radius + graph.robot.limb.reach + graph.robot.tool_length),
-    )
+    wide = unlimited(graph.robot)
 
     def stances(robot: RobotSpec, settings: Settings) -> int:
         other = stance_graph(graph.grasp_map, robot, settings)
@@ -265,18 +261,25 @@ def limits_without_thresholds(setup: dict[str, Any]) -> dict[str, float]:
 
 def table_markdown(data: dict[str, Any]) -> str:
     """The table as Markdown, the paper's row above the measured ones."""
-    lines = ["# Table I", "", _origin(data), "", HEAD, HEAD_LINE]
+    cases = [HEAD, HEAD_LINE]
     for case in map(str, CASES):
-        lines += rows_of(data, case, case)
+        cases += rows_of(data, case, case)
     names = " | ".join(mode["title"] for mode in data["modes"].values())
-    lines += ["", RELATIONS, "", f"| relation | why it may hold | {names} |"]
-    lines += ["|---|---|" + "---|" * len(data["modes"])]
+    found = [f"| relation | why it may hold | {names} |", "|---|---|" + "---|" * len(data["modes"])]
     first = next(iter(data["relations"].values()))
     for name, relation in first.items():
         held = ["yes" if r[name]["held"] else "**no**" for r in data["relations"].values()]
-        lines.append(f"| {name} | {relation['kind']} | {' | '.join(held)} |")
-    lines += ["", _limits(data["left_out_without_thresholds"]), "", DIFFERENCES, ""]
-    return "\n".join(lines)
+        found.append(f"| {name} | {relation['kind']} | {' | '.join(held)} |")
+    setup, limits = data["setup"], data["left_out_without_thresholds"]
+    return TEXT.read_text(encoding="utf-8").format(
+        start=" and ".join(setup["start"]),
+        goal=tuple(setup["goal"]),
+        face=setup["goal_face"],
+        cases="\n".join(cases),
+        relations="\n".join(found),
+        percent=100.0 * limits["by_span_unchecked"] / limits["unchecked_wide"],
+        **limits,
+    )
 
 
 HEAD = (
@@ -303,61 +306,3 @@ def rows_of(data: dict[str, Any], case: str, title: str) -> list[str]:
             f"| {m['stance_set_time']:.2f} + {m['time']:.3f} |"
         )
     return rows
-
-
-def _origin(data: dict[str, Any]) -> str:
-    """Where the rows come from."""
-    setup = data["setup"]
-    return (
-        f"Start {' and '.join(setup['start'])} on the deck, one base pose for all rows; goal "
-        f"{tuple(setup['goal'])} m with both limbs on face {setup['goal_face']!r}, on the measured "
-        "seat tracks of the JEM. Start, goal and the seed of the sparse map are calibrated by "
-        "`experiments/calibrate_start_goal.py`, since the paper's map, start and goal are not "
-        "public. Rows marked *paper* are Table I of the paper (Intel i9-12900H), the others come "
-        "from this program on the machine it ran on. *Paper-faithful*: only stances are checked, "
-        "nothing limits Case 1 but reach, the heuristic is the paper's distance `d`, Case 4 has "
-        "exactly half of the points. *Steps checked*: each step must be one that the holding limb "
-        "can follow. *Steps and collisions checked*: nothing may be touched (clearance 0.02 m). "
-        "The heuristics of these two are admissible: `consistent` is the distance less the goal's "
-        "radius, `cost_to_go` the cost without checks of steps, for which a search backward "
-        "expands stances too (*backward*). A state is a stance with the branches kept, so a stance "
-        "may be explored more than once. *Refined*: "
-        "the same footholds with other base poses (`Planner.refined`). Times are the stance set, "
-        "built once for a map, plus the query."
-    )
-
-
-RELATIONS = (
-    "Why a relation may hold: by *construction*, since an optimal plan among fewer stances cannot "
-    "cost less (the paper's heuristic may lose optimality, so that even these are open there); by "
-    "*calibration*, since start and goal were chosen for it; or as a *finding*. How often findings "
-    "hold for random starts and goals: `table1_statistics.md`."
-)
-"""What the second table says."""
-
-
-def _limits(limits: dict[str, float]) -> str:
-    """What limits Case 1."""
-    by_span, wide = limits["by_span_unchecked"], limits["unchecked_wide"]
-    return (
-        f"**With steps checked Case 1 is not without any limit.** Of {limits['reachable']} stances "
-        f"in reach {limits['by_floor']} are left out since a limb could not leave its point with "
-        f"w_m of {limits['path_floor']:g} or more, which the check of steps needs. Points more "
-        f"than {limits['span']:g} m apart (the robot's span) are not tried: where steps are "
-        f"checked this takes away {limits['by_span']} stances; where neither steps nor thresholds "
-        f"are it would take {by_span} of {wide} ({100 * by_span / wide:.0f} %), so the "
-        "paper-faithful rows are without it."
-    )
-
-
-DIFFERENCES = (
-    "**What differs, and why.** The map, its point spacing and the postures tried are not the "
-    "paper's, and what it counts as explored is not told. Translation and steps depend on the "
-    "start and the goal, which are calibrated, not known. Base and limb manipulability are those "
-    "of the branches the plan is carried out on. With collisions checked a stance takes another "
-    "posture where the rule's choice comes too near something, so that its base stands elsewhere. "
-    "The step cost breaks ties by a fixed order, not by translation: with a small price of a "
-    "regrasp as few steps cost less translation. How many plans of the paper's kind could not be "
-    "carried out, and what a price of a regrasp does: `table1_study.md`."
-)
-"""Why the figures are not the paper's."""

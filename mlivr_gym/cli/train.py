@@ -9,71 +9,44 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mlivr_gym.cli.arguments import (
+    Add,
     check_counts,
+    command,
     environment_arguments,
-    output_arguments,
+    option,
     refuse_without_effect,
-    world_arguments,
 )
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
-from mlivr_gym.cli.extras import need
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.extras import need
 from mlivr_gym.files import FileError
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[world_arguments(), output_arguments()],
+    parser = command(
+        add,
+        run,
+        groups=("world",),
         description="Train a policy for two limbs. Every step of the map is checked first, once: "
         "one to two minutes for the JEM. Ctrl-C ends it early and leaves a checkpoint of what was "
         "learned so far.",
     )
-    parser.add_argument(
-        "--method", default="dagger", help="bc, dagger, ppo or finetune (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--network", default="pointer", help="pointer or mlp (default: %(default)s)"
-    )
-    parser.add_argument("--seed", type=int, default=0, help="seed (default: %(default)s)")
-    parser.add_argument("--reward", default="steps", help="steps or base (default: %(default)s)")
-    parser.add_argument(
-        "--grasp-failure",
-        type=float,
-        default=0.0,
-        metavar="P",
-        help="mean probability that a grasp fails",
-    )
-    parser.add_argument(
-        "--shaping", action="store_true", help="add potential-based shaping to the reward, for ppo"
-    )
-    parser.add_argument(
-        "--hyperparameters",
-        metavar="FILE",
-        help="JSON file (default: training.json of the package)",
-    )
-    parser.add_argument(
-        "--out",
-        default="policy",
-        metavar="PATH",
-        help="checkpoint without suffix (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--init",
-        metavar="PATH",
-        help="checkpoint to start from, without suffix; finetune needs one",
-    )
-    parser.add_argument(
-        "--threads",
-        type=int,
-        default=1,
-        metavar="N",
-        help="threads of PyTorch; these networks are small, and more are slower "
-        "(default: %(default)s)",
-    )
-    parser.add_argument("--logs", metavar="FOLDER", help="write TensorBoard logs")
-    parser.set_defaults(run=run, grace=LONG_GRACE)
+    option(parser, "--method METHOD", "bc, dagger, ppo or finetune", "dagger")
+    option(parser, "--network NETWORK", "pointer or mlp", "pointer")
+    option(parser, "--seed N", "seed", 0)
+    option(parser, "--reward REWARD", "steps or base", "steps")
+    option(parser, "--grasp-failure P", "mean probability that a grasp fails", 0.0)
+    option(parser, "--shaping", "add potential-based shaping to the reward, for ppo")
+    option(parser, "--hyperparameters FILE", "JSON file (default: training.json of the package)")
+    option(parser, "--out PATH", "checkpoint without suffix", "policy")
+    told = "checkpoint to start from, without suffix; finetune needs one"
+    option(parser, "--init PATH", told)
+    told = "threads of PyTorch; these networks are small, and more are slower"
+    option(parser, "--threads N", told, 1)
+    option(parser, "--logs FOLDER", "write TensorBoard logs")
+    parser.set_defaults(grace=LONG_GRACE)
 
 
 def run(args: argparse.Namespace) -> int:

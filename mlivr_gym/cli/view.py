@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
+    Add,
     chosen_graph,
     chosen_map,
     chosen_task,
-    obstacle_arguments,
-    output_arguments,
-    query_arguments,
+    command,
+    option,
     refuse_ignored,
-    world_arguments,
+    search_options,
 )
 from mlivr_gym.cli.exits import SUCCESS
-from mlivr_gym.cli.extras import need
 from mlivr_gym.cli.outputs import claim
 from mlivr_gym.cli.plan import fastest_cost
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import NoPlanError, PlanError, SettingError
+from mlivr_gym.extras import need
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.schema import Place, Whole
@@ -41,49 +40,28 @@ FILES = "plan.json", "simulation.npz"
 """What is read of the folder of an execution."""
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[
-            world_arguments(),
-            obstacle_arguments(),
-            query_arguments(),
-            output_arguments(),
-        ],
+    parser = command(
+        add,
+        run,
+        groups=("world", "obstacles", "query"),
         description="Serve a page on which a plan or an execution is played, and on which a click "
         "on a point, a new goal, another cost or a box plans anew. "
         "With --out, write a page that plays without a server. Needs the extra 'viewer'.",
     )
-    parser.add_argument(
-        "--plan",
-        metavar="FILE",
-        action="append",
-        default=[],
-        help="a plan; a second one is shown beside the first",
-    )
-    parser.add_argument(
-        "--execution", metavar="FOLDER", help="what `mlivr-gym simulate` has written"
-    )
-    parser.add_argument(
-        "--out", metavar="FILE", help="write one HTML file that plays, and serve nothing"
-    )
-    parser.add_argument(
-        "--host",
-        default=HOST,
-        help="network interface that answers (default: %(default)s, this computer alone)",
-    )
-    parser.add_argument(
-        "--port",
-        type=int,
-        default=PORT,
-        help="port, the next free one if it is taken; 0 for any (default: %(default)s)",
-    )
-    parser.set_defaults(run=run)
+    told = "a plan; a second one is shown beside the first"
+    option(parser, "--plan FILE", told, [], action="append")
+    option(parser, "--execution FOLDER", "what `mlivr-gym simulate` has written")
+    option(parser, "--out FILE", "write one HTML file that plays, and serve nothing")
+    told = "network interface that answers; the default is this computer alone"
+    option(parser, "--host HOST", told, HOST)
+    option(parser, "--port PORT", "port, the next free one if it is taken; 0 for any", PORT)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write a page, or serve one until it is interrupted."""
-    need("viser", extra="viewer")
+    need("viser", "trimesh", extra="viewer")
     _check(args)
     claim(args.out)
     with Progress("making the stance graph and the plan", quiet=args.quiet):
@@ -132,11 +110,7 @@ def _found(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
     (x, y, z), cost, price = goal, args.cost, args.regrasp_price
     if cost == "time":
         cost, price = fastest_cost(Planner(graph), start, goal, args)
-    asked = Asked(
-        start, (x, y, z), cost, price, args.tolerance, args.goal_face,
-        args.start_pose, args.start_joints, args.method, args.heuristic, args.inflation, args.limit,
-        args.time_limit,
-    )  # fmt: skip
+    asked = Asked(start, (x, y, z), cost, price, **search_options(args))
     live = LivePlan(graph, asked)
     live.replan()
     return live, None

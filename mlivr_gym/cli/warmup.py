@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
 
-from mlivr_gym.cli.arguments import output_arguments
-from mlivr_gym.cli.exits import SUCCESS
+from mlivr_gym.cli.arguments import Add, command
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 from mlivr_gym.planners import Planner
@@ -16,17 +14,17 @@ from mlivr_gym.stances.build import stance_graph
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
+def add_command(add: Add) -> None:
     """Add the command by `add_parser`, which is told its name and help."""
-    parser = add(
-        parents=[output_arguments()],
+    command(
+        add,
+        run,
         description="Compile for this machine what a first plan needs, once for each version. "
         "The first plan does the same; an image or an installation can do it beforehand.",
     )
-    parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Plan once, so that all is compiled."""
     began = time.perf_counter()
     with Progress("compiling and planning", quiet=args.quiet):
@@ -36,4 +34,3 @@ def run(args: argparse.Namespace) -> int:
     print(f"ready after {seconds:.1f} s")
     print(f"machine code: {kernel_root()}")
     print(f"step tables: {'not kept' if tables is None else tables}")
-    return SUCCESS

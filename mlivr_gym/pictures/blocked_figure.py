@@ -11,7 +11,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, Contact
 from mlivr_gym.pictures.contact_words import Places, in_words, nearest_places, sentence
-from mlivr_gym.pictures.figures import box_corners, box_faces, write_figure
+from mlivr_gym.pictures.figures import box_corners, box_faces, new_figure, write_figure
 from mlivr_gym.pictures.robot_shapes import (
     GHOST_PALENESS,
     JOINT_COLOUR,
@@ -43,6 +43,11 @@ BOX_COLOURS = {"track": "#8f959c", "handrail": "#1a59bf", "stanchion": "#5c636a"
 """Colours of boxes; others are light grey."""
 
 
+_GAP_STYLE: dict[str, Any] = {
+    "fontsize": 10, "color": MARK_COLOUR, "textcoords": "offset points", "zorder": 9,
+}  # fmt: skip
+
+
 class Panel(NamedTuple):
     """One configuration that touches something."""
 
@@ -63,21 +68,11 @@ def blocked_figure(
     *,
     clearance: float,
 ) -> None:
-    """What configurations touch: the robot as a solid, and below a close-up of the worst contact.
+    """What configurations touch, as PNG and SVG: the robot as a solid, and below a close-up.
 
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        panels: What is drawn, from left to right.
-        obstacles: Boxes besides the map's.
-        path: PNG file to write, and an SVG beside it.
-        clearance: Least distance that shapes must keep [m].
+    The close-up shows the worst contact, and the clearance that shapes must keep [m].
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.6 * len(panels), 10.2), dpi=110)
-    FigureCanvasAgg(figure)
+    figure = new_figure(6.6 * len(panels), 10.2)
     boxes = {scene_name(BOX, box.id): box for box in (*grasp_map.boxes, *obstacles)}
     for k, panel in enumerate(panels):
         parts = {part.name: part for part in robot_parts(robot, panel.configuration)}
@@ -145,30 +140,12 @@ def _overview(
     axes.tick_params(labelsize=7)
     # From the side away from what is touched, so that it stands behind the robot.
     away = -places.normal
-    axes.view_init(
-        elev=-14 if away[2] < -0.7 else 16,
-        azim=-66 if away[1] <= 0.3 else 66,
-    )
+    axes.view_init(elev=-14 if away[2] < -0.7 else 16, azim=-66 if away[1] <= 0.3 else 66)
     x, y, _ = proj3d.proj_transform(*places.first, axes.get_proj())
-    axes.annotate(
-        _gap(places),
-        (x, y),
-        xytext=(60, 46),
-        fontsize=10,
-        color=MARK_COLOUR,
-        textcoords="offset points",
-        arrowprops={"arrowstyle": "-|>", "color": MARK_COLOUR, "linewidth": 1.6},
-        zorder=9,
-    )
-    axes.scatter(
-        *places.first,
-        s=420,
-        facecolor="none",
-        edgecolor=MARK_COLOUR,
-        linewidth=2.0,
-        depthshade=False,
-        zorder=8,
-    )
+    arrow = {"arrowstyle": "-|>", "color": MARK_COLOUR, "linewidth": 1.6}
+    axes.annotate(_gap(places), (x, y), (60, 46), arrowprops=arrow, **_GAP_STYLE)
+    ring = {"facecolor": "none", "edgecolor": MARK_COLOUR, "linewidth": 2.0}
+    axes.scatter(*places.first, s=420, depthshade=False, zorder=8, **ring)
 
 
 def _draw_boxes(
@@ -185,16 +162,9 @@ def _draw_boxes(
             continue
         faces = np.clip(box_faces(box), centre - HALF_SIDE, centre + HALF_SIDE)
         colour = TOUCHING_COLOUR if hit else BOX_COLOURS.get(box.kind, "#b0b5ba")
-        axes.add_collection3d(
-            Poly3DCollection(
-                faces,
-                facecolor=colour,
-                edgecolor=colour,
-                linewidths=0.6,
-                alpha=0.25 if hit and not small else 0.7,
-                zorder=3 if hit else 2,
-            )
-        )
+        style = {"facecolor": colour, "edgecolor": colour, "linewidths": 0.6}
+        alpha, zorder = (0.25 if hit and not small else 0.7), (3 if hit else 2)
+        axes.add_collection3d(Poly3DCollection(faces, **style, alpha=alpha, zorder=zorder))
 
 
 def _close_up(
@@ -250,11 +220,8 @@ def _close_up(
         loc="left",
         color="0.25",
     )
-    axes.set_aspect("equal")
-    axes.set_ylim(-HALF_CLOSE_UP, HALF_CLOSE_UP)
-    axes.set_xlim(-1.9 * HALF_CLOSE_UP, 1.9 * HALF_CLOSE_UP)
-    axes.set_xticks([])
-    axes.set_yticks([])
+    limits = {"xlim": (-1.9 * HALF_CLOSE_UP, 1.9 * HALF_CLOSE_UP), "xticks": [], "yticks": []}
+    axes.set(aspect="equal", ylim=(-HALF_CLOSE_UP, HALF_CLOSE_UP), **limits)
     start, height = -1.8 * HALF_CLOSE_UP, -0.9 * HALF_CLOSE_UP
     axes.plot([start, start + 0.1], [height, height], color="black", linewidth=3, zorder=7)
     axes.text(start, height + 0.008, "100 mm", fontsize=8.5, zorder=7)
@@ -264,16 +231,11 @@ def _mark(axes: Any, places: Places, across: Array, middle: Array) -> None:
     """Mark the two nearest places, and write the gap beside them."""
     ends = (np.stack([places.first, places.second]) - middle) @ across.T
     axes.plot(*ends.T, color=MARK_COLOUR, linewidth=2.0, marker="o", markersize=4, zorder=8)
+    behind = {"boxstyle": "round", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+    arrow = {"arrowstyle": "-", "color": MARK_COLOUR}
+    middle_of_gap = ends.mean(axis=0)
     axes.annotate(
-        _gap(places),
-        ends.mean(axis=0),
-        xytext=(56, 40),
-        textcoords="offset points",
-        fontsize=10,
-        color=MARK_COLOUR,
-        bbox={"boxstyle": "round", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
-        arrowprops={"arrowstyle": "-", "color": MARK_COLOUR},
-        zorder=9,
+        _gap(places), middle_of_gap, (56, 40), bbox=behind, arrowprops=arrow, **_GAP_STYLE
     )
 
 

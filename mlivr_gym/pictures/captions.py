@@ -23,13 +23,7 @@ def strip_height(height: int) -> int:
 
 
 def with_caption(picture: Image, caption: str, height: int) -> Image:
-    """A picture with a strip below it in which a caption stands.
-
-    Args:
-        picture: Shape (height - strip_height(height), width, 3).
-        caption: One line.
-        height: Height of both [px].
-    """
+    """A picture with a strip below it, in which one line stands; `height` is that of both [px]."""
     strip = strip_height(height)
     if not strip:
         return picture
@@ -46,12 +40,9 @@ def with_caption(picture: Image, caption: str, height: int) -> Image:
 
 
 def with_labels(picture: Image, pixels: Array, labels: list[tuple[str, str]]) -> Image:
-    """A picture with short words in it, each on a white edge.
+    """A picture with short words, each on a white edge, at columns and rows of shape (k, 2) [px].
 
-    Args:
-        picture: Shape (height, width, 3).
-        pixels: Column and row of the middle of each, shape (k, 2); those outside are left out.
-        labels: Text and colour of each.
+    Those outside are left out. A label is its text and its colour.
     """
     from PIL import Image as Pillow
     from PIL import ImageDraw

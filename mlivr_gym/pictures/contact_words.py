@@ -30,12 +30,7 @@ NUMBERED = ("rack", "track", "handrail", "stanchion", "obstacle")
 
 
 def in_words(name: str, boxes: Mapping[str, Box]) -> str:
-    """What a shape that the scene names is called: `"forearm of limb 0"`, `"rack F1"`.
-
-    Args:
-        name: Its name in the scene.
-        boxes: Boxes by their names in the scene.
-    """
+    """What a shape is called by its name in the scene: `"forearm of limb 0"`, `"rack F1"`."""
     if name.startswith(BOX):
         box = boxes[name]
         told = box.id.split("/")[0] if box.kind in NUMBERED else box.face
@@ -48,13 +43,7 @@ def in_words(name: str, boxes: Mapping[str, Box]) -> str:
 
 
 def sentence(contact: Contact, gap: float, boxes: Mapping[str, Box]) -> str:
-    """A contact in words: who comes how near to whom, or reaches how far into it.
-
-    Args:
-        contact: The contact.
-        gap: Between the nearest places of both, negative where they overlap [m].
-        boxes: Boxes by their names in the scene.
-    """
+    """A contact in words, by the gap between nearest places, negative where they overlap [m]."""
     first, second = in_words(contact.first, boxes), in_words(contact.second, boxes)
     if gap > 0.0:
         return f"{first} {1e3 * gap:.0f} mm from {second}"

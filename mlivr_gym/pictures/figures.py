@@ -40,24 +40,24 @@ def tints(grasp_map: GraspMap) -> list[str]:
     return [FACE_TINTS.get(face, "#8c8c8c") for face in grasp_map.faces]
 
 
-def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
-    """A 3-D figure of the map: tracks as thin lines, points as dots, equal scale."""
+def new_figure(width: float, height: float) -> Any:
+    """A figure of a size [inch] that no window shows."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12.8, 6.4), dpi=110)
+    figure = Figure(figsize=(width, height), dpi=110)
     FigureCanvasAgg(figure)
+    return figure
+
+
+def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
+    """A 3-D figure of the map: tracks as thin lines, points as dots, equal scale."""
+    figure = new_figure(12.8, 6.4)
     axes: Any = figure.add_axes((-0.06, -0.14, 1.08, 1.22), projection="3d", computed_zorder=False)
     for segment in grasp_map.segments:
         axes.plot(*np.array([segment.start, segment.end]).T, color="0.82", linewidth=1.2, zorder=1)
-    axes.scatter(
-        *grasp_map.positions.T,
-        s=4,
-        color=tints(grasp_map),
-        depthshade=False,
-        zorder=2,
-        label="graspable points",
-    )
+    style = {"s": 4, "color": tints(grasp_map), "depthshade": False, "zorder": 2}
+    axes.scatter(*grasp_map.positions.T, label="graspable points", **style)
     low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
     span = np.maximum(high - low, 0.3)
     axes.set_box_aspect(span.copy(), zoom=1.3)  # the array is changed in place
@@ -74,36 +74,15 @@ def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
 
 
 def draw_base_path(axes: Any, line: Array, stances: Array, label: str) -> None:
-    """Draw a base path thick, the bases of its stances as squares.
-
-    Args:
-        axes: Axes of `map_axes`.
-        line: Base positions along it, shape (k, 3) [m].
-        stances: Base positions of its stances, shape (s, 3) [m].
-        label: What the legend calls the path.
-    """
+    """Draw a base path, shape (k, 3), thick, the bases of its stances, (s, 3) [m], as squares."""
     axes.plot(*line.T, color=BASE_COLOUR, linewidth=3.0, zorder=5, label=label)
     axes.scatter(*stances.T, color=BASE_COLOUR, marker="s", s=30, depthshade=False, zorder=5)
 
 
 def draw_goal(axes: Any, goal: Sequence[float], tolerance: float) -> None:
-    """Draw a goal as a star, and the ball in which the base is to end.
-
-    Args:
-        axes: Axes of `map_axes`.
-        goal: Goal position [m].
-        tolerance: Radius of the ball [m].
-    """
-    axes.scatter(
-        *np.array(goal),
-        s=150,
-        marker="*",
-        color=GOAL_COLOUR,
-        edgecolor="black",
-        depthshade=False,
-        zorder=7,
-        label="goal",
-    )
+    """Draw a goal [m] as a star, and the ball in which the base is to end."""
+    style = {"color": GOAL_COLOUR, "edgecolor": "black", "depthshade": False, "zorder": 7}
+    axes.scatter(*np.array(goal), s=150, marker="*", label="goal", **style)
     turn, rise = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 17), np.linspace(0.0, np.pi, 9))
     ball = np.stack([np.cos(turn) * np.sin(rise), np.sin(turn) * np.sin(rise), np.cos(rise)])
     ball = np.array(goal)[:, None, None] + tolerance * ball

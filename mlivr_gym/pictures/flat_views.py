@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR, tints
+from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR, map_axes, tints
 from mlivr_gym.pictures.robot_shapes import GHOST_PALENESS, Part, outline, pale
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -29,26 +29,22 @@ CROWDED = 0.25
 """Stances nearer to each other than this have their numbers on different sides [m]."""
 
 
-def flat_view(
-    figure: Any, place: tuple[float, float, float, float], grasp_map: GraspMap, view: View
-) -> Any:
-    """Axes of a view with the map's points in it.
-
-    Args:
-        figure: The figure.
-        place: Left and lower edge, width and height, as shares of the figure.
-        grasp_map: The map.
-        view: `FROM_ABOVE` or `FROM_THE_SIDE`.
-    """
-    axes = figure.add_axes(place)
-    axes.scatter(*grasp_map.positions[:, view].T, s=3, color=tints(grasp_map), zorder=1)
-    axes.set_aspect("equal")
-    axes.set_xlabel("xyz"[view[0]] + " [m]", fontsize=8)
-    axes.set_ylabel("xyz"[view[1]] + " [m]", fontsize=8)
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.set_title(NAMES[view], fontsize=9.5, loc="left", color="0.25")
-    return axes
+def map_views(grasp_map: GraspMap) -> tuple[Any, Any, dict[View, Any]]:
+    """A figure of a map in space, the axes of that, and below it axes of two flat views."""
+    figure, axes = map_axes(grasp_map)
+    figure.set_size_inches(12.8, 9.6)
+    axes.set_position((-0.06, 0.22, 1.08, 0.82))
+    flats = {}
+    for edge, view in ((0.05, FROM_ABOVE), (0.54, FROM_THE_SIDE)):
+        flat = flats[view] = figure.add_axes((edge, 0.06, 0.42, 0.22))
+        flat.scatter(*grasp_map.positions[:, view].T, s=3, color=tints(grasp_map), zorder=1)
+        flat.set_aspect("equal")
+        flat.set_xlabel("xyz"[view[0]] + " [m]", fontsize=8)
+        flat.set_ylabel("xyz"[view[1]] + " [m]", fontsize=8)
+        flat.tick_params(labelsize=8)
+        flat.spines[["top", "right"]].set_visible(False)
+        flat.set_title(NAMES[view], fontsize=9.5, loc="left", color="0.25")
+    return figure, axes, flats
 
 
 def draw_flat_path(axes: Any, view: View, line: Array, stances: Array) -> None:

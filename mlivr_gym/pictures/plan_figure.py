@@ -1,7 +1,8 @@
-"""Figure of a plan on its map."""
+"""Figures of a plan, and of configurations, on their map."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import (
@@ -20,18 +22,16 @@ from mlivr_gym.pictures.figures import (
     save_figure,
 )
 from mlivr_gym.pictures.flat_views import (
-    FROM_ABOVE,
-    FROM_THE_SIDE,
     View,
     draw_flat_ghost,
     draw_flat_goal,
     draw_flat_path,
-    flat_view,
+    map_views,
     number,
 )
-from mlivr_gym.pictures.plan_paths import base_line
-from mlivr_gym.pictures.robot_shapes import draw_ghost, robot_parts
-from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.pictures.robot_shapes import draw_ghost, draw_robot, robot_parts
+from mlivr_gym.pictures.route import Route, base_line
+from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.schema import Maybe, Numbers
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -58,9 +58,7 @@ def plan_figure(
         tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
         title: Heading.
     """
-    figure, axes = map_axes(grasp_map)
-    figure.set_size_inches(12.8, 9.6)
-    axes.set_position((-0.06, 0.22, 1.08, 0.82))
+    figure, axes, flats = map_views(grasp_map)
     explored = np.zeros((0, 2, 3)) if tree is None else tree
     drawn = explored[:: max(1, -(-len(explored) // MOST_EXPLORED))]
     _draw_explored(axes, drawn)
@@ -70,8 +68,7 @@ def plan_figure(
     draw_base_path(axes, base_line(plan), plan.motion.base_positions, "base path")
     draw_goal(axes, plan.query.goal, plan.query.goal_tolerance)
     number(axes, plan.motion.base_positions)
-    for place, view in ((0.05, FROM_ABOVE), (0.54, FROM_THE_SIDE)):
-        flat = flat_view(figure, (place, 0.06, 0.42, 0.22), grasp_map, view)
+    for view, flat in flats.items():
         _draw_flat(flat, view, grasp_map, plan)
     count = f" ({len(drawn)} of {len(explored)} drawn)" if len(drawn) < len(explored) else ""
     add_heading(
@@ -83,6 +80,36 @@ def plan_figure(
     )
     add_legend(figure)
     save_figure(figure, path)
+
+
+def configuration_figure(
+    grasp_map: GraspMap,
+    robot: RobotSpec,
+    configurations: Sequence[Configuration],
+    path: str | Path,
+    title: str,
+    route: Route | None = None,
+) -> None:
+    """Draw a robot in configurations, and what there is of a plan, for machines without GL.
+
+    Args:
+        grasp_map: The map.
+        robot: The robot.
+        configurations: Where it is.
+        path: PNG file to write; no SVG beside it, since this stands for a picture that is rendered.
+        title: Heading.
+        route: What is shown of a plan.
+    """
+    figure, axes = map_axes(grasp_map)
+    for configuration in configurations:
+        draw_robot(axes, robot_parts(robot, configuration))
+    if route is not None:
+        draw_base_path(axes, route.line, route.stances, "base path")
+        draw_goal(axes, route.goal.tolist(), route.goal_tolerance)
+        number(axes, route.stances)
+        add_legend(figure)
+    add_heading(figure, title)
+    save_figure(figure, path, vector=False)
 
 
 def _draw_flat(axes: Any, view: View, grasp_map: GraspMap, plan: Plan) -> None:
@@ -118,16 +145,8 @@ def _draw_explored(axes: Any, paths: Array) -> None:
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     if len(paths):
-        axes.add_collection3d(
-            Line3DCollection(
-                paths,
-                colors="0.5",
-                linewidths=0.4,
-                alpha=0.2,
-                zorder=1.5,
-                label="explored base paths",
-            )
-        )
+        style = {"colors": "0.5", "linewidths": 0.4, "alpha": 0.2, "zorder": 1.5}
+        axes.add_collection3d(Line3DCollection(paths, label="explored base paths", **style))
 
 
 def _draw_footholds(axes: Any, grasp_map: GraspMap, plan: Plan) -> None:
@@ -139,12 +158,5 @@ def _draw_footholds(axes: Any, grasp_map: GraspMap, plan: Plan) -> None:
                 *np.array([position, point]).T, color=colour, linewidth=0.7, alpha=0.6, zorder=4
             )
         axes.plot(*held.T, color=colour, linewidth=0.9, linestyle=":", zorder=4)
-        axes.scatter(
-            *held.T,
-            s=46,
-            color=colour,
-            edgecolor="white",
-            depthshade=False,
-            zorder=6,
-            label=f"footholds of limb {limb}",
-        )
+        style = {"color": colour, "edgecolor": "white", "depthshade": False, "zorder": 6}
+        axes.scatter(*held.T, s=46, label=f"footholds of limb {limb}", **style)

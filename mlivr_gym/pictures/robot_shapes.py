@@ -51,13 +51,7 @@ class Part(NamedTuple):
 
 
 def capsule_faces(ends: Array, radius: float, around: int = _ROUND) -> Array:
-    """Corners of faces on a capsule, shape (f, 4, 3) [m].
-
-    Args:
-        ends: Ends of its axis, shape (2, 3) [m].
-        radius: Its radius [m].
-        around: Number of faces around it.
-    """
+    """Corners of faces on a capsule, shape (f, 4, 3) [m], by the ends of its axis, (2, 3) [m]."""
     rings = max(around // 4, 2)
     along = ends[1] - ends[0]
     size = float(np.linalg.norm(along))
@@ -137,8 +131,10 @@ def _tint(limb: int, link: str) -> str:
 
 def pale(colour: str, share: float) -> str:
     """A colour mixed with a share of white."""
-    parts = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
-    return "#" + "".join(f"{round((1.0 - share) * part + share * 255.0):02x}" for part in parts)
+    from matplotlib.colors import to_hex, to_rgb
+
+    red, green, blue = ((1.0 - share) * part + share for part in to_rgb(colour))
+    return str(to_hex((red, green, blue)))
 
 
 def draw_robot(
@@ -146,12 +142,9 @@ def draw_robot(
 ) -> None:
     """Draw parts of a robot as solids in 3-D axes, lit, those whose names are given in orange."""
     faces = np.concatenate([part.faces for part in parts])
-    colours = np.concatenate(
-        [
-            _lit(TOUCHING_COLOUR if part.name in touching else part.colour, part.faces)
-            for part in parts
-        ]
-    )
+    given = [TOUCHING_COLOUR if part.name in touching else part.colour for part in parts]
+    lit = [_lit(colour, part.faces) for colour, part in zip(given, parts, strict=True)]
+    colours = np.concatenate(lit)
     _add_faces(axes, faces, colours, zorder)
 
 
@@ -165,26 +158,20 @@ def draw_ghost(axes: Any, parts: Sequence[Part], *, zorder: float = 1.2) -> None
 def _add_faces(axes: Any, faces: Array, colours: Any, zorder: float) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    axes.add_collection3d(
-        Poly3DCollection(
-            faces,
-            facecolors=colours,
-            edgecolors=colours,
-            linewidths=0.3,
-            zorder=zorder,
-        )
-    )
+    style = {"facecolors": colours, "edgecolors": colours, "linewidths": 0.3}
+    axes.add_collection3d(Poly3DCollection(faces, zorder=zorder, **style))
 
 
 def _lit(colour: str, faces: Array) -> Array:
     """Red, green and blue of each face under a lamp over the viewer's shoulder, shape (f, 3)."""
+    from matplotlib.colors import to_rgb
+
     across = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
     size = np.linalg.norm(across, axis=1, keepdims=True)
     normals = across / np.where(size > 1e-12, size, 1.0)
     outward = np.sign(((faces.mean(axis=1) - faces.mean(axis=(0, 1))) * normals).sum(axis=1))
     bright = 0.84 + 0.16 * (normals @ _LIGHT) * np.where(outward == 0.0, 1.0, outward)
-    base = np.array([int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
-    lit: Array = np.clip(bright[:, None] * base, 0.0, 1.0)
+    lit: Array = np.clip(bright[:, None] * np.array(to_rgb(colour)), 0.0, 1.0)
     return lit
 
 

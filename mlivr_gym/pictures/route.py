@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, base_path, base_poses
+from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
-from mlivr_gym.pictures.plan_paths import base_line
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -18,6 +20,30 @@ PATH_RADIUS, STANCE_RADIUS, FOOTHOLD_RADIUS = 0.015, 0.03, 0.032
 
 GOAL_OPACITY = 0.3
 """Opacity of a goal's ball."""
+
+
+SAMPLES = 13
+"""Places on the base path of a step: enough for an arc to look round."""
+
+
+def base_paths(plan: Plan, samples: int = SAMPLES) -> list[Array]:
+    """Base positions along the base path of each step, shapes (samples, 3) [m]."""
+    motion, share = plan.motion, np.linspace(0.0, 1.0, samples)
+    turns = scipy.spatial.transform.Rotation.from_quat(
+        motion.base_quaternions, scalar_first=True
+    ).as_matrix()
+    poses = [pose(*at) for at in zip(motion.base_positions, turns, strict=True)]
+    found = []
+    for k, step in enumerate(plan.steps):
+        kind = PATH_KINDS.index(step.path) if step.path in PATH_KINDS else STRAIGHT
+        path = base_path(poses[k], poses[k + 1], kind, np.array(step.pivot))
+        found.append(base_poses(path, share)[0])
+    return found
+
+
+def base_line(plan: Plan) -> Array:
+    """Base positions along a whole plan, shape (k, 3) [m]; one of a plan without a step."""
+    return np.concatenate([plan.motion.base_positions[:1], *base_paths(plan)])
 
 
 class Foothold(NamedTuple):
@@ -89,8 +115,9 @@ class Route(NamedTuple):
 
 
 def _rgba(colour: str, opacity: float = 1.0) -> Array:
-    red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    return np.array([red, green, blue, opacity], dtype=np.float32)
+    from matplotlib.colors import to_rgba
+
+    return np.array(to_rgba(colour, opacity), dtype=np.float32)
 
 
 def _add_ball(scene: Any, place: Array, radius: float, colour: Array) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.pictures.figures import new_figure, save_figure
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.phase_torques import (
     CAPTURE,
@@ -41,24 +41,13 @@ def simulation_figure(
     path: str | Path,
     title: str,
 ) -> None:
-    """Draw a recording over time.
+    """Draw a recording over time, as PNG and an SVG beside it.
 
     Departures and approaches are shaded, captures dotted. The largest torque of each step has a
     mark that tells its phase, on a logarithmic axis; a short spike at a capture is cut off and its
     height written.
-
-    Args:
-        recording: Measurements.
-        captures: When limbs grasped their points.
-        failure: Why the walk ended early, or None.
-        path: PNG file to write.
-        title: Heading.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 9.0), dpi=110)
-    FigureCanvasAgg(figure)
+    figure = new_figure(11.0, 9.0)
     axes: list[Any] = figure.subplots(4, 1, sharex=True).tolist()
     times, limbs = recording.times, recording.joint_torques.shape[1]
     forces = np.linalg.norm(recording.grasp_forces, axis=2)
@@ -120,12 +109,7 @@ def cut_spikes(
 ) -> None:
     """Fit a panel to its values, but cut off what a capture makes for a moment and write it.
 
-    Args:
-        panel: Axes.
-        times: Shape (k,) [s].
-        values: The largest value drawn at each, shape (k,).
-        caught: Which of them lie just after a capture, shape (k,).
-        captures: When limbs grasped their points.
+    Times, values and whether these lie just after a capture have shape (k,).
     """
     rest = float(values[~caught].max(initial=0.0))
     if values.max() <= SPIKE * rest:

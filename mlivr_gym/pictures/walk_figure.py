@@ -17,21 +17,18 @@ from mlivr_gym.pictures.figures import (
     box_faces,
     draw_base_path,
     draw_goal,
-    map_axes,
     save_figure,
 )
 from mlivr_gym.pictures.flat_views import (
-    FROM_ABOVE,
-    FROM_THE_SIDE,
     TOWARD_THE_EYE,
     View,
     draw_flat_goal,
     draw_flat_path,
-    flat_view,
+    map_views,
     number,
 )
-from mlivr_gym.pictures.plan_paths import base_paths
 from mlivr_gym.pictures.robot_shapes import outline
+from mlivr_gym.pictures.route import base_paths
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -90,20 +87,13 @@ class Walk(NamedTuple):
 
 
 def walk_figure(grasp_map: GraspMap, legs: Sequence[Leg], path: str | Path) -> None:
-    """Picture of a walk among obstacles, in space and from three sides.
+    """Picture of a walk among obstacles, in space and from two sides, as PNG and SVG.
 
     The path walked is thick and green; what a plan had in mind when it was given up is dashed, each
     plan in a colour of its own. Goal, obstacles and occupied points are those of the last plan.
-
-    Args:
-        grasp_map: The map.
-        legs: The plans, and how much of each was walked.
-        path: PNG file to write, and an SVG beside it.
     """
     walk, last = Walk.of(legs), legs[-1].plan
-    figure, axes = map_axes(grasp_map)
-    figure.set_size_inches(12.8, 9.6)
-    axes.set_position((-0.06, 0.22, 1.08, 0.82))
+    figure, axes, flats = map_views(grasp_map)
     for box in last.world.obstacles:
         _draw_obstacle(axes, box)
     taken = grasp_map.positions[[grasp_map.index(point) for point in last.world.occupied]]
@@ -115,8 +105,7 @@ def walk_figure(grasp_map: GraspMap, legs: Sequence[Leg], path: str | Path) -> N
     axes.scatter(*walk.breaks.T, depthshade=False, label="plan given up here", **_BREAK)
     draw_goal(axes, last.query.goal, last.query.goal_tolerance)
     number(axes, walk.stances)
-    for place, view in ((0.05, FROM_ABOVE), (0.54, FROM_THE_SIDE)):
-        flat = flat_view(figure, (place, 0.06, 0.42, 0.22), grasp_map, view)
+    for view, flat in flats.items():
         _draw_flat(flat, view, walk, legs)
         flat.scatter(*taken[:, view].T, s=26, **style)
     times = {1: "", 2: " interrupted once", 3: " interrupted twice"}
@@ -188,10 +177,7 @@ def _draw_obstacle(axes: Any, box: Box) -> None:
     """Draw a box with its name."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    axes.add_collection3d(
-        Poly3DCollection(
-            box_faces(box), facecolor=BOX_COLOUR, edgecolor=BOX_COLOUR, alpha=0.35, zorder=3
-        )
-    )
+    style = {"facecolor": BOX_COLOUR, "edgecolor": BOX_COLOUR, "alpha": 0.35, "zorder": 3}
+    axes.add_collection3d(Poly3DCollection(box_faces(box), **style))
     top = box_corners(box).max(axis=0)
     axes.text(*top, box.id, fontsize=9, color=BOX_COLOUR, zorder=8, parse_math=False)

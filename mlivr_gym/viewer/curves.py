@@ -62,10 +62,7 @@ def limb_manipulabilities(robot: RobotSpec, links: tuple[Link, ...], joints: Arr
 def margins(frames: Frames, plan: Plan, links: tuple[Link, ...]) -> Plot:
     """Manipulability over its threshold: of limbs while they hold, of the base in stances.
 
-    Args:
-        frames: The frames.
-        plan: What they play; no curves if it was made without thresholds.
-        links: Links of the robot.
+    There are no curves of a plan that was made without thresholds.
     """
     title, settings = "manipulability / threshold", plan.world.settings
     w_m_min, w_b_min = settings.thresholds(plan.world.robot.limbs)

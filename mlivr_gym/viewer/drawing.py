@@ -12,9 +12,8 @@ from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
-from mlivr_gym.pictures.plan_paths import base_line
 from mlivr_gym.pictures.rendering import MARGIN
-from mlivr_gym.pictures.route import FOOTHOLD_RADIUS, PATH_RADIUS, STANCE_RADIUS, Route
+from mlivr_gym.pictures.route import FOOTHOLD_RADIUS, PATH_RADIUS, STANCE_RADIUS, Route, base_line
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import rgba
 from mlivr_gym.viewer.marks import OCCUPIED_COLOUR, Marks
@@ -24,9 +23,9 @@ from mlivr_gym.viewer.solids import (
     Mesh,
     Scene,
     box_mesh,
-    capsule_mesh,
     cylinder_mesh,
     joined,
+    moved,
     rod_mesh,
 )
 from mlivr_gym.world.boxes import Box
@@ -62,11 +61,11 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 def draw_module(page: Page, name: str, scene: Scene) -> None:
     """Draw racks, walls and rails, those of each face below the name and the face's."""
-    page.frame(name, np.zeros(3), IDENTITY)
+    page.frame(name)
     for k, solid in enumerate(scene.surroundings):
         folder = f"{name}/{solid.face or 'rest'}"
         if folder not in page:
-            page.frame(folder, np.zeros(3), IDENTITY)
+            page.frame(folder)
         page.mesh(f"{folder}/{k}", solid.mesh, solid.colour)
 
 
@@ -75,16 +74,31 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
     disc = cylinder_mesh(POINT_RADIUS, POINT_HEIGHT)
     for face, chosen in points_by_face(grasp_map).items():
         turns = Rotation.from_matrix(grasp_map.rotations[chosen]).as_quat(scalar_first=True)
-        colours = np.zeros((len(chosen), 3))
-        page.copies(f"points/{face}", disc, grasp_map.positions[chosen], turns, colours)
+        page.nodes[f"points/{face}"] = page.scene.add_batched_meshes_simple(
+            f"/points/{face}",
+            disc.vertices,
+            disc.faces,
+            turns,
+            grasp_map.positions[chosen],
+            batched_colors=np.zeros((len(chosen), 3), dtype=np.uint8),
+            batched_scales=np.ones(len(chosen), dtype=np.float32),
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
 
 
 def mark_points(page: Page, grasp_map: GraspMap, found: Marks) -> None:
     """Give the graspable points colours, and those that these are about a larger size."""
-    scales = np.ones(len(grasp_map))
+    scales = np.ones(len(grasp_map), dtype=np.float32)
     scales[list(found.points)] = MARKED_SCALE
+    # The library takes colours of copies linear in brightness, unlike all others.
+    share = np.asarray(found.colours, dtype=np.float64) / 255.0
+    bright = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    colours = np.round(255.0 * bright).astype(np.uint8)
     for face, chosen in points_by_face(grasp_map).items():
-        page.recolour(f"points/{face}", found.colours[chosen], scales[chosen])
+        node = page.nodes[f"points/{face}"]
+        node.batched_colors, node.batched_scales = colours[chosen], scales[chosen]
 
 
 def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
@@ -96,9 +110,9 @@ def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
 def draw_obstacles(page: Page, boxes: tuple[Box, ...]) -> None:
     """Draw boxes that are not the map's, in place of those drawn before."""
     page.remove("obstacles")
-    page.frame("obstacles", np.zeros(3), IDENTITY)
+    page.frame("obstacles")
     for k, box in enumerate(boxes):
-        mesh = box_mesh(box.half).moved(np.array(box.centre), np.array(box.rotation))
+        mesh = moved(box_mesh(box.half), np.array(box.centre), np.array(box.rotation))
         page.mesh(f"obstacles/{k}", mesh, _with_opacity(OBSTACLE_COLOUR, 0.75))
 
 
@@ -114,9 +128,9 @@ def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> Non
     """Draw the robot, its links below one another so that few numbers pose it."""
     paths = _paths(name, scene)
     page.remove(name)
-    page.frame(name, np.zeros(3), IDENTITY)
+    page.frame(name)
     for link in scene.links:
-        page.frame(paths[link.name], link.position, link.quaternion)
+        page.frame(paths[link.name], position=link.position, wxyz=link.quaternion)
     for k, solid in enumerate(scene.robot):
         colour = (*solid.colour[:3], solid.colour[3] * opacity)
         page.mesh(f"{paths[solid.link]}/shape{k}", solid.mesh, colour)
@@ -128,10 +142,10 @@ def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration
     paths = _paths(name, scene)
     for link in scene.links:
         if link.parent == "world":
-            page.move(paths[link.name], position)
-            page.turn(paths[link.name], quaternion)
+            page.nodes[paths[link.name]].position = position
+            page.nodes[paths[link.name]].wxyz = quaternion
         elif link.joint is not None:
-            page.turn(paths[link.name], link.turned(joints))
+            page.nodes[paths[link.name]].wxyz = link.turned(joints)
 
 
 def show_unchecked(page: Page, name: str, scene: Scene, visible: bool) -> None:
@@ -153,7 +167,7 @@ def _paths(name: str, scene: Scene) -> dict[str, str]:
 def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> None:
     """Draw base path and footholds of a plan, numbered by stance, or of none."""
     page.remove(name)
-    page.frame(name, np.zeros(3), IDENTITY)
+    page.frame(name)
     if plan is None:
         return
     route = Route.of(grasp_map, plan)
@@ -191,14 +205,22 @@ def draw_goal(page: Page, goal: Array, tolerance: float) -> None:
 
 def draw_tree(page: Page, tree: Array) -> None:
     """Draw explored steps by the base positions at their ends, shape (e, 2, 3) [m]."""
-    page.lines("tree", tree, rgba(TREE_COLOUR), 0.006)
+    page.remove("tree")
+    if len(tree):
+        colour = tuple(round(255 * part) for part in rgba(TREE_COLOUR)[:3])
+        page.nodes["tree"] = page.scene.add_line_segments("/tree", tree, colour, thickness=0.006)
 
 
 def light(page: Page) -> None:
     """Light the module softly from everywhere, and from above the near corner."""
-    page.light("sky", 1.0)
-    page.light("lamp", 1.7, np.array([-2.0, -3.5, 8.0]))
-    page.light("fill", 0.6, np.array([5.0, -2.0, -5.0]))
+    page.scene.add_light_ambient("/sky", intensity=1.0)
+    for name, strength, place in (
+        ("lamp", 1.7, (-2.0, -3.5, 8.0)),
+        ("fill", 0.6, (5.0, -2.0, -5.0)),
+    ):
+        page.scene.add_light_directional(
+            f"/{name}", intensity=strength, position=place, cast_shadow=False
+        )
 
 
 def places_of(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:
@@ -236,7 +258,7 @@ def hidden_faces(grasp_map: GraspMap, eye: Array) -> set[str]:
 
 def ball_mesh(place: Array, radius: float) -> Mesh:
     """A ball about a place [m]."""
-    return capsule_mesh(radius, 0.0).moved(place, np.eye(3))
+    return rod_mesh(place, place, radius)
 
 
 def tube(line: Array, radius: float) -> Mesh:

@@ -71,7 +71,10 @@ def _recorded(page: Page, graph: StanceGraph, plan: Plan, recording: Recording |
 
     def draw(chosen: int) -> None:
         drawing.pose_robot(page, "robot", scene, frames.configuration(chosen))
-        page.relabel("now", frames.told(chosen, plan), frames.base_positions[chosen] + ABOVE)
+        words, label = frames.told(chosen, plan), page.nodes["now"]
+        label.position = frames.base_positions[chosen] + ABOVE
+        if label.text != words:
+            label.text = words
 
     length = STEP_TIME * max(int(frames.step.max()) + (recording is not None), 1)
     count = min(len(frames), round(PICTURES * length) + 1)

@@ -106,14 +106,8 @@ def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:
         return stance_frames(plan)
     step, phase = walked.step.copy(), walked.phase.copy()
     step[-1], phase[[0, -1]] = len(plan.steps), AT_REST
-    return Frames(
-        walked.times,
-        step,
-        phase,
-        walked.base_positions,
-        walked.base_quaternions,
-        walked.joint_positions,
-    ).thinned()
+    bases = walked.base_positions, walked.base_quaternions
+    return Frames(walked.times, step, phase, *bases, walked.joint_positions).thinned()
 
 
 def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
@@ -129,28 +123,16 @@ def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
 
 def stance_frames(plan: Plan) -> Frames:
     """The stances of a plan, `STEP_TIME` apart."""
-    count = len(plan.stances)
-    motion = plan.motion
-    return Frames(
-        STEP_TIME * np.arange(count, dtype=np.float64),
-        np.arange(count),
-        np.full(count, AT_REST),
-        motion.base_positions,
-        motion.base_quaternions,
-        motion.joint_positions,
-    )
+    motion, number = plan.motion, np.arange(len(plan.stances))
+    bases, resting = (motion.base_positions, motion.base_quaternions), np.full_like(number, AT_REST)
+    times = STEP_TIME * number.astype(np.float64)
+    return Frames(times, number, resting, *bases, motion.joint_positions)
 
 
 def recording_frames(recording: Recording) -> Frames:
     """An execution as it was recorded."""
-    return Frames(
-        recording.times - recording.times[0],
-        recording.step,
-        recording.phase,
-        recording.base_positions,
-        recording.base_quaternions,
-        recording.joint_positions,
-    ).thinned()
+    shown = {field.name: getattr(recording, field.name) for field in fields(Frames)}
+    return Frames(**shown | {"times": recording.times - recording.times[0]}).thinned()
 
 
 def load_recording(path: str | Path, plan: Plan) -> Recording:

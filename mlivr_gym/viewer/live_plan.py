@@ -12,7 +12,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import MlivrError, StanceError
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.planners import Planner, PlanningResult
+from mlivr_gym.planners import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
@@ -32,23 +32,7 @@ PRICE = 0.1
 
 @dataclass(frozen=True)
 class Asked:
-    """A query.
-
-    Attributes:
-        start: Point id of each limb.
-        goal: x, y, z [m].
-        cost: Name of the cost.
-        regrasp_price: Metres charged for a regrasp, with the weighted cost.
-        goal_tolerance: Radius of the goal region [m].
-        goal_face: Face that all limbs hold at the goal; None for any.
-        start_pose: Base pose at the start, if it is not that of the stance.
-        start_joints: Joint angles at the start, if they are given.
-        method: Search method.
-        heuristic: Heuristic; None for that of the method.
-        inflation: Factor of the least cost that plans keep; None for that of the robot.
-        limit: Most expansions.
-        time_limit: Longest that a plan is improved, with more than two limbs [s].
-    """
+    """A query: arguments of `Planner.plan`."""
 
     start: tuple[str, ...]
     goal: tuple[float, float, float]
@@ -118,7 +102,7 @@ class LivePlan:
         self.before = self.shown
         self.plan, self.tree, self.expanded = None, np.zeros((0, 2, 3)), 0
         try:
-            result = self._result(asked)
+            result = self.planner.plan(**vars(asked))
         except MlivrError as error:
             self.message, self.reason = str(error), "cannot be asked"
         else:
@@ -127,23 +111,6 @@ class LivePlan:
             self.message = result.message if result.plan is None else _told(result.plan)
         self.seconds = time.perf_counter() - began
 
-    def _result(self, asked: Asked) -> PlanningResult:
-        return self.planner.plan(
-            asked.start,
-            asked.goal,
-            asked.cost,
-            regrasp_price=asked.regrasp_price,
-            method=asked.method,
-            heuristic=asked.heuristic,
-            inflation=asked.inflation,
-            goal_tolerance=asked.goal_tolerance,
-            goal_face=asked.goal_face,
-            start_pose=asked.start_pose,
-            start_joints=asked.start_joints,
-            limit=asked.limit,
-            time_limit=asked.time_limit,
-        )
-
     def cause(self) -> str:
         """What cuts the goal off where there is no plan, `""` where that is told already.
 
@@ -151,16 +118,9 @@ class LivePlan:
         """
         if self.reason not in CUT_OFF:
             return ""
-        asked = self.asked
-        return self.planner.why_not(
-            asked.start,
-            asked.goal,
-            goal_tolerance=asked.goal_tolerance,
-            goal_face=asked.goal_face,
-            start_pose=asked.start_pose,
-            start_joints=asked.start_joints,
-            limit=CAUSE_LIMIT,
-        ).message
+        names = ("start", "goal", "goal_tolerance", "goal_face", "start_pose", "start_joints")
+        asked = {name: getattr(self.asked, name) for name in names}
+        return self.planner.why_not(**asked, limit=CAUSE_LIMIT).message
 
     def hold(self, limb: int, point: str) -> None:
         """Start with a limb at another point, in the posture of the stance that this makes."""
@@ -190,15 +150,10 @@ class LivePlan:
         self.replan()
 
     def put_box(self, name: str, centre: Array) -> None:
-        """Put a box into the world, or put it elsewhere.
-
-        Args:
-            name: Its id.
-            centre: Its middle [m].
+        """Put a box of this id into the world, or put it elsewhere, by its middle [m].
 
         Raises:
-            SettingError: If collisions are not checked.
-            ShapeError: If the map has a box of that id.
+            MlivrError: If collisions are not checked, or the map has a box of that id.
         """
         kept = [box for box in self.graph.obstacles if box.id == name]
         half = np.array(kept[0].half) if kept else np.full(3, 0.5 * BOX_EDGE)

@@ -112,15 +112,7 @@ def chances(graph: StanceGraph, chance: Array) -> Marks:
 
 
 def why_not(graph: StanceGraph, state: State, limb: int, point: int, steps: Successors) -> str:
-    """Why a limb cannot step to a point, one sentence; `""` if it can.
-
-    Args:
-        graph: The stance graph.
-        state: The present state.
-        limb: The limb.
-        point: Index of the point.
-        steps: The steps that leave the state.
-    """
+    """Why a limb cannot step to the point of an index, one sentence; `""` if it can."""
     name = graph.grasp_map.ids[point]
     if point in state.stance:
         return f"point {name!r} is held by limb {state.stance.index(point)}"

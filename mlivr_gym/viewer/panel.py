@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from mlivr_gym.extras import missing
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer.live_plan import PRICE
-from mlivr_gym.viewer.policy_view import missing
+from mlivr_gym.viewer.policy_view import NEEDED
 from mlivr_gym.viewer.second_plan import APART, HIDDEN, OVER
 from mlivr_gym.viewer.viewer import (
     AIM,
@@ -33,30 +36,41 @@ def add_panel(viewer: Viewer) -> None:
     """Fill the panel of a viewer's page, and let the page call the viewer."""
     page = viewer.page
     page.text("summary")
-    with page.folder("Play"):
+    with page.gui.add_folder("Play"):
         _add_playing(viewer)
-    with page.folder("Change"):
+    with page.gui.add_folder("Change"):
         _add_changing(viewer)
-    with page.folder("Show"):
+    with page.gui.add_folder("Show"):
         _add_showing(viewer)
     if viewer.second is not None:
-        with page.folder("Second plan"):
-            page.choice("second", "shown", (OVER, APART, HIDDEN), OVER, viewer.place_second)
+        with page.gui.add_folder("Second plan"):
+            shown = page.gui.add_dropdown("shown", (OVER, APART, HIDDEN), initial_value=OVER)
+            page.item("second", shown, viewer.place_second)
     for face in drawing.points_by_face(viewer.live.graph.grasp_map):
-        page.on_click(f"points/{face}", viewer.clicked)
+        page.nodes[f"points/{face}"].on_click(
+            lambda event: viewer.clicked(np.array(event.ray_origin), np.array(event.ray_direction))
+        )
     goal = np.array(viewer.live.asked.goal)
     page.gizmo(AIM, goal, lambda at: viewer.change(lambda: viewer.live.aim(at)))
-    page.on_camera(viewer.see_from)
+    page.server.on_client_connect(
+        lambda client: client.camera.on_update(
+            lambda camera: viewer.see_from(np.array(camera.position))
+        )
+    )
 
 
 def _add_playing(viewer: Viewer) -> None:
-    page = viewer.page
+    page, gui = viewer.page, viewer.page.gui
     page.text("where")
-    page.slider("time", "time [s]", max(viewer.duration, 0.1), 0.01, viewer.scrub)
-    page.buttons("play", (BACK, PLAY, ON), lambda label: _press(viewer, label))
-    page.choice("speed", "speed", SPEEDS, f"{viewer.speed:g}x", lambda chosen: _run(viewer, chosen))
+    most = max(viewer.duration, 0.1)
+    page.item("time", gui.add_slider("time [s]", 0.0, most, 0.01, 0.0), viewer.scrub)
+    pressed = gui.add_button_group("", (BACK, PLAY, ON))
+    pressed.on_click(lambda event: _press(viewer, str(event.target.value)))
+    speed = gui.add_dropdown("speed", SPEEDS, initial_value=f"{viewer.speed:g}x")
+    page.item("speed", speed, lambda chosen: setattr(viewer, "speed", float(chosen[:-1])))
+    nothing = (np.zeros(2), np.zeros(2))
     for name in PLOTS:
-        page.plot(name)
+        page.items[name] = gui.add_uplot(nothing, ({}, {}), height=150, visible=False)
 
 
 def _press(viewer: Viewer, label: str) -> None:
@@ -66,43 +80,42 @@ def _press(viewer: Viewer, label: str) -> None:
         viewer.jump(1 if label == ON else -1)
 
 
-def _run(viewer: Viewer, chosen: str) -> None:
-    viewer.speed = float(chosen.removesuffix("x"))
-
-
 def _add_changing(viewer: Viewer) -> None:
-    page, live = viewer.page, viewer.live
-    cost = {"name": live.asked.cost, "price": live.asked.regrasp_price or PRICE}
-
-    def charge(**changed: object) -> None:
-        cost.update(changed)
-        name, price = str(cost["name"]), float(str(cost["price"]))
-        page.enable("price", name == "weighted")
-        viewer.change(lambda: live.charge(name, price))
-
+    page, gui, live = viewer.page, viewer.page.gui, viewer.live
     starts = [f"start of limb {limb}" for limb in range(live.graph.limbs)]
-    page.choice("click", "a click on a point", (TELL, BLOCK, *starts), viewer.click, viewer.choose)
+    click = ("a click on a point", (TELL, BLOCK, *starts))
+    clicks = gui.add_dropdown(*click, initial_value=viewer.click)
+    page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
     page.text("told")
-    page.choice("cost", "cost", COSTS, live.asked.cost, lambda name: charge(name=name))
-    page.number(
-        "price", "regrasp price [m]", float(str(cost["price"])), HIGHEST_PRICE,
-        lambda price: charge(price=price),
-    )  # fmt: skip
-    page.enable("price", live.asked.cost == "weighted")
-    page.button("box", "Add a box", viewer.add_box, "put on the base path; drag it by its arrows")
-    page.button("clear", "Remove boxes, free all points", viewer.clear)
+    cost = gui.add_dropdown("cost", COSTS, initial_value=live.asked.cost)
+    given = live.asked.regrasp_price or PRICE
+    price = gui.add_number("regrasp price [m]", given, min=0.0, max=HIGHEST_PRICE, step=0.01)
+
+    def charge(_: object) -> None:
+        price.disabled = cost.value != "weighted"
+        viewer.change(lambda: live.charge(cost.value, price.value))
+
+    page.item("cost", cost, charge)
+    page.item("price", price, charge)
+    price.disabled = live.asked.cost != "weighted"
+    hint = "put on the base path; drag it by its arrows"
+    gui.add_button("Add a box", hint=hint).on_click(lambda _: viewer.add_box())
+    gui.add_button("Remove boxes, free all points").on_click(lambda _: viewer.clear())
 
 
 def _add_showing(viewer: Viewer) -> None:
-    page, graph = viewer.page, viewer.live.graph
+    page, gui, graph = viewer.page, viewer.page.gui, viewer.live.graph
     whys = [f"{WHY}{limb}" for limb in range(graph.limbs)]
-    page.choice("points", "colours tell", (PLAIN, REACH, *whys, POLICY), PLAIN, viewer.mark)
-    page.text("legend", missing())
-    page.checkbox("tree", "explored steps", False, lambda on: viewer.switch("tree", on))
-    page.checkbox("path", "path and footholds", True, lambda on: viewer.switch("plan", on))
-    page.checkbox("ghost", "plan before, pale", True, lambda on: viewer.switch("ghost", on))
-    page.checkbox(
-        "checked", "collision shapes alone", False, viewer.show_checked,
-        "hide the rods that stand for joints, with which nothing is checked",
-    )  # fmt: skip
-    page.checkbox("walls", "leave out walls in front", True, viewer.leave_out)
+    points = gui.add_dropdown("colours tell", (PLAIN, REACH, *whys, POLICY), initial_value=PLAIN)
+    page.item("points", points, viewer.mark)
+    page.text("legend", missing(*NEEDED, extra="agents"))
+
+    def switch(label: str, on: bool, called: Callable[[bool], None], hint: str = "") -> None:
+        page.item(label, gui.add_checkbox(label, on, hint=hint or None), called)
+
+    switch("explored steps", False, lambda on: viewer.switch("tree", on))
+    switch("path and footholds", True, lambda on: viewer.switch("plan", on))
+    switch("plan before, pale", True, lambda on: viewer.switch("ghost", on))
+    hint = "hide the rods that stand for joints, with which nothing is checked"
+    switch("collision shapes alone", False, viewer.show_checked, hint)
+    switch("leave out walls in front", True, viewer.leave_out)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import SettingError
+from mlivr_gym.extras import need
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
@@ -20,14 +19,6 @@ NEEDED = ("torch", "sb3_contrib", "stable_baselines3")
 """Packages of the extra `agents`."""
 
 
-def missing() -> str:
-    """What to install for a policy, one sentence; `""` if it is there."""
-    absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
-    if not absent:
-        return ""
-    return f"a policy needs the package {absent[0]!r}: pip install 'mlivr-gym[agents]'"
-
-
 class PolicyView:
     """The pointer policy in an environment that follows the world of a stance graph."""
 
@@ -37,8 +28,7 @@ class PolicyView:
         Raises:
             SettingError: If the extra `agents` is not installed.
         """
-        if missing():
-            raise SettingError(missing())
+        need(*NEEDED, extra="agents")
         from mlivr_gym.agents.learned import load_policy
         from mlivr_gym.envs.env import MlivrEnv
 

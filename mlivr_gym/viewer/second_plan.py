@@ -37,7 +37,7 @@ class SecondPlan:
         page.remove("second")
         if where == HIDDEN:
             return
-        page.frame("second", BELOW if where == APART else np.zeros(3), drawing.IDENTITY)
+        page.frame("second", position=BELOW if where == APART else np.zeros(3))
         opacity = 1.0 if where == APART else drawing.GHOST_OPACITY
         drawing.draw_robot(page, "second/robot", self._scene, opacity)
         if where == OVER:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
+import trimesh
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array
 from mlivr_gym.pictures.robot_shapes import JOINT_COLOUR
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
@@ -24,21 +24,11 @@ ROUND = 20
 ROD_RADIUS = 0.038
 """Radius of the rods that stand for joints between the shapes of the links [m]."""
 
+Mesh = trimesh.Trimesh
+"""Triangles, anticlockwise seen from outside."""
+
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, from 0 to 1."""
-
-
-class Mesh(NamedTuple):
-    """Triangles."""
-
-    vertices: Array
-    """Corners, shape (v, 3) [m]."""
-    triangles: IntArray
-    """Indices of corners, anticlockwise seen from outside, shape (t, 3)."""
-
-    def moved(self, position: Array, rotation: Array) -> Mesh:
-        """The mesh turned by a rotation, shape (3, 3), and then moved by a position [m]."""
-        return Mesh(self.vertices @ rotation.T + position, self.triangles)
 
 
 class Solid(NamedTuple):
@@ -105,7 +95,7 @@ def scene_solids(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]
         link = model.body(int(geom.bodyid[0])).name
         r, g, b, opacity = (float(part) for part in geom.rgba)
         turn = Rotation.from_quat(geom.quat, scalar_first=True).as_matrix()
-        mesh = _mesh_of(int(geom.type[0]), geom.size).moved(geom.pos, turn)
+        mesh = moved(_mesh_of(int(geom.type[0]), geom.size), geom.pos, turn)
         checked = bool(geom.contype[0])
         found[link, faces.get(geom.name, ""), (r, g, b, opacity), checked].append(mesh)
     links = _links(model)
@@ -121,39 +111,34 @@ def scene_solids(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one."""
-    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])[:-1]
-    return Mesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.triangles + k for mesh, k in zip(meshes, first, strict=True)]),
-    )
+    whole = trimesh.util.concatenate(list(meshes))
+    assert isinstance(whole, Mesh)
+    return whole
+
+
+def moved(mesh: Mesh, position: Array, rotation: Array) -> Mesh:
+    """A mesh turned by a rotation, shape (3, 3), and then moved by a position [m]."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, position
+    there: Mesh = mesh.copy()
+    there.apply_transform(pose)
+    return there
 
 
 def box_mesh(half: Sequence[float] | Array) -> Mesh:
-    """A box about the origin by its half edges [m]; its six sides share no corner."""
-    corners: list[Array] = []
-    triangles: list[list[int]] = []
-    for axis, sign in product(range(3), (-1.0, 1.0)):
-        u, v = np.roll(np.eye(3), -axis, axis=0)[1:]
-        out = sign * np.roll(np.eye(3), -axis, axis=0)[0]
-        turn = 1.0 if sign > 0 else -1.0
-        first = len(corners)
-        corners += [out + a * u + turn * b * v for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-        triangles += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
-    return Mesh(np.array(corners) * np.asarray(half), np.array(triangles, dtype=np.int64))
+    """A box about the origin by its half edges [m]."""
+    return _with_edges(trimesh.creation.box(2.0 * np.asarray(half)))
 
 
 def capsule_mesh(radius: float, half: float) -> Mesh:
     """A capsule along z about the origin; `half` is half the length of its axis [m]."""
-    rise = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 2 * (ROUND // 4) + 1)
-    rise = np.insert(rise, ROUND // 4, 0.0)  # the ring about either end
-    height = radius * np.sin(rise) + np.where(np.arange(len(rise)) <= ROUND // 4, -half, half)
-    return _turned(radius * np.cos(rise), height)
+    capsule = trimesh.creation.capsule(2.0 * half, radius, (ROUND // 2, ROUND))
+    return moved(capsule, -capsule.bounds.mean(axis=0), np.eye(3))
 
 
 def cylinder_mesh(radius: float, half: float) -> Mesh:
     """A cylinder along z about the origin; `half` is half its height [m]."""
-    width = np.array([0.0, radius, radius, radius, radius, 0.0])
-    return _turned(width, half * np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0]))
+    return _with_edges(trimesh.creation.cylinder(radius, 2.0 * half, sections=ROUND))
 
 
 def rod_mesh(start: Array, end: Array, radius: float) -> Mesh:
@@ -163,25 +148,13 @@ def rod_mesh(start: Array, end: Array, radius: float) -> Mesh:
     turn = np.eye(3)
     if size > 1e-9:
         turn = Rotation.align_vectors((along / size)[None], [[0.0, 0.0, 1.0]])[0].as_matrix()
-    return capsule_mesh(radius, 0.5 * size).moved(0.5 * (start + end), turn)
+    return moved(capsule_mesh(radius, 0.5 * size), 0.5 * (start + end), turn)
 
 
-def _turned(width: Array, height: Array) -> Mesh:
-    """The surface that a line from below to above, radius and height [m], sweeps about z."""
-    angle = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)
-    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    corners = np.concatenate(
-        [np.column_stack([r * ring, np.full(ROUND, z)]) for r, z in zip(width, height, strict=True)]
-    )
-    triangles = []
-    for k in range(len(width) - 1):
-        here = k * ROUND + np.arange(ROUND)
-        beside = k * ROUND + (np.arange(ROUND) + 1) % ROUND
-        triangles += [
-            np.stack([here, beside, beside + ROUND], axis=1),
-            np.stack([here, beside + ROUND, here + ROUND], axis=1),
-        ]
-    return Mesh(corners, np.concatenate(triangles))
+def _with_edges(mesh: Mesh) -> Mesh:
+    """A mesh whose sharp edges stay sharp: no corner is shared across one."""
+    shaded: Mesh = trimesh.graph.smooth_shade(mesh, angle=0.25 * np.pi)
+    return shaded
 
 
 def _mesh_of(kind: int, size: Array) -> Mesh:

@@ -139,13 +139,13 @@ class Viewer:
     def refresh(self) -> None:
         """Draw what belongs to the plan anew, and go to its start."""
         live, page, graph = self.live, self.page, self.live.graph
-        with self._lock, page.together():
+        with self._lock, page.server.atomic():
             self.frames = self._frames()
             drawing.draw_plan(page, "plan", graph.grasp_map, live.plan)
             drawing.draw_ghost(page, "ghost", live.before)
             drawing.draw_goal(page, np.array(live.asked.goal), live.asked.goal_tolerance)
             if AIM in page:
-                page.move(AIM, np.array(live.asked.goal))
+                page.nodes[AIM].position = np.array(live.asked.goal)
             drawing.draw_tree(page, live.tree)
             drawing.draw_obstacles(page, graph.obstacles)
             drawing.draw_occupied(page, graph.grasp_map, graph.occupied)
@@ -155,7 +155,7 @@ class Viewer:
             self._marked = ()
             self._show_plots()
             page.write("summary", summary(live) + self._second_words())
-            page.stretch("time", max(self.duration, 0.1))
+            page.items["time"].max = max(self.duration, 0.1)
             self.seek(0.0)
 
     def _show_plots(self) -> None:
@@ -178,7 +178,7 @@ class Viewer:
 
     def seek(self, time: float) -> None:
         """Show a time [s]."""
-        with self._lock, self.page.together():
+        with self._lock, self.page.server.atomic():
             self.time = min(max(time, 0.0), self.duration)
             k = self.frames.at(self.time)
             drawing.pose_robot(self.page, "robot", self.scene, self.frames.configuration(k))
@@ -186,10 +186,11 @@ class Viewer:
                 self.second.seek(self.time)
             plan = self.live.plan
             self.page.write("where", self.frames.told(k, plan) if plan else "the start")
-            self.page.set("time", round(self.time, 2))
+            self.page.items["time"].value = round(self.time, 2)
             if not self.playing or self._ticks % PLOT_TICKS == 0:
                 for name, plot in self._plots.items():
-                    self.page.set_data(name, *with_cursor(plot, self.time))
+                    times, values = with_cursor(plot, self.time)
+                    self.page.items[name].data = (times, *values)
             self._mark()
 
     def scrub(self, time: float) -> None:
@@ -312,7 +313,7 @@ class Viewer:
         if self.open_side:
             hidden = drawing.hidden_faces(grasp_map, eye)
             below = drawing.hidden_faces(grasp_map, eye - BELOW)
-        with self.page.together():
+        with self.page.server.atomic():
             for face in drawing.points_by_face(grasp_map):
                 self.page.show(f"module/{face}", face not in hidden)
                 self.page.show(f"points/{face}", face not in hidden)
@@ -331,10 +332,6 @@ class Viewer:
     def show_checked(self, alone: bool) -> None:
         """Show the collision shapes alone, or with what stands for joints."""
         drawing.show_unchecked(self.page, "robot", self.scene, not alone)
-
-    def choose(self, click: str) -> None:
-        """Choose what a click on a point does."""
-        self.click = click
 
     def add_box(self) -> None:
         """Put a box in the middle of the base path, with arrows to drag it."""
@@ -367,7 +364,7 @@ class Viewer:
         if self.second is None:
             return
         grasp_map = self.live.graph.grasp_map
-        with self._lock, self.page.together():
+        with self._lock, self.page.server.atomic():
             self.second.place(where, grasp_map)
             self.second.seek(self.time)
             if (where == APART) != self._apart:

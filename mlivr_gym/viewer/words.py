@@ -10,9 +10,7 @@ from mlivr_gym.viewer.marks import Marks
 def summary(live: LivePlan, cause: str | None = None) -> str:
     """Steps, translation, explored stances and time of a plan, or why there is none.
 
-    Args:
-        live: Query and plan.
-        cause: What cuts the goal off; None while it is being looked for.
+    The cause is None while it is being looked for.
     """
     x, y, z = live.asked.goal
     asked = f"{' '.join(live.asked.start)} → ({x:.2f}, {y:.2f}, {z:.2f}), {live.asked.cost} cost"

@@ -1,34 +1,10 @@
 """Fixtures of the tests of agents."""
 
-import json
-
 import pytest
 import torch
 
 from mlivr_gym.agents.networks import make_policy
 from mlivr_gym.envs.env import MlivrEnv
-
-LADDER = {
-    "segments": [
-        {
-            "id": f"R{k}",
-            "face": "deck",
-            "start": [x, -0.4, 0.0],
-            "end": [x, 0.4, 0.0],
-            "normal": [0, 0, 1],
-        }
-        for k, x in enumerate((0.0, 0.9, 1.8))
-    ],
-    "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]},
-}
-"""The map of a user: three short rails on a floor."""
-
-
-@pytest.fixture
-def ladder_file(tmp_path):
-    path = tmp_path / "map.json"
-    path.write_text(json.dumps(LADDER))
-    return path
 
 
 @pytest.fixture(scope="session")

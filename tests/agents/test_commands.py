@@ -21,14 +21,7 @@ def test_commands_train_and_evaluate(capsys, tmp_path, short, ladder_file):
     (tmp_path / "hyper.json").write_text(json.dumps(hyper))
     common = ["--map", str(ladder_file), "--no-collisions"]
     out = tmp_path / "policy"
-    arguments = [
-        "--method",
-        "bc",
-        "--hyperparameters",
-        str(tmp_path / "hyper.json"),
-        "--out",
-        str(out),
-    ]
+    arguments = f"--method bc --hyperparameters {tmp_path / 'hyper.json'} --out {out}".split()
     torch.set_num_threads(2)
     assert main(["train", *common, *arguments]) == 0
     assert torch.get_num_threads() == 1  # these small networks lose time with more

@@ -9,7 +9,6 @@ import pytest
 
 from mlivr_gym.agents import dataset
 from mlivr_gym.agents.dataset import load_dataset, write_dataset
-from mlivr_gym.cli.main import main
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.settings import GRAPH_RULES
@@ -31,9 +30,8 @@ def arguments(ladder):
 
 @pytest.fixture
 def nothing_collected(monkeypatch):
-    monkeypatch.setattr(
-        dataset.gymnasium, "make", lambda *_, **__: pytest.fail("an environment was made")
-    )
+    made = "an environment was made"
+    monkeypatch.setattr(dataset.gymnasium, "make", lambda *_, **__: pytest.fail(made))
 
 
 @pytest.mark.parametrize(
@@ -83,26 +81,16 @@ def test_an_id_that_is_taken_is_refused_first(folder, arguments, monkeypatch):
 def test_a_missing_extra_is_one_clear_error_before_collecting(
     folder, nothing_collected, monkeypatch, package
 ):
-    find = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util,
-        "find_spec",
-        lambda name, *rest: None if name == package else find(name, *rest),
-    )
+    find, told = importlib.util.find_spec, rf"the package '{package}': pip install '.*\[data\]'"
+
+    def lacking(name, *rest):
+        return None if name == package else find(name, *rest)
+
+    monkeypatch.setattr(importlib.util, "find_spec", lacking)
     monkeypatch.setitem(sys.modules, package, None)
     for call in (lambda: write_dataset("foo-v0", 1), lambda: load_dataset("foo-v0")):
-        with pytest.raises(
-            SettingError, match=rf"need the package '{package}': pip install 'mlivr-gym\[data\]'"
-        ):
+        with pytest.raises(SettingError, match=told):
             call()
-
-
-def test_the_command_refuses_at_once(folder, nothing_collected, capsys):
-    assert main(["dataset", "--id", "foo", "--episodes", "1"]) == 2
-    err = capsys.readouterr().err
-    assert "data set id 'foo' is not valid" in err
-    assert "mlivr/jem/astar-v0" in err
-    assert "Traceback" not in err
 
 
 def test_a_data_set_of_other_rules_is_refused(folder, arguments):

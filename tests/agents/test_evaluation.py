@@ -57,13 +57,9 @@ def test_an_action_that_is_not_possible_is_no_success(env):
 
 def test_a_simulated_step_that_fails_is_no_success(small_map):
     """Grippers that must be on their points to a nanometre miss them, and the episode ends."""
-    env = MlivrEnv(
-        map=small_map,
-        collisions=False,
-        dynamics="mujoco",
-        controller="feedforward",
-        physics=Physics(capture_distance=1e-9),
-    )
+    simulated = {"dynamics": "mujoco", "controller": "feedforward"}
+    physics = Physics(capture_distance=1e-9)
+    env = MlivrEnv(map=small_map, collisions=False, physics=physics, **simulated)
     executed = []
     result = evaluate(env, First(), 2, execute=lambda *given: executed.append(given))
     assert env._measures["failure"]["kind"]
@@ -83,12 +79,8 @@ def test_reaching_the_goal_is_a_success_and_the_walk_is_told(env):
             limb, point = plan.actions[env.steps]
             return limb * len(env.graph.grasp_map) + env.graph.grasp_map.index(point)
 
-    result = evaluate(
-        env,
-        Follow(),
-        [Task(plan.stances[0], plan.query.goal)],
-        execute=lambda env, states: walks.append(states),
-    )
+    tasks = [Task(plan.stances[0], plan.query.goal)]
+    result = evaluate(env, Follow(), tasks, execute=lambda env, states: walks.append(states))
     assert result.success.all()
     assert result.steps.tolist() == [len(plan.steps)]
     assert [env.graph.ids(state.stance) for state in walks[0]] == list(plan.stances)
@@ -128,10 +120,7 @@ def test_tasks_are_evaluated_with_their_points_occupied(table_env):
     assert result.success.all()
     assert result.executed.tolist() == [1.0, 0.0]
     assert table_env.graph.occupied == frozenset()
-    assert result.steps.tolist() == [
-        len(plan.steps),
-        len(other.steps),
-    ]
+    assert result.steps.tolist() == [len(plan.steps), len(other.steps)]
     point = table_env.graph.grasp_map.index(taken)
     assert all(point not in state.stance for state in seen[1])
 

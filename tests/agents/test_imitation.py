@@ -80,28 +80,6 @@ def test_dagger_lets_the_policy_walk_after_the_first_round(env, dagger, monkeypa
     assert set(walks) == ({1, 2} if dagger else set())
 
 
-def test_imitation_teaches_the_value(env):
-    """Of states it has not seen: the farther from the goal, the lower."""
-    torch.manual_seed(0)
-    policy = make_policy(env, "pointer", {"width": 32, "summary": 16})
-    settings = ImitationSettings(
-        rounds=1,
-        layouts=3,
-        goals=8,
-        walks=6,
-        updates=80,
-        batch=64,
-        learning_rate=3e-3,
-        value_weight=0.5,
-    )
-    imitation = Imitation(env, policy, False, settings, 0)
-    imitation.run()
-    samples, _ = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), expert=True)
-    with torch.no_grad():
-        value = scores_and_value(policy, imitation.observe(samples)[0])[1].numpy()
-    assert np.corrcoef(value, -samples.cost)[0, 1] > 0.5
-
-
 def test_held_out_goals_are_not_learnt_from(env, short):
     settings = ImitationSettings(**short)
     free = np.ones(len(env.graph.grasp_map), dtype=bool)
@@ -115,22 +93,24 @@ def test_held_out_goals_are_not_learnt_from(env, short):
     assert not (np.linalg.norm(second.goals - goal, axis=1) < 0.01).any()
 
 
-def test_imitation_lowers_its_loss_and_arrives(env):
+def test_imitation_lowers_its_loss_arrives_and_teaches_the_value(env):
+    """Of states it has not seen: the farther from the goal, the lower the value."""
     torch.manual_seed(0)
     policy = make_policy(env, "pointer", {"width": 32, "summary": 16})
     settings = ImitationSettings(
-        rounds=2, layouts=3, goals=8, walks=6, updates=80, batch=64, learning_rate=3e-3
-    )
-    losses = []
-    Imitation(env, policy, False, settings, 0).run(
-        lambda done, total, figures: losses.append(figures["loss"])
-    )
+        rounds=2, layouts=3, goals=8, walks=6, updates=80, batch=64, learning_rate=3e-3,
+        value_weight=0.5,
+    )  # fmt: skip
+    losses, imitation = [], Imitation(env, policy, False, settings, 0)
+    imitation.run(lambda done, total, figures: losses.append(figures["loss"]))
     assert len(losses) == 160
     assert np.mean(losses[-20:]) < 0.75 * np.mean(losses[:20])
-    assert (
-        evaluate(env, LearnedPolicy(policy, "pointer"), 20, seed=100, max_steps=30).success_rate
-        >= 0.8
-    )
+    result = evaluate(env, LearnedPolicy(policy, "pointer"), 20, seed=100, max_steps=30)
+    assert result.success_rate >= 0.8
+    samples, _ = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), expert=True)
+    with torch.no_grad():
+        value = scores_and_value(policy, imitation.observe(samples)[0])[1].numpy()
+    assert np.corrcoef(value, -samples.cost)[0, 1] > 0.5
 
 
 def test_samples_of_a_layout_are_seen_as_the_environment_shows_them(env, short):

@@ -1,49 +1,39 @@
-"""The pointer network: neither the order of points and limbs nor their number matters."""
+"""The networks: order and number of points do not matter; sb3-contrib takes both policies."""
 
 import numpy as np
+import pytest
 import torch
 
-from mlivr_gym.agents.features import LIMB, env_features
+from mlivr_gym.agents.features import LIMB, PointObservation, env_features
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
 
 
-def test_the_pointer_policy_does_not_depend_on_order_or_number_of_points(env, policy):
-    """Scores are permuted with the points; points neither free nor held change nothing."""
+def test_the_pointer_policy_does_not_depend_on_order_or_number(env, policy):
+    """Scores are permuted with points and limbs; points neither free nor held change nothing."""
     env.reset(seed=1)
     seen = env_features(env)
+    points, limbs = seen["points"], seen["limbs"]
     order = np.random.default_rng(0).permutation(len(env.graph.grasp_map))
-    turned = {
-        "points": seen["points"][:, order],
-        "limbs": seen["limbs"][:, :, order],
-        "goal": seen["goal"],
+    taken = np.tile([[[9.0, 9, 9, 0, 0, 1, 0, 0]]], (1, 7, 1))
+    more = np.concatenate([limbs, np.zeros((1, 2, 7, LIMB))], axis=2)
+    changed = {
+        "turned": {"points": points[:, order], "limbs": limbs[:, :, order]},
+        "longer": {"points": np.concatenate([points, taken], axis=1), "limbs": more},
+        "swapped": {"limbs": limbs[:, ::-1]},
     }
-    taken = [[[9.0, 9, 9, 0, 0, 1, 0, 0]]]
-    more = {
-        "points": np.concatenate([seen["points"], np.tile(taken, (1, 7, 1))], axis=1),
-        "limbs": np.concatenate([seen["limbs"], np.zeros((1, 2, 7, LIMB))], axis=2),
-        "goal": seen["goal"],
-    }
-    more = {name: rows.astype(np.float32) for name, rows in more.items()}
-    with torch.no_grad():
-        scores, value = scores_and_value(policy, as_tensors(policy, seen))
-        scores = scores.reshape(2, -1)
-        other, other_value = scores_and_value(policy, as_tensors(policy, turned))
-        longer, longer_value = scores_and_value(policy, as_tensors(policy, more))
-    assert np.ptp(scores.numpy()[seen["limbs"][0, :, :, 1] > 0]) > 0.1
-    np.testing.assert_allclose(other.reshape(2, -1), scores[:, order], atol=1e-4)
-    np.testing.assert_allclose(longer.reshape(2, -1)[:, :-7], scores, atol=1e-4)
-    np.testing.assert_allclose([other_value, longer_value], [value, value], atol=1e-4)
-
-
-def test_the_pointer_policy_does_not_depend_on_the_order_of_limbs(env, policy):
-    env.reset(seed=1)
-    seen = env_features(env)
-    with torch.no_grad():
-        scores, value = scores_and_value(policy, as_tensors(policy, seen))
-        swapped = {**seen, "limbs": seen["limbs"][:, ::-1]}
-        other, other_value = scores_and_value(policy, as_tensors(policy, swapped))
-    np.testing.assert_allclose(other.reshape(2, -1).flip(0), scores.reshape(2, -1), atol=1e-5)
-    np.testing.assert_allclose(other_value, value, atol=1e-5)
+    found, values = {}, []
+    for name, change in {"as it is": {}, **changed}.items():
+        rows = {key: array.astype(np.float32) for key, array in (seen | change).items()}
+        with torch.no_grad():
+            scores, value = scores_and_value(policy, as_tensors(policy, rows))
+        found[name] = scores.numpy().reshape(2, -1)
+        values.append(float(value))
+    scores = found["as it is"]
+    assert np.ptp(scores[limbs[0, :, :, 1] > 0]) > 0.1
+    np.testing.assert_allclose(found["turned"], scores[:, order], atol=1e-4)
+    np.testing.assert_allclose(found["longer"][:, :-7], scores, atol=1e-4)
+    np.testing.assert_allclose(found["swapped"], scores[::-1], atol=1e-5)
+    np.testing.assert_allclose(values, values[0], atol=1e-4)
 
 
 def test_points_far_from_the_robot_and_from_its_way_do_not_count(env, policy):
@@ -72,3 +62,33 @@ def test_points_far_from_the_robot_and_from_its_way_do_not_count(env, policy):
             others = torch.cat([theirs[:, :size], theirs[:, 2 * size : 3 * size]], dim=1)
             same = torch.allclose(means, others, atol=1e-5)
             assert same == (kind == "far")
+
+
+@pytest.mark.parametrize("network", ["pointer", "mlp"])
+def test_policies_run_in_maskable_ppo_and_subprocesses(small_map, network, tmp_path):
+    """As in stable-baselines3: single environments in processes, model saved and loaded by it."""
+    from sb3_contrib import MaskablePPO
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    from mlivr_gym.agents.networks import policy_class
+
+    vector = make_vec_env(
+        "mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0, vec_env_cls=SubprocVecEnv,
+        env_kwargs={"map": small_map, "collisions": False},
+        wrapper_class=PointObservation if network == "pointer" else None,
+    )  # fmt: skip
+    try:
+        model = MaskablePPO(policy_class(network), vector, n_steps=16, batch_size=16, seed=0)
+        model.learn(32)
+        model.save(tmp_path / "model")
+        loaded = MaskablePPO.load(tmp_path / "model")
+        observation, masks = vector.reset(), np.stack(vector.env_method("action_masks"))
+        chosen = [
+            one.predict(observation, action_masks=masks, deterministic=True)[0]
+            for one in (model, loaded)
+        ]
+        np.testing.assert_array_equal(*chosen)
+        assert masks[np.arange(2), chosen[0]].all()
+    finally:
+        vector.close()

@@ -23,20 +23,13 @@ def test_each_algorithm_trains_and_its_checkpoint_acts_alike(env, tmp_path, meth
     if "imitation" in settings:
         settings["imitation"] = settings["imitation"] | short
     if "ppo" in settings:
-        settings |= {
-            "copies": 4,
-            "timesteps": 256,
-            "ppo": settings["ppo"] | {"n_steps": 32, "batch_size": 64},
-        }
-    phases = {}
-    init = None
+        ppo = settings["ppo"] | {"n_steps": 32, "batch_size": 64}
+        settings |= {"copies": 4, "timesteps": 256, "ppo": ppo}
+    phases, init = {}, None
     if method == "finetune":
         init = tmp_path / "first"
-        save_policy(
-            init,
-            make_policy(env, network, sizes[network]),
-            {"network": network, "sizes": sizes[network]} | made_for(env, network),
-        )
+        config = {"network": network, "sizes": sizes[network]} | made_for(env, network)
+        save_policy(init, make_policy(env, network, sizes[network]), config)
         with pytest.raises(SettingError, match="needs a checkpoint"):
             train(method, network, env=env, settings=settings)
     trained = train(

@@ -1,3 +1,5 @@
+import shlex
+
 import pytest
 
 from mlivr_gym.cli.main import main
@@ -17,9 +19,10 @@ def patience(monkeypatch):
 
 @pytest.fixture
 def run(capsys):
-    """Runs a command; returns its exit code and what it printed on both streams."""
+    """Runs a command, a line or its words; returns its exit code and what both streams got."""
 
     def run_command(*arguments):
+        arguments = shlex.split(arguments[0]) if len(arguments) == 1 else arguments
         code = main(list(arguments))
         out, err = capsys.readouterr()
         return code, out, err

@@ -94,27 +94,31 @@ def test_what_has_no_table_is_refused(run, part, tmp_path, monkeypatch, argument
     assert words in err
 
 
-def test_without_a_cache_folder_a_file_must_be_named(run, part, monkeypatch):
+@pytest.mark.parametrize("command", ["build", "roadmap"])
+def test_without_a_cache_folder_a_file_must_be_named(run, part, monkeypatch, command):
     monkeypatch.setenv("MLIVR_GYM_CACHE", "")
-    code, _, err = run("build", "--robot", "mlivr3", "--map", part)
+    code, _, err = run(f"{command} --robot mlivr3 --map {part}")
     assert code == 2
     assert "--out" in err
 
 
+@pytest.mark.parametrize("command", ["build", "roadmap"])
 def test_what_cannot_be_written_is_refused_before_anything_is_built(
-    run, part, tmp_path, monkeypatch
+    run, part, tmp_path, monkeypatch, command
 ):
     def begin(*_):
         raise AssertionError
 
     monkeypatch.setattr(build, "build_table", begin)
+    monkeypatch.setattr("mlivr_gym.cli.roadmap.build", begin)
+    line = f"{command} --robot mlivr3 --map {part}"
     for out in (tmp_path, tmp_path / "no" / "nodes.xz"):
-        code, _, err = run("build", "--robot", "mlivr3", "--map", part, "--out", str(out))
+        code, _, err = run(f"{line} --out {out}")
         assert code == 2
         assert err.startswith("mlivr-gym: cannot write ")
     (tmp_path / "file").touch()
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "file"))
-    code, _, err = run("build", "--map", part)
+    code, _, err = run(line)
     assert code == 2
     assert err.splitlines()[-1].startswith("mlivr-gym: cannot write ")
 

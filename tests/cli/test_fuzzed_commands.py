@@ -18,6 +18,7 @@ import pytest
 from fuzz import bounded, few, mutated
 from hypothesis import given
 from hypothesis import strategies as st
+from map_data import LADDER
 
 from mlivr_gym import GraspMap, RobotSpec, Settings, stance_graph
 from mlivr_gym.cli.main import _parser, main
@@ -52,14 +53,6 @@ KNOWN = {
 }
 COMMANDS = ("plan", "info", "render", "simulate", "train", "evaluate", "dataset", "view")
 
-RAILS = {
-    "segments": [
-        {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0],
-         "normal": [0, 0, 1]}
-        for k, x in enumerate((0.0, 0.9, 1.8))
-    ],
-    "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]},
-}  # fmt: skip
 ROBOT = json.loads(json.dumps(RobotSpec(capsules=RobotSpec().shapes).to_dict()))
 OBSTACLES = {"boxes": [{"id": "b", "min": [0, 0, 1], "max": [1, 1, 2]}], "occupied": ["R0:0"]}
 
@@ -100,7 +93,7 @@ def originals(tmp_path_factory, ladder_plan):
     folder = tmp_path_factory.mktemp("originals")
     hyper = {"bc": {"imitation": {"rounds": 1}}, "networks": {}}
     for name, data in (
-        ("map", RAILS), ("robot", ROBOT), ("obstacles", OBSTACLES), ("hyper", hyper),
+        ("map", LADDER), ("robot", ROBOT), ("obstacles", OBSTACLES), ("hyper", hyper),
         ("plan", ladder_plan), ("old", {"old": True}),
     ):  # fmt: skip
         (folder / f"{name}.json").write_text(json.dumps(data))
@@ -113,7 +106,7 @@ def originals(tmp_path_factory, ladder_plan):
 
 @pytest.fixture(scope="module")
 def ladder_plan():
-    graph = stance_graph(GraspMap.from_dict(RAILS), settings=Settings(collisions=False))
+    graph = stance_graph(GraspMap.from_dict(LADDER), settings=Settings(collisions=False))
     found = Planner(graph).plan(("R0:1", "R1:1"), (1.4, 0.0, 0.6), goal_tolerance=0.4).unwrap()
     return json.loads(json.dumps(found.to_dict()))
 
@@ -136,7 +129,7 @@ def quick(monkeypatch, tmp_path):
         monkeypatch.setattr("mlivr_gym.viewer.export.write_html", stopped)
     monkeypatch.setattr("mlivr_gym.stances.point_pairs.MOST_PAIRS", 2000)
     for module in ("cli.arguments", "world.grasp_map", "paper"):
-        monkeypatch.setattr(f"mlivr_gym.{module}.jem_map", lambda: GraspMap.from_dict(RAILS))
+        monkeypatch.setattr(f"mlivr_gym.{module}.jem_map", lambda: GraspMap.from_dict(LADDER))
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
 
 
@@ -191,7 +184,7 @@ def test_whatever_is_typed_ends_as_documented(quick, originals, command, data):
         check(given, Path(folder))
 
 
-@given(mutated(RAILS), mutated(ROBOT), mutated(OBSTACLES), st.sampled_from(["plan", "info"]))
+@given(mutated(LADDER), mutated(ROBOT), mutated(OBSTACLES), st.sampled_from(["plan", "info"]))
 @few(0.07)
 def test_whatever_is_in_the_files_ends_as_documented(
     quick, originals, world, robot, boxes, command
@@ -209,7 +202,7 @@ def test_whatever_is_in_the_files_ends_as_documented(
 def test_whatever_is_in_a_plan_ends_as_documented(quick, originals, ladder_plan, data):
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "map.json").write_text(json.dumps(RAILS))
+        (folder / "map.json").write_text(json.dumps(LADDER))
         (folder / "plan.json").write_text(json.dumps(data.draw(mutated(ladder_plan))))
         command = data.draw(st.sampled_from(["render", "simulate"]))
         check([command, "--map", "map.json", "--plan", "plan.json", "--out", "new"], folder)

@@ -18,41 +18,6 @@ from mlivr_gym.cli.main import COMMANDS, _parser, main, plain
 from mlivr_gym.planners import Planner
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["plan", "--start", "D1a:4", "Q:1"], "'Q:1'"),
-        (["plan", "--start", "D1a:4"], "must name 2 points"),
-        (["plan", "--goal", "60", "0", "0"], "outside the cabin"),
-        (["plan", "--goal", "nan", "0", "0"], "finite"),
-        (["plan", "--cost", "fast"], "'fast'"),
-        (["plan", "--cost", "weighted"], "regrasp_price"),
-        (["plan", "--limb-threshold", "-1"], "limb_threshold"),
-        (["plan", "--robot", "robocop"], "'robocop'"),
-        (["plan", "--map", "nowhere.json"], "nowhere.json"),
-        (["plan", "--out", "no/such/folder/plan.json"], "cannot write"),
-        (["render", "--plan", "nowhere.json"], "nowhere.json"),
-        (["render", "--size", "1", "1"], "--size"),
-        (["render", "--stance", "2"], "--stance needs --plan"),
-        (["plan", "--clearance", "1e300"], "clearance is 1e+300, larger than 100 m"),
-        (["plan", "--cost", "weighted", "--regrasp-price", "1e300"], "regrasp_price is 1e+300"),
-        (["plan", "--box", "3200", "-1000", "-1000", "3500", "1000", "300"], "millimetres"),
-        (["plan", "--limit", "0"], "limit is 0"),
-        (["evaluate", "--seed", "-1"], "--seed is -1"),
-        (["evaluate", "--policy", "astar", "--episodes", "0"], "--episodes is 0"),
-        (["evaluate", "--beam", "0"], "--beam is 0"),
-        (["train", "--seed", "9" * 30], "--seed is 999"),
-        (["dataset", "--episodes", "-3"], "--episodes is -3"),
-    ],
-)
-def test_bad_input_gives_one_sentence_and_code_2(run, arguments, words):
-    code, _, err = run(*arguments)
-    assert code == 2
-    assert words in err
-    assert err.startswith("mlivr-gym: ")
-    assert err.count("\n") == 1
-
-
 def test_the_help_tells_the_exit_codes(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
@@ -125,25 +90,6 @@ def test_quiet_prints_errors_alone(run):
     assert (code, out, err.count("\n")) == (2, "", 1)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["plan", "--no-manipulability", "--limb-threshold", "0.2"], "--limb-threshold"),
-        (["plan", "--no-collisions", "--clearance", "0.1"], "--clearance"),
-        (["plan", "--method", "dijkstra", "--heuristic", "paper"], "--heuristic"),
-        (["plan", "--method", "greedy", "--inflation", "2"], "--inflation"),
-        (["simulate", "--case", "3", "--no-film", "--speed", "7"], "--speed"),
-        (["evaluate", "--split", "same", "--episodes", "3"], "--episodes"),
-        (["evaluate", "--policy", "astar", "--beam", "3"], "--beam"),
-        (["train", "--method", "bc", "--shaping"], "--shaping"),
-    ],
-)
-def test_an_option_that_would_be_ignored_is_refused(run, arguments, words):
-    code, _, err = run(*arguments)
-    assert code == 2
-    assert f"{words} has no effect" in err
-
-
 def test_ctrl_c_ends_a_search_with_one_line_and_130(tmp_path):
     """Also in the middle of the compiled search, which would go on for a minute.
 
@@ -174,6 +120,7 @@ def test_an_interruption_is_told_in_one_line(run, monkeypatch, error):
     def stop(_):
         raise error
 
+    stop.__module__ = "mlivr_gym.cli.info"
     monkeypatch.setattr("mlivr_gym.cli.info.run", stop)
     code, out, err = run("info")
     assert code == 130

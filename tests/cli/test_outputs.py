@@ -116,30 +116,6 @@ def test_a_training_whose_checkpoint_cannot_be_written_does_not_begin(run, tmp_p
         assert err.startswith("mlivr-gym: cannot write ")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "name"),
-    [
-        (
-            ["simulate", "--plan", "PLAN", "--robot", "mlivr3"],
-            "--robot has no effect beside --plan",
-        ),
-        (["simulate", "--plan", "PLAN", "--clearance", "0.05"], "--clearance has no effect"),
-        (
-            ["simulate", "--case", "3", "--occupied", "D1a:4"],
-            "--occupied has no effect beside --ca",
-        ),
-        (["simulate", "--case", "3", "--cost", "steps"], "--cost has no effect beside --case"),
-        (["render", "--plan", "PLAN", "--no-transitions"], "--no-transitions has no effect"),
-    ],
-)
-def test_an_argument_without_effect_is_refused(run, tmp_path, plan_file, arguments, name):
-    given = [str(plan_file) if word == "PLAN" else word for word in arguments]
-    code, _, err = run(*given, "--out", str(tmp_path / "out"))
-    assert code == 2
-    assert name in err
-    assert not files(tmp_path)
-
-
 def test_the_film_and_the_summary_of_an_earlier_walk_are_told(run, tmp_path, plan_file):
     """The word comes before anything is worked out, so that Ctrl-C keeps the earlier results."""
     walk = tmp_path / "walk"

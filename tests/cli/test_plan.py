@@ -21,22 +21,8 @@ def test_plan_with_defaults(run):
 
 def test_plan_writes_plan_and_picture(run, tmp_path, jem):
     plan, picture = tmp_path / "plan.json", tmp_path / "plan.png"
-    code, out, _ = run(
-        "plan",
-        "--start",
-        "D2a:4",
-        "D2b:4",
-        "--goal",
-        "6.0",
-        "0",
-        "0.42",
-        "--cost",
-        "steps",
-        "--out",
-        str(plan),
-        "--picture",
-        str(picture),
-    )
+    task = "plan --start D2a:4 D2b:4 --goal 6.0 0 0.42 --cost steps"
+    code, out, _ = run(f"{task} --out {plan} --picture {picture}")
     assert code == 0
     assert "plan.json" in out
     loaded = Plan.load(plan, jem)
@@ -97,29 +83,16 @@ def test_plan_variants(run, extra):
     assert "states explored" in out
 
 
-def test_plan_and_info_take_the_map_and_the_robot_of_a_file(run, tmp_path):
-    rails = [
-        {
-            "id": f"R{k}",
-            "face": "deck",
-            "start": [x, -0.4, 0],
-            "end": [x, 0.4, 0],
-            "normal": [0, 0, 1],
-        }
-        for k, x in enumerate((0.0, 0.9, 1.8))
-    ]
-    world, robot = tmp_path / "map.json", tmp_path / "robot.json"
-    world.write_text(
-        json.dumps({"segments": rails, "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]}})
-    )
+def test_plan_and_info_take_the_map_and_the_robot_of_a_file(run, tmp_path, ladder_file):
+    robot = tmp_path / "robot.json"
     robot.write_text(json.dumps({"name": "given", "tool_length": 0.1}))
-    code, out, _ = run("plan", "--map", str(world), "--robot", str(robot))
+    code, out, _ = run(f"plan --map {ladder_file} --robot {robot}")
     assert code == 0
     assert "steps" in out
-    code, out, _ = run("info", "--map", str(world), "--robot", str(robot))
+    code, out, _ = run(f"info --map {ladder_file} --robot {robot}")
     assert code == 0
-    assert "map map" in out
-    assert "robot given" in out
+    assert "map:\n  name: map\n" in out
+    assert "robot:\n  name: given\n" in out
 
 
 @pytest.mark.parametrize(
@@ -140,26 +113,12 @@ def test_no_plan_gives_one_sentence_and_code_3(run, arguments, words):
     assert err.count("\n") == 1
 
 
-def test_a_start_that_cannot_be_held_is_no_plan_also_where_the_goal_is_drawn(run, tmp_path):
+def test_a_start_that_cannot_be_held_is_no_plan_also_where_the_goal_is_drawn(run, ladder_file):
     """On a map without a default goal; but a point that is not there is bad input."""
-    rails = [
-        {
-            "id": f"R{k}",
-            "face": "deck",
-            "start": [x, -0.4, 0],
-            "end": [x, 0.4, 0],
-            "normal": [0, 0, 1],
-        }
-        for k, x in enumerate((0.0, 0.9, 1.8))
-    ]
-    world = tmp_path / "map.json"
-    world.write_text(
-        json.dumps({"segments": rails, "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]}})
-    )
-    code, _, err = run("plan", "--map", str(world), "--start", "R0:0", "R0:1", "--occupied", "R0:0")
+    code, _, err = run(f"plan --map {ladder_file} --start R0:0 R0:1 --occupied R0:0")
     assert code == 3
     assert "cannot be held" in err
-    code, _, err = run("plan", "--map", str(world), "--start", "R0:0", "R9:1")
+    code, _, err = run(f"plan --map {ladder_file} --start R0:0 R9:1")
     assert code == 2
     assert "'R9:1'" in err
 

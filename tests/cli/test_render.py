@@ -17,17 +17,8 @@ def test_render_falls_back_without_gl(tmp_path):
     """Where GL fails, or not, in a process of its own: there is a picture."""
     environment = os.environ | {"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": "osmesa"}
     out = tmp_path / "scene.png"
-    command = [
-        sys.executable,
-        "-m",
-        "mlivr_gym.cli.main",
-        "render",
-        "--start",
-        "D2a:4",
-        "D2b:4",
-        "--out",
-        str(out),
-    ]
+    line = f"-m mlivr_gym.cli.main render --start D2a:4 D2b:4 --out {out}"
+    command = [sys.executable, *line.split()]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert out.read_bytes().startswith(b"\x89PNG")
@@ -82,17 +73,6 @@ def test_render_writes_the_file_that_is_named_and_no_other(run, tmp_path, plan_f
             seen["both.png"], np.hstack([seen["start.png"], seen["goal.png"]])
         )
     assert (seen["start.png"] != seen["goal.png"]).any()
-    code, _, err = run(
-        "render",
-        "--plan",
-        str(plan_file),
-        "--stance",
-        "5",
-        "--out",
-        str(tmp_path / "x.png"),
-    )
-    assert code == 2
-    assert "--stance is 5; this plan has stances 0 (start) to 4 (goal)" in err
 
 
 def test_a_plan_of_another_map_or_with_a_branch_too_many_is_refused(run, tmp_path, plan_file):

@@ -14,8 +14,6 @@ import numpy as np
 import pytest
 from recordings import recording_of
 
-from mlivr_gym.cli.extras import need
-from mlivr_gym.errors import SettingError
 from mlivr_gym.fastest import fastest_plan
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
@@ -65,36 +63,11 @@ def test_view_writes_nothing_where_there_is_no_plan(run, tmp_path):
     assert "no stance" in told
 
 
-@needs_viewer
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--plan", "a", "--plan", "b", "--plan", "c"), "--plan is given 3 times"),
-        (("--plan", "a", "--execution", "b"), "either --plan or --execution"),
-        (("--plan", "a", "--plan", "b", "--out", "w.html"), "--out takes one plan"),
-        (("--plan", "a", "--goal", "1", "2", "3"), "--goal has no effect beside --plan"),
-        (("--execution", "a", "--cost", "steps"), "--cost has no effect beside --execution"),
-        (("--port", "99999"), "--port"),
-        (("--plan", "nowhere.json"), "nowhere.json"),
-        (("--out", "no/such/folder/walk.html"), "cannot write"),
-    ],
-)
-def test_view_refuses_what_cannot_be_shown(run, arguments, said):
-    code, _, told = run("view", *arguments)
-    assert code == 2
-    assert said in told
-
-
 def test_view_says_what_to_install(run, monkeypatch):
-    def absent(*modules, extra):
-        need("no_such_package", extra=extra)
-
-    monkeypatch.setattr("mlivr_gym.cli.view.need", absent)
+    monkeypatch.setattr("mlivr_gym.extras.importlib.util.find_spec", lambda name: None)
     code, _, told = run("view")
     assert code == 2
-    assert "pip install 'mlivr-gym[viewer]'" in told
-    with pytest.raises(SettingError, match="no_such_package"):
-        absent("viser", extra="viewer")
+    assert "this needs the package 'viser': pip install 'mlivr-gym[viewer]'" in told
 
 
 @needs_viewer

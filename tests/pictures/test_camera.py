@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from gl_there import gl_or_skip
 
 from mlivr_gym import stance_graph
-from mlivr_gym.errors import RenderError
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.pictures.route import Route
@@ -43,12 +43,8 @@ def test_what_is_behind_the_camera_has_no_place_in_its_picture():
 
 def test_places_are_where_mujoco_draws_them(ladder):
     """A gold ball in an empty corner of the cabin: the middle of its pixels."""
-    try:
+    with gl_or_skip():
         renderer = SceneRenderer(ladder, robot_spec("mlivr2"), 320, 160)
-    except RenderError as error:
-        if "MUJOCO_GL" not in str(error):
-            raise
-        pytest.skip("no GL library")
     camera = Camera((0.5, 0.1, 0.8), 5.0, 70.0, -12.0)
     away = (np.array([0.0, 0.0, -5.0]), np.array([1.0, 0, 0, 0]), np.zeros((2, 6)))
     empty = renderer.render(*away, camera=camera).astype(int)
@@ -64,12 +60,8 @@ def test_places_are_where_mujoco_draws_them(ladder):
 
 def test_a_picture_of_a_map_of_one_wall_has_the_robot_on_it(ladder):
     """Not the points alone, above which most of the robot would be cut off."""
-    try:
+    with gl_or_skip():
         renderer = SceneRenderer(ladder, robot_spec("mlivr2"), 320, 160)
-    except RenderError as error:
-        if "MUJOCO_GL" not in str(error):
-            raise
-        pytest.skip("no GL library")
     graph = stance_graph(ladder)
     base, _, _ = graph.configuration(graph.state(("R0:1", "R1:1")))
     column, row = renderer.overview().pixels(base[None], 320, 160)[0]

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from gl_there import gl_or_skip
 from PIL import Image
 
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.errors import RenderError
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.pictures.captions import strip_height, with_caption, with_labels
 from mlivr_gym.pictures.film import (
@@ -125,13 +125,9 @@ def test_a_film_has_the_size_asked_for_and_the_path_in_it(checked_graph, walk, t
     path, plain = tmp_path / "walk.gif", tmp_path / "plain.gif"
     duration = float(recording.times[-1])
     speed = duration / 0.2
-    try:
+    with gl_or_skip():
         film(checked_graph.grasp_map, checked_graph.robot, recording, path, plan=plan, size=SIZE,
              speed=speed)  # fmt: skip
-    except RenderError as error:
-        if "MUJOCO_GL" not in str(error):
-            raise
-        pytest.skip("no GL library")
     film(checked_graph.grasp_map, checked_graph.robot, recording, plain, size=SIZE, speed=speed)
     pictures = []
     for file in (path, plain):

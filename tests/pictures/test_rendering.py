@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from gl_there import gl_or_skip
 
 from mlivr_gym import Box
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.errors import RenderError
 
 LEFT = Box.between("left", "obstacle", (1.2, -0.9, -0.3), (1.8, -0.5, 0.3))
 RIGHT = Box.between("right", "obstacle", (5.6, -0.9, -0.3), (6.2, -0.5, 0.3))
@@ -15,14 +15,8 @@ RIGHT = Box.between("right", "obstacle", (5.6, -0.9, -0.3), (6.2, -0.5, 0.3))
 def painter():
     env = MlivrEnv(render_mode="rgb_array", width=160, height=90)
     env.reset(options={"start": ("D2a:4", "D2b:4"), "goal": (6.0, 0.0, 0.42)})
-    missing = None
-    try:
+    with gl_or_skip():
         env.render()
-    except RenderError as error:
-        missing = str(error)
-    if missing is not None:
-        assert "MUJOCO_GL" in missing
-        pytest.skip("no GL library")
     yield env
     env.close()
 

@@ -5,14 +5,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from gl_there import gl_or_skip
 
-from mlivr_gym.errors import RenderError
 from mlivr_gym.kinematics.base_path import PATH_KINDS
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.pictures.figures import BASE_COLOUR
-from mlivr_gym.pictures.plan_paths import base_line, base_paths
 from mlivr_gym.pictures.rendering import GHOST_OPACITY, SceneRenderer
-from mlivr_gym.pictures.route import PATH_RADIUS, Route
+from mlivr_gym.pictures.route import PATH_RADIUS, Route, base_line, base_paths
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import compiled, rgba, scene_spec
@@ -93,12 +92,8 @@ def test_stances_and_footholds_are_numbered_alike(checked_graph, plan):
 
 
 def test_a_ghost_is_a_pale_copy_of_the_robot_alone(checked_graph, plan):
-    try:
+    with gl_or_skip():
         renderer = SceneRenderer(checked_graph.grasp_map, checked_graph.robot, 160, 90)
-    except RenderError as error:
-        if "MUJOCO_GL" not in str(error):
-            raise
-        pytest.skip("no GL library")
     here, there = plan.configuration(0), plan.configuration(len(plan.steps))
     alone = renderer.render(*here).astype(int)
     count = renderer._renderer.scene.ngeom

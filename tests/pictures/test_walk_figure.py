@@ -10,7 +10,7 @@ from mlivr_gym import Box
 from mlivr_gym.pictures import walk_figure as module
 from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE
-from mlivr_gym.pictures.plan_paths import base_line
+from mlivr_gym.pictures.route import base_line
 from mlivr_gym.pictures.walk_figure import PLAN_COLOURS, Leg, Walk, hides, least_distance
 from mlivr_gym.planners import Planner
 

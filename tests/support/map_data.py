@@ -16,6 +16,17 @@ RAIL = {"id": "H", "face": "deck", "min": [4, 0, 0], "max": [5, 1, 1]}
 BOX = {"id": "B", "min": [6, 0, 0], "max": [7, 1, 1]}
 
 
+LADDER = {
+    "segments": [
+        {"id": f"R{k}", "face": "deck", "start": [x, -0.4, 0.0], "end": [x, 0.4, 0.0],
+         "normal": [0, 0, 1]}
+        for k, x in enumerate((0.0, 0.9, 1.8))
+    ],
+    "cabin": {"min": [-1, -1, 0], "max": [3, 1, 2]},
+}  # fmt: skip
+"""A user's own map: three short rails on a floor."""
+
+
 def few_of_a_wall(count):
     """Some points of the JEM's forward wall."""
     jem = jem_map()

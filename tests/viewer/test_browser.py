@@ -98,7 +98,7 @@ def test_steps_and_the_scrubber_move_the_robot(shown, viewer, walk):
     shown.get_by_role("slider").first.focus()
     shown.keyboard.press("End")
     until(lambda: shown.get_by_text("stance 4 of 4").count() == 1)
-    place = viewer.page._nodes["robot/base"].position
+    place = viewer.page.nodes["robot/base"].position
     np.testing.assert_allclose(place, walk.motion.base_positions[4], atol=1e-6)
 
 

@@ -11,7 +11,6 @@ from mlivr_gym.viewer.curves import (
     grasp_forces,
     limb_manipulabilities,
     margins,
-    thinned,
     torques,
     with_cursor,
 )
@@ -87,10 +86,3 @@ def test_the_cursor_is_an_upright_line_between_the_values():
     for now in (-1.0, 0.0, 2.0, 9.0):
         at, _ = with_cursor(plot, now)
         assert (np.diff(at) >= 0.0).all()
-
-
-def test_long_plots_are_thinned():
-    times = np.arange(1000.0)
-    plot = thinned(Plot("p", times, (("a", "#000000", times**2),)))
-    assert len(plot.times) == 240
-    np.testing.assert_array_equal(plot.curves[0][2], plot.times**2)

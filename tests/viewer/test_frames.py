@@ -41,14 +41,6 @@ def test_frames_are_told_in_words(checked_graph, walk):
     assert frames.told(len(frames) - 1, walk) == "stance 4 of 4"
 
 
-def test_the_frame_at_a_time_is_the_last_one_before(checked_graph, walk):
-    frames = plan_frames(checked_graph, walk)
-    assert frames.at(-1.0) == 0
-    assert frames.at(frames.times[7]) == 7
-    assert frames.at(0.5 * (frames.times[7] + frames.times[8])) == 7
-    assert frames.at(1e9) == len(frames) - 1
-
-
 def test_a_plan_that_cannot_be_followed_shows_its_stances(checked_graph, walk, monkeypatch):
     def refuse(*_):
         raise PlanError("no swing")

@@ -2,7 +2,6 @@
 
 import urllib.request
 
-import numpy as np
 import pytest
 
 from mlivr_gym.errors import SettingError
@@ -37,27 +36,23 @@ def test_nothing_is_printed(capsys):
 
 
 def test_what_is_removed_takes_along_what_is_below(page):
-    page.frame("a", np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    page.mesh("a/b", box_mesh((1.0, 1.0, 1.0)), (1.0, 0.0, 0.0, 1.0))
-    page.mesh("ab", box_mesh((1.0, 1.0, 1.0)), (1.0, 0.0, 0.0, 0.5))
+    box = box_mesh((1.0, 1.0, 1.0))
+    page.frame("a")
+    page.mesh("a/b", box, (1.0, 0.0, 0.0, 1.0))
+    page.mesh("ab", box, (1.0, 0.0, 0.0, 0.5))
     page.remove("a")
     assert ("a" in page, "a/b" in page, "ab" in page) == (False, False, True)
     page.remove("a")
-    page.mesh("handles/a", box_mesh((1.0, 1.0, 1.0)), (1.0, 0.0, 0.0, 1.0))
-    handle = page._nodes["handles/a"]
+    page.mesh("handles/a", box, (1.0, 0.0, 0.0, 1.0))
+    handle = page.nodes["handles/a"]
     page.remove("handles")
     assert "handles/a" not in page
     assert handle._impl.removed  # from the scene, too
-    page.lines("l", np.zeros((1, 2, 3)), (0.0, 0.0, 0.0, 1.0), 0.01)
-    page.lines("l", np.zeros((0, 2, 3)), (0.0, 0.0, 0.0, 1.0), 0.01)
-    assert "l" not in page
 
 
 def test_nobody_is_called_for_values_that_the_viewer_sets(page):
     called = []
-    page.slider("time", "time", 10.0, 0.1, called.append)
-    page.checkbox("on", "on", False, called.append)
-    page.set("time", 4.0)
-    page.set("on", True)
+    page.item("time", page.gui.add_slider("time", 0.0, 10.0, 0.1, 0.0), called.append)
+    page.items["time"].value = 4.0
     assert called == []
-    assert page._items["time"].value == 4.0
+    assert page.items["time"].value == 4.0

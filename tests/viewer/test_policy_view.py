@@ -12,8 +12,7 @@ from mlivr_gym.agents.learned import load_policy
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.viewer import policy_view
-from mlivr_gym.viewer.policy_view import PolicyView, missing
+from mlivr_gym.viewer.policy_view import PolicyView
 
 
 def test_chances_are_those_of_the_policy_in_its_environment(small_checked_graph):
@@ -42,11 +41,3 @@ def test_chances_are_those_of_the_policy_in_its_environment(small_checked_graph)
         scores = scores_and_value(network, as_tensors(network, env_features(env)))[0][0].numpy()
     likely = np.where(env.action_masks(), np.exp(scores), 0.0)
     np.testing.assert_allclose(after.ravel(), likely / likely.sum(), atol=1e-5)
-
-
-def test_what_is_missing_is_said(monkeypatch):
-    assert missing() == ""
-    monkeypatch.setattr(policy_view, "NEEDED", ("torch", "no_such_package"))
-    assert missing() == (
-        "a policy needs the package 'no_such_package': pip install 'mlivr-gym[agents]'"
-    )

@@ -7,21 +7,11 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.scene import compiled, scene_spec, set_configuration
-from mlivr_gym.viewer.solids import (
-    box_mesh,
-    capsule_mesh,
-    cylinder_mesh,
-    joined,
-    rod_mesh,
-    scene_solids,
-)
 from mlivr_gym.world.boxes import Box
 
+pytest.importorskip("trimesh", reason="the extra 'viewer' is not installed")
 
-def volume(mesh):
-    """Volume inside a closed surface whose triangles are seen anticlockwise from outside."""
-    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
-    return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+from mlivr_gym.viewer.solids import scene_solids
 
 
 def link_poses(scene, configuration):
@@ -89,24 +79,3 @@ def test_what_is_not_checked_is_told_apart(jem):
     unchecked = [solid for solid in scene.robot if not solid.checked]
     assert {solid.link for solid in unchecked} >= {"base", "limb0/upper_arm", "limb1/forearm"}
     assert all(solid.checked for solid in scene.robot if solid.link.endswith("gripper"))
-
-
-def test_surfaces_are_closed_and_face_outwards():
-    """Volumes from the triangles are near those of the solids, and positive."""
-    assert volume(box_mesh((0.1, 0.2, 0.3))) == pytest.approx(8 * 0.1 * 0.2 * 0.3)
-    ball, tube = 4 / 3 * np.pi * 0.1**3, np.pi * 0.1**2 * 0.8
-    assert volume(capsule_mesh(0.1, 0.4)) == pytest.approx(ball + tube, rel=0.05)
-    assert volume(cylinder_mesh(0.1, 0.4)) == pytest.approx(tube, rel=0.05)
-    both = joined([box_mesh((0.1, 0.1, 0.1)), box_mesh((0.2, 0.2, 0.2))])
-    assert volume(both) == pytest.approx(0.2**3 + 0.4**3)
-
-
-def test_a_rod_reaches_from_one_place_to_the_other():
-    start, end = np.array([0.3, -0.2, 0.1]), np.array([0.5, 0.4, -0.6])
-    mesh = rod_mesh(start, end, 0.02)
-    along = (end - start) / np.linalg.norm(end - start)
-    extent = (mesh.vertices - start) @ along
-    assert extent.min() == pytest.approx(-0.02, abs=1e-6)
-    assert extent.max() == pytest.approx(np.linalg.norm(end - start) + 0.02, abs=1e-6)
-    off = mesh.vertices - start - extent[:, None] * along
-    assert np.linalg.norm(off, axis=1).max() == pytest.approx(0.02, abs=1e-6)

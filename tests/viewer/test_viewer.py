@@ -19,12 +19,12 @@ from mlivr_gym.viewer.panel import add_panel
 
 def said(viewer, name):
     """Words in the panel."""
-    return viewer.page._items[name].content
+    return viewer.page.items[name].content
 
 
 def node(viewer, name):
     """Something that is drawn."""
-    return viewer.page._nodes[name]
+    return viewer.page.nodes[name]
 
 
 def sight(viewer, point):
@@ -81,7 +81,7 @@ def test_steps_are_jumped_to(viewer):
 
 def test_a_click_blocks_a_point_and_the_plan_before_is_pale(viewer, walk):
     point = walk.steps[0].to_point
-    viewer.choose(viewers.BLOCK)
+    viewer.click = viewers.BLOCK
     viewer.clicked(*sight(viewer, point))
     assert point not in {step.to_point for step in viewer.live.plan.steps}
     assert "(pale)" in said(viewer, "summary")
@@ -92,7 +92,7 @@ def test_a_click_blocks_a_point_and_the_plan_before_is_pale(viewer, walk):
 
 
 def test_a_click_starts_a_limb(viewer):
-    viewer.choose("start of limb 0")
+    viewer.click = "start of limb 0"
     viewer.clicked(*sight(viewer, "D2a:3"))
     assert viewer.live.plan.stances[0] == ("D2a:3", "D2b:4")
 
@@ -199,15 +199,15 @@ def test_an_execution_is_played_until_it_is_planned_anew(page, live, walk):
     add_panel(viewer)
     viewer.refresh()
     assert viewer.frames.duration == pytest.approx(200.0)
-    assert page._items["torques"].visible
-    assert page._items["forces"].visible
+    assert page.items["torques"].visible
+    assert page.items["forces"].visible
     viewer.seek(120.0)
     at = np.argmin(np.abs(recording.times - recording.times[0] - 120.0))
     place = node(viewer, "robot/base").position
     assert np.linalg.norm(place - recording.base_positions[at]) < 0.1
     viewer.change(live.replan)
     assert viewer.frames.duration == pytest.approx(4 * STEP_TIME)
-    assert not page._items["torques"].visible
+    assert not page.items["torques"].visible
 
 
 def test_two_plans_are_shown_in_one_module_or_in_two(viewer, checked_graph):

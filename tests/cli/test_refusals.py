@@ -1,0 +1,79 @@
+"""What a command cannot use is told in one sentence, with exit code 2; it writes nothing."""
+
+import pytest
+
+LINES = """
+plan --start D1a:4 Q:1                        : 'Q:1'
+plan --start D1a:4                            : must name 2 points
+plan --goal 60 0 0                            : outside the cabin
+plan --goal nan 0 0                           : finite
+plan --cost fast                              : 'fast'
+plan --cost weighted                          : regrasp_price
+plan --limb-threshold -1                      : limb_threshold
+plan --robot robocop                          : 'robocop'
+plan --map nowhere.json                       : nowhere.json
+plan --out no/such/folder/plan.json           : cannot write
+plan --clearance 1e300                        : clearance is 1e+300, larger than 100 m
+plan --cost weighted --regrasp-price 1e300    : regrasp_price is 1e+300
+plan --box 3200 -1000 -1000 3500 1000 300     : millimetres
+plan --limit 0                                : limit is 0
+plan --no-manipulability --limb-threshold 0.2 : --limb-threshold has no effect
+plan --no-collisions --clearance 0.1          : --clearance has no effect
+plan --method dijkstra --heuristic paper      : --heuristic has no effect
+plan --method greedy --inflation 2            : --inflation has no effect
+render --plan nowhere.json                    : nowhere.json
+render --size 1 1                             : --size
+render --stance 2                             : --stance needs --plan
+render --plan PLAN --no-transitions           : --no-transitions has no effect
+render --plan PLAN --stance 5 --out x.png     : --stance is 5; this plan has stances 0 (start) to 4
+simulate --plan no.json                       : cannot read plan
+simulate --plan x.json --case 3               : give either
+simulate --case 3 --duration 0                : step_duration is 0
+simulate --case 3 --pace paper --duration 9   : no effect beside --pace paper
+simulate --case 3 --speed 0                   : --speed is 0
+simulate --case 3 --film walk.avi             : valid endings
+simulate --case 3 --no-film --speed 7         : --speed has no effect
+simulate --plan PLAN --robot mlivr3           : --robot has no effect beside --plan
+simulate --plan PLAN --clearance 0.05         : --clearance has no effect
+simulate --case 3 --occupied D1a:4            : --occupied has no effect beside --case
+simulate --case 3 --cost steps                : --cost has no effect beside --case
+evaluate --seed -1                            : --seed is -1
+evaluate --policy astar --episodes 0          : --episodes is 0
+evaluate --beam 0                             : --beam is 0
+evaluate --split same --episodes 3            : --episodes has no effect
+evaluate --policy astar --beam 3              : --beam has no effect
+train --seed 999999999999999999999            : --seed is 999
+train --method bc --shaping                   : --shaping has no effect
+dataset --episodes -3                         : --episodes is -3
+view --plan a --plan b --plan c               : --plan is given 3 times
+view --plan a --execution b                   : either --plan or --execution
+view --plan a --plan b --out w.html           : --out takes one plan
+view --plan a --goal 1 2 3                    : --goal has no effect beside --plan
+view --execution a --cost steps               : --cost has no effect beside --execution
+view --port 99999                             : --port
+view --plan nowhere.json                      : nowhere.json
+view --out no/such/folder/walk.html           : cannot write
+roadmap --robot mlivr2                        : two limbs
+roadmap --robot mlivr3 --expansions 0         : --expansions is 0; it must be between 1
+roadmap --robot mlivr3 --stances -1           : --stances is -1; it must be between 1
+roadmap --robot mlivr3 --no-transitions       : steps are not checked
+"""
+"""Command lines, and words of what is told."""
+
+NEEDED = {"view": "viser", "train": "sb3_contrib", "dataset": "minari"}
+"""Packages of the extras that commands need before they look at anything else."""
+
+
+@pytest.mark.parametrize("line", LINES.strip().splitlines())
+def test_what_cannot_be_used_is_one_sentence_and_code_2(
+    run, tmp_path, monkeypatch, plan_file, line
+):
+    command, words = (part.strip() for part in line.split(" : "))
+    pytest.importorskip(NEEDED.get(command.split()[0], "numpy"))
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(command.replace("PLAN", str(plan_file)))
+    assert code == 2
+    assert words in err
+    assert err.startswith("mlivr-gym: ")
+    assert err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
