@@ -94,24 +94,21 @@ def test_what_has_no_table_is_refused(run, part, tmp_path, monkeypatch, argument
     assert words in err
 
 
-@pytest.mark.parametrize("command", ["build", "roadmap"])
-def test_without_a_cache_folder_a_file_must_be_named(run, part, monkeypatch, command):
+def test_without_a_cache_folder_a_file_must_be_named(run, part, monkeypatch):
     monkeypatch.setenv("MLIVR_GYM_CACHE", "")
-    code, _, err = run(f"{command} --robot mlivr3 --map {part}")
+    code, _, err = run(f"build --robot mlivr3 --map {part}")
     assert code == 2
     assert "--out" in err
 
 
-@pytest.mark.parametrize("command", ["build", "roadmap"])
 def test_what_cannot_be_written_is_refused_before_anything_is_built(
-    run, part, tmp_path, monkeypatch, command
+    run, part, tmp_path, monkeypatch
 ):
     def begin(*_):
         raise AssertionError
 
     monkeypatch.setattr(build, "build_table", begin)
-    monkeypatch.setattr("mlivr_gym.cli.roadmap.build", begin)
-    line = f"{command} --robot mlivr3 --map {part}"
+    line = f"build --robot mlivr3 --map {part}"
     for out in (tmp_path, tmp_path / "no" / "nodes.xz"):
         code, _, err = run(f"{line} --out {out}")
         assert code == 2

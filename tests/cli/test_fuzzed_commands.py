@@ -59,7 +59,7 @@ OBSTACLES = {"boxes": [{"id": "b", "min": [0, 0, 1], "max": [1, 1, 2]}], "occupi
 
 def options(command):
     """The options of a command, from its parser."""
-    parser = _parser()
+    parser = _parser([command])
     (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
     return [action for action in commands.choices[command]._actions if action.option_strings]
 

@@ -53,10 +53,6 @@ view --execution a --cost steps               : --cost has no effect beside --ex
 view --port 99999                             : --port
 view --plan nowhere.json                      : nowhere.json
 view --out no/such/folder/walk.html           : cannot write
-roadmap --robot mlivr2                        : two limbs
-roadmap --robot mlivr3 --expansions 0         : --expansions is 0; it must be between 1
-roadmap --robot mlivr3 --stances -1           : --stances is -1; it must be between 1
-roadmap --robot mlivr3 --no-transitions       : steps are not checked
 """
 """Command lines, and words of what is told."""
 
