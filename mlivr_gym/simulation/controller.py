@@ -23,15 +23,16 @@ pulls at once by its damper.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
-from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import Flag, Place, Record, Tuples, Whole
+from mlivr_gym.schema import Flag, Kind, Tuples, Whole
+from mlivr_gym.simulation.figures import Figures
 
 
 @dataclass(frozen=True)
-class Controller:
+class Controller(Figures):
     """Gains and abilities of the controller.
 
     Attributes:
@@ -69,23 +70,8 @@ class Controller:
     patience: float = 6.0
     tries: int = 2
 
-    def __post_init__(self) -> None:
-        """Check every figure."""
-        CONTROLLER.check(self, Place("controller", SettingError))
-
-    @classmethod
-    def of(cls, given: Controller | dict[str, Any] | str | None) -> Controller:
-        """The controller as it is, from plain data, by name (one of `CONTROLLERS`), or by default.
-
-        Raises:
-            SettingError: If there is no such name or field, or a field has a faulty value.
-        """
-        return CONTROLLER.given(given, Place("controller", SettingError), CONTROLLERS)
-
-
-CONTROLLER = Record(
-    Controller,
-    {
+    called: ClassVar[str] = "controller"
+    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
         "kp_free": Tuples((6,), 0.0, 1e6, "N m/rad"),
         "kd_free": Tuples((6,), 0.0, 1e6, "N m s/rad"),
         "kp_hold": Tuples((6,), 0.0, 1e6, "N m/rad"),
@@ -100,9 +86,8 @@ CONTROLLER = Record(
         "guidance": Tuples((), 0.0, 100.0, "1/s"),
         "patience": Tuples((), 0.0, 60.0, "s"),
         "tries": Whole(1, 10),
-    },
-)
-"""Fields of a `Controller`."""
+    }
+
 
 PAPER = Controller(
     *((100.0,) * 6, (50.0,) * 6) * 2, integral=0.0, feedforward=False, rebase=False, guided=False,
@@ -115,3 +100,5 @@ FEEDFORWARD = replace(PAPER, feedforward=True)
 
 CONTROLLERS = {"full": Controller(), "feedforward": FEEDFORWARD, "paper": PAPER}
 """Controllers by name."""
+
+Controller.named = CONTROLLERS
