@@ -84,11 +84,7 @@ class JointControl:
         self._ticks = 0
 
     def rebase(self, positions: Array) -> None:
-        """Move the references to where the encoders are.
-
-        Args:
-            positions: Present positions of the reference, shape (6 N,) [rad].
-        """
+        """Move the references, shape (6 N,) [rad], to where the encoders are."""
         self.shift = self._data.qpos[7:] + self._bias - positions
         self._integral[:] = 0.0
 
@@ -109,12 +105,7 @@ class JointControl:
     def run(
         self, reference: Reference, held: Sequence[bool], recovering: bool = False
     ) -> tuple[Array, Array]:
-        """Follow a reference, one time step for each of its times.
-
-        Args:
-            reference: The reference.
-            held: Which limbs hold.
-            recovering: Whether the shift is taken out meanwhile.
+        """Follow a reference, one time step for each of its times; if wanted, the shift goes out.
 
         Returns:
             Time, positions and velocities before each time step, and sensor data at it.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from scipy.interpolate import PPoly
 
 from mlivr_gym.arguments import Of, checked
@@ -74,12 +75,7 @@ def shortest_clock(rows: PieceRows, limits: Limits) -> PPoly:
 
 
 def bindings(timed: TimedPath, limits: Limits | None = None) -> list[Binding]:
-    """What decides how long each piece of a step has to take on its clock.
-
-    Args:
-        timed: The step with clocks.
-        limits: The limits, by default the default ones.
-    """
+    """What decides how long each piece of a step has to take on its clock."""
     path = timed.path
     return [
         piece_rows(path.graph.robot, path.regrasp, piece, limits or Limits()).binding(clock)
@@ -90,10 +86,8 @@ def bindings(timed: TimedPath, limits: Limits | None = None) -> list[Binding]:
 def _check(rows: Sequence[PieceRows], clocks: Sequence[PPoly], durations: Durations) -> None:
     """Refuse durations that break a limit, with those that would do."""
     found = [row.binding(clock) for row, clock in zip(rows, clocks, strict=True)]
-    factors = [
-        bind.duration / duration_of(clock) for bind, clock in zip(found, clocks, strict=True)
-    ]
-    worst = max(range(len(factors)), key=factors.__getitem__)
+    factors = [one.duration / duration_of(clock) for one, clock in zip(found, clocks, strict=True)]
+    worst = int(np.argmax(factors))
     if factors[worst] > 1.0 + ROUNDING:
         raise TimingError(durations.total, found[worst].told, durations.total * factors[worst])
 
