@@ -123,12 +123,9 @@ class LimbShapes:
         self.rows = Robot.rows(1)
         self.robot: Robot = self.rows[0]
         robot = self.robot
-        robot["limb_count"], robot["tool_length"], robot["lift"] = (
-            spec.limbs,
-            spec.tool_length,
-            spec.lift,
-        )
-        robot["characteristic_length"] = spec.characteristic_length
+        robot["limb_count"] = spec.limbs
+        for name in ("tool_length", "lift", "characteristic_length"):
+            robot[name] = getattr(spec, name)
         folds = spec.limb.folds_in_windows(spec.folds)
         robot["fold_count"] = len(folds)
         robot["folds"][: len(folds)] = folds
@@ -159,19 +156,15 @@ class LimbShapes:
                 row = limb["capsules"][c]
                 row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
                 row["ends"][:] = capsule.start, capsule.end
-                for e in range(2):
-                    row["anchor"][e], row["arm"][e] = _anchor(
-                        spec, int(row["link"]), row["ends"][e]
-                    )
+                for e, end in enumerate(row["ends"]):
+                    row["anchor"][e], row["arm"][e] = _anchor(spec, int(row["link"]), end)
 
     def _add_mounts(self, spec: RobotSpec, fixed: list[Capsule], capsules: list[Capsule]) -> None:
         robot = self.robot
         round_ends, round_radius = round_cube(float(robot["half"][0]))
         for k in range(4):
-            robot["around"][k]["ends"][:], robot["around"][k]["radius"] = (
-                round_ends[k],
-                round_radius[k],
-            )
+            robot["around"][k]["ends"][:] = round_ends[k]
+            robot["around"][k]["radius"] = round_radius[k]
         count = 0
         for limb in range(spec.limbs):
             rotation, position = spec.mount_rotations[limb], spec.mount_positions[limb]
