@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from mutants import RESULTS, ROOT, Tree
 from mutation import Mutant
 
-SWEEPS = "tests/collisions/test_sweep_holds.py"
+SWEEPS = "tests/collisions/test_sweep.py"
 REWARDS, FAILURES = "tests/envs/test_rewards.py", "tests/simulation/test_failures.py"
 ENVS, STANCES, CLI = "mlivr_gym/envs", "mlivr_gym/stances", "mlivr_gym/cli"
 
@@ -58,7 +58,7 @@ OLD = [
           "against_boxes(limb, first.in_world, todo, grid, clearance, room.behind)",
           "against_boxes(limb, first.in_world, todo, grid, "
           "0.5 * clearance if motion.first.kind == SWINGS else clearance, room.behind)",
-          "tests/collisions/test_sweep_swings.py"),
+          SWEEPS),
     Fault("P2", f"{ENVS}/env.py", "2.0 * moved", "moved", REWARDS),
     Fault("P2b", f"{ENVS}/batch.py", "2.0 * moved[k]", "moved[k]", REWARDS),
     Fault("P18", "planners/table_values.py", "(1.0 + failure) / (1.0 - failure)",

@@ -94,7 +94,7 @@ STRATA = {
 LONG = ("envs/test_env.py", "planners/test_algorithm1.py", "planners/test_pair_search.py",
         "envs/test_against_model.py", "planners/test_planner.py", "envs/test_actions.py",
         "motion/test_commitment.py", "postures/test_given_pose.py",
-        "collisions/test_sweep_swings.py")  # fmt: skip
+        "collisions/test_sweep.py")  # fmt: skip
 """Test files that take longest; they come last."""
 
 

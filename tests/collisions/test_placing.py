@@ -2,7 +2,6 @@
 
 import mujoco
 import numpy as np
-import pytest
 from compiled import called
 from held_paths import path_between
 from hypothesis import given
@@ -122,20 +121,6 @@ def test_no_end_moves_farther_than_its_bound(q, minus, plus, line):
     limit = bounds(minus, plus)
     assert not (found[:5] > limit + 1e-12).any()
     assert (found[6] <= from_grasp(minus, plus) + 1e-12).all()
-
-
-@pytest.mark.parametrize("joint", range(6))
-def test_the_turn_of_every_joint_counts(joint):
-    """One joint turns alone; ends that do not lie on its axis move, and are bounded."""
-    plus = np.zeros(6)
-    plus[joint] = 0.2
-    q = np.array([0.3, -1.0, 1.4, 0.5, 0.9, -0.4])
-    found, limit = farthest(q, -plus, plus), bounds(-plus, plus)
-    moves = found[0] > 1e-6
-    assert moves.any() == (joint < 5)  # what comes after joint 6 lies on its axis
-    assert (limit[0][moves] >= found[0][moves]).all()
-    assert (found[6] <= from_grasp(-plus, plus) + 1e-12).all()
-    assert (found[6] > 1e-6).any() == (joint > 0)
 
 
 @given(turns())
