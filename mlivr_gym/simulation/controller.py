@@ -2,7 +2,7 @@
 
 At every period it reads the encoders and asks each joint for
 
-    kp (q_ref - q) + kd (qdot_ref - qdot) + ki (integral of q_ref - q) + what is fed forward,
+    kp (q_ref - q) + kd (qdot_ref - qdot) + what is fed forward,
 
 cut off at the joint's largest torque and held until the next period. `q_ref` is the trajectory's
 angle with a shift added. When a step begins, `rebase` moves the references to where the encoders
@@ -40,8 +40,6 @@ class Controller(Figures):
         kd_free: Gain of its speed error [N m s/rad].
         kp_hold: Gain of the position error of each joint of a limb that holds [N m/rad].
         kd_hold: Gain of its speed error [N m s/rad].
-        integral: Gain of the integral of the position error over that of the error [1/s]; against
-            friction.
         period: Time from one reading of the encoders to the next [s], a multiple of the time step.
         feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward, see
             `feedforward.feedforward`.
@@ -59,7 +57,6 @@ class Controller(Figures):
     kd_free: tuple[float, ...] = (40.0, 60.0, 60.0, 10.0, 10.0, 8.0)
     kp_hold: tuple[float, ...] = (800.0, 1200.0, 1200.0, 1000.0, 1400.0, 1200.0)
     kd_hold: tuple[float, ...] = (80.0, 120.0, 120.0, 50.0, 70.0, 60.0)
-    integral: float = 0.0
     period: float = 0.002
     feedforward: bool = True
     rebase: bool = True
@@ -76,7 +73,6 @@ class Controller(Figures):
         "kd_free": Tuples((6,), 0.0, 1e6, "N m s/rad"),
         "kp_hold": Tuples((6,), 0.0, 1e6, "N m/rad"),
         "kd_hold": Tuples((6,), 0.0, 1e6, "N m s/rad"),
-        "integral": Tuples((), 0.0, 100.0, "1/s"),
         "period": Tuples((), 1e-5, 0.1, "s"),
         "feedforward": Flag(),
         "rebase": Flag(),
@@ -90,8 +86,7 @@ class Controller(Figures):
 
 
 PAPER = Controller(
-    *((100.0,) * 6, (50.0,) * 6) * 2, integral=0.0, feedforward=False, rebase=False, guided=False,
-    tries=1,
+    *((100.0,) * 6, (50.0,) * 6) * 2, feedforward=False, rebase=False, guided=False, tries=1,
 )  # fmt: skip
 """The paper's: proportional and derivative gains on a trajectory, the same for all joints."""
 

@@ -21,7 +21,7 @@ from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.schema import Maybe
 from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.path_dynamics import Binding, PieceRows, piece_rows
+from mlivr_gym.simulation.path_dynamics import PieceRows, piece_rows
 from mlivr_gym.simulation.time_optimal import fastest_clock
 from mlivr_gym.stances.stance_graph import StanceGraph
 
@@ -72,15 +72,6 @@ def shortest_clock(rows: PieceRows, limits: Limits) -> PPoly:
         return plain
     fast = fastest_clock(rows, limits.rise_time)
     return min(fast, plain, key=duration_of)
-
-
-def bindings(timed: TimedPath, limits: Limits | None = None) -> list[Binding]:
-    """What decides how long each piece of a step has to take on its clock."""
-    path = timed.path
-    return [
-        piece_rows(path.graph.robot, path.regrasp, piece, limits or Limits()).binding(clock)
-        for piece, clock in zip(timed.pieces, timed.clocks, strict=True)
-    ]
 
 
 def _check(rows: Sequence[PieceRows], clocks: Sequence[PPoly], durations: Durations) -> None:

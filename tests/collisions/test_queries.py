@@ -32,30 +32,6 @@ def configuration(graph, s, rng):
     return graph.configuration(State(tuple(graph.points[s].tolist()), mask)), mask
 
 
-def test_stances_among_random_rods_keep_their_clearance(small_checked_graph):
-    """Rods of 6 to 40 mm about the body: no stance that stays allowed is nearer to one."""
-    graph, ruler, rng = small_checked_graph, Ruler(ROBOT), np.random.default_rng(1)
-    free = mount_alone = 0
-    for _ in range(400):
-        s = int(rng.integers(len(graph)))
-        here, mask = configuration(graph, s, rng)
-        out = rng.normal(size=3) * (0.4, 1.0, 1.0)
-        out *= rng.uniform(0.05, 0.12) / np.linalg.norm(out)
-        out = graph.base_axes_in_world[s] @ (
-            out + rng.choice((-0.19, 0.19)) * np.array([1.0, 0.0, 0.0])
-        )
-        turn = Rotation.random(rng=rng).as_matrix()
-        box = rod(here[0] + out, turn, rng.uniform(0.006, 0.04), rng.uniform(0.02, 0.1))
-        close = [entry for entry in ruler.among([box]).measured(here) if entry[0] < CLEARANCE]
-        mount_alone += bool(close) and all("base" in name for _, name, _ in close)
-        with obstacles(graph, box):
-            if all(m & now for m, now in zip(mask, graph.mask[s].tolist(), strict=True)):
-                free += 1
-                assert not close
-    assert free > 10
-    assert mount_alone > 10
-
-
 def test_further_capsules_on_the_base_touch_nothing(small_map):
     """A robot with a long arm on each mount: stances called free keep the clearance to racks."""
     arm = Capsule("base", (0.0, 0.0, 0.05), (-0.6, 0.0, 0.05), 0.03)

@@ -8,7 +8,6 @@ from recordings import resting
 
 from mlivr_gym.pictures.simulation_figure import cut_spikes, simulation_figure
 from mlivr_gym.simulation.phase_torques import (
-    CAPTURE_TIME,
     PARTS,
     after_captures,
     largest,
@@ -82,11 +81,6 @@ def test_a_step_without_capture_has_no_such_part(walk):
     recording, captures = walk
     found = phase_torques(recording, captures[:1])
     assert [entry.part for entry in found if entry.step == 1] == list(PARTS[:3])
-
-
-def test_the_time_after_a_capture_is_as_long_as_is_said(walk):
-    recording, captures = walk
-    assert after_captures(recording, captures).sum() == 2 * round(CAPTURE_TIME / PERIOD)
 
 
 class Panel:
