@@ -110,7 +110,7 @@ class Execution:
 
 
 @checked(
-    WALK | {"timing": TIMING, "physics": Maybe(Of(Physics)), "simulation": Maybe(Of(Simulation))}
+    {**WALK, "timing": TIMING, "physics": Maybe(Of(Physics)), "simulation": Maybe(Of(Simulation))}
 )
 def execute(
     graph: StanceGraph,

@@ -36,7 +36,8 @@ class FailureWatch:
             held: Which limbs hold.
         """
         recording, finite = measured.recording, measured.finite
-        touching, found = recording.contacts > 0, []
+        touching = recording.contacts > 0
+        found: list[_Found] = []
         if not finite.all():
             found.append((int(np.argmin(finite)), "divergence", -1, "the simulation diverged", {}))
         if touching.any():

@@ -127,6 +127,3 @@ def held_joints(graph, limb, point, branch, path, places):
     reference = Angles.row()
     assert joints_along(SHAPES.rows, limb, bases, flange, branch, reference, out) == len(places)
     return out["q"]
-
-
-AT_ORIGIN = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
