@@ -59,8 +59,8 @@ def phase_torques(recording: Recording, captures: Sequence[Capture]) -> list[Pha
             name: (recording.step == step) & (recording.phase == k) & ~caught
             for k, name in enumerate(PHASES)
         }
-        own = [capture for capture in captures if capture.step == step]
-        inside[CAPTURE] = after_captures(recording, own)
+        ending = [capture for capture in captures if capture.step == step]
+        inside[CAPTURE] = after_captures(recording, ending)
         for part in PARTS:
             samples = np.flatnonzero(inside[part])
             if len(samples):
