@@ -47,8 +47,6 @@ MEANINGS = {
     "cabin": "Where the base may be, lower and upper corner; by default the box of all points, "
     "1.5 m larger.",
     "boxes": "Boxes that must not be touched, see *Obstacles*.",
-    "scene": "Figures of the JEM's walls and closeouts, from which its boxes are made.",
-    "racks": "Racks of the JEM, from which its boxes are made.",
     "occupied": "Ids of points that no limb may take hold of.",
     "id": "Name, of which no other has the same.",
     "face": "Name of the face that it lies on.",

@@ -28,8 +28,8 @@ BOXES = [
 ]
 POINT = {"id": "P", "face": "deck", "position": [1, 0, -1], "normal": [0, 0, 1], "rail": [1, 0, 0]}
 MODULE = (
-    {name: JEM[name] for name in ("name", "cabin", "spacing", "clearance", "scene", "sources")}
-    | {name: JEM[name][:3] for name in ("racks", "handrails", "segments")}
+    {name: JEM[name] for name in ("name", "cabin", "spacing", "clearance", "sources")}
+    | {name: JEM[name][:3] for name in ("handrails", "segments")}
     | {"points": [POINT], "boxes": BOXES}
 )
 FILES = {

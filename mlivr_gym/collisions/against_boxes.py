@@ -57,20 +57,14 @@ def axis_answer(
     behind: Behind,
     at_grasp: bool,
 ) -> int:
-    """A capsule against the boxes of a grid.
+    """A capsule against the boxes of a grid; those `behind` do not count if it is at a grasp.
 
-    Args:
-        axis: Both ends of its axis in the world [m].
-        inner: Radius and clearance [m].
-        motion: How far it may move at both ends [m]; in between linearly.
-        grid: The boxes.
-        behind: Boxes that do not count for a capsule at a grasp.
-        at_grasp: Whether it is one.
+    Both ends of its axis are in the world [m], `inner` is radius and clearance [m], `motion` how
+    far it may move at both ends [m], in between linearly.
     """
     frame, (a, b), (at_a, at_b) = grid.frames[0], axis, motion
     outer = inner + max(at_a, at_b)
-    low = min(a[0], b[0]) - outer, min(a[1], b[1]) - outer, min(a[2], b[2]) - outer
-    high = max(a[0], b[0]) + outer, max(a[1], b[1]) + outer, max(a[2], b[2]) + outer
+    low, high = reached(axis, outer)
     if inside(low, high, frame.core) or not overlap(low, high, frame.hull):
         return CLEAR
     o, edge, cells = frame.origin, frame.edge, frame.cells
@@ -100,17 +94,18 @@ def axis_answer(
                         # The other boxes matter only if they are touched here.
                         undecided = True
                         at_a = at_b = 0.0
-                        low = (
-                            min(a[0], b[0]) - inner,
-                            min(a[1], b[1]) - inner,
-                            min(a[2], b[2]) - inner,
-                        )
-                        high = (
-                            max(a[0], b[0]) + inner,
-                            max(a[1], b[1]) + inner,
-                            max(a[2], b[2]) + inner,
-                        )
+                        low, high = reached(axis, inner)
     return UNDECIDED if undecided else CLEAR
+
+
+@kernel
+def reached(axis: tuple[Triple, Triple], reach: float) -> tuple[Triple, Triple]:
+    """Lower and upper corner of what lies within some reach of a segment, across each axis [m]."""
+    a, b = axis
+    return (
+        (min(a[0], b[0]) - reach, min(a[1], b[1]) - reach, min(a[2], b[2]) - reach),
+        (max(a[0], b[0]) + reach, max(a[1], b[1]) + reach, max(a[2], b[2]) + reach),
+    )
 
 
 @kernel
@@ -152,29 +147,17 @@ def lies_behind(box: GridBox, behind: Behind) -> bool:
 def against_boxes(
     limb: Limb, shapes: Shapes, todo: int, grid: BoxGrid, clearance: float, behind: Behind
 ) -> tuple[int, int]:
-    """Capsules of a limb against the boxes of a grid.
+    """Capsules of a limb in the world against the boxes of a grid.
 
-    Args:
-        limb: The limb.
-        shapes: Its capsules in the world.
-        todo: Capsules to compare.
-        grid: The boxes.
-        clearance: Least distance [m].
-        behind: Boxes that do not count for the gripper.
-
-    Returns:
-        An answer, and the capsules that are undecided.
+    Those `behind` do not count for the gripper. An answer, and those of `todo` that are undecided.
     """
     undecided = 0
     for c in range(limb.capsule_count):
         if has(todo, c):
-            a, b = axis_of(shapes.ends, c)
-            inner, motion = (
-                limb.capsules[c].radius + clearance,
-                (shapes.motion[c, 0], shapes.motion[c, 1]),
-            )
+            inner = limb.capsules[c].radius + clearance
+            motion = shapes.motion[c, 0], shapes.motion[c, 1]
             at_grasp = behind.applies and c >= limb.gripper
-            found = axis_answer((a, b), inner, motion, grid, behind, at_grasp)
+            found = axis_answer(axis_of(shapes.ends, c), inner, motion, grid, behind, at_grasp)
             if found > UNDECIDED:
                 return found, undecided
             if found == UNDECIDED:
@@ -193,26 +176,15 @@ def base_against_boxes(
 ) -> int:
     """The body and the mounts of all limbs against the boxes, at and about a base pose.
 
-    Args:
-        robot: The robot.
-        base: Base in the world.
-        motion: How far the base may travel from there [m], and how far it may turn [rad].
-        grid: The boxes.
-        clearance: Least distance [m].
-        nothing: No grasp.
-
-    Returns:
-        An answer.
+    `motion` is how far the base may travel from there [m] and turn [rad], `nothing` no grasp.
     """
     travel, swing = motion
     undecided = False
     for c in range(robot.around_count):
         capsule = robot.around[c]
         a, b = capsule_axis(capsule.ends)
-        axis, moves = (
-            (out_of(base, a), out_of(base, b)),
-            (travel + swing * length(a), travel + swing * length(b)),
-        )
+        axis = out_of(base, a), out_of(base, b)
+        moves = travel + swing * length(a), travel + swing * length(b)
         at_grasp = c < 0
         found = axis_answer(axis, capsule.radius + clearance, moves, grid, nothing, at_grasp)
         if found > UNDECIDED:

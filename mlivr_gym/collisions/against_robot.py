@@ -41,15 +41,7 @@ def pair_answer(
     more: float,
     moves: tuple[float, float],
 ) -> int:
-    """Two capsules: `CLEAR`, `UNDECIDED` or `SELF`.
-
-    Args:
-        first: Both ends of the first axis [m].
-        second: Both ends of the second.
-        inner: Radii and clearance [m].
-        more: How far the second may move [m].
-        moves: How far the first may move at both ends; in between linearly.
-    """
+    """Two capsules by the ends of their axes; for the rest see `segments_answer`."""
     if axes_apart(first, second, inner + more + max(moves[0], moves[1])):
         return CLEAR
     (p, p_end), (q, q_end) = first, second
@@ -60,18 +52,7 @@ def pair_answer(
 def against_itself(
     limb: Limb, shapes: Shapes, placed: Placed, todo: int, clearance: float
 ) -> tuple[int, int]:
-    """The capsules of a limb against each other.
-
-    Args:
-        limb: The limb.
-        shapes: Its capsules in the body frame.
-        placed: How its links move.
-        todo: Pairs of its capsules to compare.
-        clearance: Least distance [m].
-
-    Returns:
-        An answer, and the pairs that are undecided.
-    """
+    """The capsules of a limb against each other: an answer, and the pairs that are undecided."""
     undecided, ends = 0, shapes.ends
     for k in range(limb.pair_count):
         if not has(todo, k):
@@ -92,17 +73,9 @@ def against_itself(
 def against_body(
     robot: Robot, limb: Limb, shapes: Shapes, todo: int, clearance: float
 ) -> tuple[int, int]:
-    """A limb against the body's box and the capsules fixed to the body.
+    """A limb in the body frame against the body's box and the capsules fixed to the body.
 
-    Args:
-        robot: The robot.
-        limb: The limb.
-        shapes: Its capsules in the body frame.
-        todo: Those to compare.
-        clearance: Least distance [m].
-
-    Returns:
-        An answer, and the capsules that are undecided.
+    An answer, and the capsules that are undecided.
     """
     undecided, half = 0, vector(robot.half)
     for c in range(limb.capsule_count):
@@ -128,10 +101,7 @@ def against_body(
 def limbs_apart(
     first: Limb, shapes: Shapes, second: Limb, others: Shapes, clearance: float
 ) -> bool:
-    """Whether some plane across an axis of the frame keeps two limbs apart.
-
-    Arguments as in `against_limb`.
-    """
+    """Whether some plane across an axis of the frame keeps two limbs apart."""
     ends, other = shapes.ends, others.ends
     for k in range(3):
         low = other_low = np.inf
@@ -154,19 +124,7 @@ def limbs_apart(
 def against_limb(
     first: Limb, shapes: Shapes, second: Limb, others: Shapes, todo: int, clearance: float
 ) -> tuple[int, int]:
-    """Two limbs against each other.
-
-    Args:
-        first: The first limb.
-        shapes: Its capsules.
-        second: The second limb.
-        others: Its capsules in the same frame.
-        todo: Capsules of the first limb to compare.
-        clearance: Least distance [m].
-
-    Returns:
-        An answer, and those of the first limb's capsules in `todo` that are undecided.
-    """
+    """Two limbs in one frame: an answer, and those of the first's capsules that are undecided."""
     undecided = 0
     if limbs_apart(first, shapes, second, others, clearance):
         return CLEAR, undecided

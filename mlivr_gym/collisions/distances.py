@@ -59,58 +59,6 @@ def segments_apart(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
 
 
 @kernel
-def _slope(t: float, p: Triple, d: Triple, half: Triple) -> float:
-    """Half the derivative by `t` of the squared distance of a point from a box; see `box_from`."""
-    total = 0.0
-    for k in range(3):
-        x = p[k] + t * d[k]
-        if x > half[k]:
-            total += (x - half[k]) * d[k]
-        elif x < -half[k]:
-            total += (x + half[k]) * d[k]
-    return total
-
-
-@kernel
-def segment_box_apart(p: Triple, d: Triple, half: Triple) -> float:
-    """Squared distance [m^2] of a segment from a box about the origin.
-
-    The squared distance along the segment is convex, and its derivative linear between the six
-    places where the segment crosses a face's plane. Those places narrow the interval in which the
-    derivative changes sign; there it is solved exactly.
-
-    Args:
-        p: One end of the segment in the frame of the box [m].
-        d: From there to the other [m].
-        half: Half edges of the box [m].
-    """
-    low, high = 0.0, 1.0
-    at_low, at_high = _slope(0.0, p, d, half), _slope(1.0, p, d, half)
-    if at_low >= 0.0:
-        t = 0.0
-    elif at_high <= 0.0:
-        t = 1.0
-    else:
-        for k in range(3):
-            if d[k] != 0.0:
-                for side in (-1.0, 1.0):
-                    at = (side * half[k] - p[k]) / d[k]
-                    if low < at < high:
-                        slope = _slope(at, p, d, half)
-                        if slope < 0.0:
-                            low, at_low = at, slope
-                        else:
-                            high, at_high = at, slope
-        t = low if at_high == at_low else low - at_low * (high - low) / (at_high - at_low)
-    total = 0.0
-    for k in range(3):
-        x = abs(p[k] + t * d[k]) - half[k]
-        if x > 0.0:
-            total += x * x
-    return total
-
-
-@kernel
 def box_from(t: float, p: Triple, d: Triple, half: Triple) -> tuple[float, float]:
     """Squared distance [m^2] of `p + t d` from a box about the origin, half its derivative by `t`.
 
@@ -123,6 +71,35 @@ def box_from(t: float, p: Triple, d: Triple, half: Triple) -> tuple[float, float
         square += out * out
         slope += out * d[k]
     return square, slope
+
+
+@kernel
+def segment_box_apart(p: Triple, d: Triple, half: Triple) -> float:
+    """Squared distance [m^2] of a segment, from `p` to `p + d`, from a box about the origin.
+
+    The squared distance along the segment is convex, and its derivative linear between the six
+    places where the segment crosses a face's plane. Those places narrow the interval in which the
+    derivative changes sign; there it is solved exactly.
+    """
+    low, high = 0.0, 1.0
+    at_low, at_high = box_from(0.0, p, d, half)[1], box_from(1.0, p, d, half)[1]
+    if at_low >= 0.0:
+        t = 0.0
+    elif at_high <= 0.0:
+        t = 1.0
+    else:
+        for k in range(3):
+            if d[k] != 0.0:
+                for side in (-1.0, 1.0):
+                    at = (side * half[k] - p[k]) / d[k]
+                    if low < at < high:
+                        slope = box_from(at, p, d, half)[1]
+                        if slope < 0.0:
+                            low, at_low = at, slope
+                        else:
+                            high, at_high = at, slope
+        t = low if at_high == at_low else low - at_low * (high - low) / (at_high - at_low)
+    return box_from(t, p, d, half)[0]
 
 
 @kernel
@@ -142,9 +119,7 @@ def segment_from(t: float, p: Triple, d: Triple, q: Triple, v: Triple) -> tuple[
 def stays_away(
     kind: int, shape: Triple, along: Triple, p: Triple, d: Triple, at_p: float, at_d: float
 ) -> bool:
-    """Whether no point of an axis is closer to a shape than a length that changes along the axis.
-
-    The length changes linearly.
+    """Whether no point of an axis is closer to a shape than a length that changes linearly.
 
     The distance from a convex shape is convex along a line, and so is what it exceeds the length
     by: it lies above its tangents, and where those from both sides meet above zero it is nowhere
@@ -208,16 +183,10 @@ def segments_answer(
     more: float,
     moves: tuple[float, float],
 ) -> int:
-    """Two capsules: `CLEAR`, `UNDECIDED` or `SELF`.
+    """Two capsules with axes from `p` to `p + u` and from `q` to `q + v`.
 
-    Args:
-        p: One end of the first axis [m].
-        u: From there to the other.
-        q: One end of the second axis.
-        v: From there to the other.
-        inner: Radii and clearance [m].
-        more: How far the second may move [m].
-        moves: How far the first may move at `p` and at the other end; in between linearly.
+    `inner` is radii and clearance [m], `more` how far the second may move [m], and `moves` how far
+    the first may at `p` and at the other end, in between linearly. `CLEAR`, `UNDECIDED` or `SELF`.
     """
     at_p, at_u = moves
     square = segments_apart(p, u, q, v)

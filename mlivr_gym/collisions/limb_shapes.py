@@ -113,6 +113,11 @@ class LimbShapes:
         rows: All this as compiled code reads it, a row of `Robot`, shape (1,).
         robot: The row.
         limb: The first limb there; in the frames of their links the limbs are equal.
+        links: Link of each capsule that moves, shape (c,).
+        ends: Ends of their axes in the frames of their links [m], shape (c, 2, 3).
+        radii: Their radii [m], shape (c,).
+        pairs: Pairs of them that are compared, shape (k, 2).
+        mounts: Rows of `BodyCapsule`: what is fixed to the body.
     """
 
     def __init__(self, spec: RobotSpec) -> None:
@@ -123,12 +128,9 @@ class LimbShapes:
         self.rows = Robot.rows(1)
         self.robot: Robot = self.rows[0]
         robot = self.robot
-        robot["limb_count"], robot["tool_length"], robot["lift"] = (
-            spec.limbs,
-            spec.tool_length,
-            spec.lift,
-        )
-        robot["characteristic_length"] = spec.characteristic_length
+        robot["limb_count"] = spec.limbs
+        for name in ("tool_length", "lift", "characteristic_length"):
+            robot[name] = getattr(spec, name)
         folds = spec.limb.folds_in_windows(spec.folds)
         robot["fold_count"] = len(folds)
         robot["folds"][: len(folds)] = folds
@@ -137,6 +139,12 @@ class LimbShapes:
         fixed = [capsule for capsule in capsules if capsule.link == "base"]
         self._add_mounts(spec, fixed, capsules)
         self.limb: Limb = robot["limbs"][0]
+        of_limb = self.limb["capsules"][: self.limb["capsule_count"]]
+        self.links: IntArray = of_limb["link"]
+        self.ends: Array = of_limb["ends"]
+        self.radii: Array = of_limb["radius"]
+        self.pairs: IntArray = self.limb["pairs"][: self.limb["pair_count"]]
+        self.mounts: Any = robot["mounts"][: robot["mount_count"]]
 
     def _add_limbs(self, spec: RobotSpec, moving: list[Capsule]) -> None:
         on_axis = [c.link in LINKS[6:] or _on_flange_axis(c) for c in moving]
@@ -159,19 +167,15 @@ class LimbShapes:
                 row = limb["capsules"][c]
                 row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
                 row["ends"][:] = capsule.start, capsule.end
-                for e in range(2):
-                    row["anchor"][e], row["arm"][e] = _anchor(
-                        spec, int(row["link"]), row["ends"][e]
-                    )
+                for e, end in enumerate(row["ends"]):
+                    row["anchor"][e], row["arm"][e] = _anchor(spec, int(row["link"]), end)
 
     def _add_mounts(self, spec: RobotSpec, fixed: list[Capsule], capsules: list[Capsule]) -> None:
         robot = self.robot
         round_ends, round_radius = round_cube(float(robot["half"][0]))
         for k in range(4):
-            robot["around"][k]["ends"][:], robot["around"][k]["radius"] = (
-                round_ends[k],
-                round_radius[k],
-            )
+            robot["around"][k]["ends"][:] = round_ends[k]
+            robot["around"][k]["radius"] = round_radius[k]
         count = 0
         for limb in range(spec.limbs):
             rotation, position = spec.mount_rotations[limb], spec.mount_positions[limb]
@@ -185,39 +189,6 @@ class LimbShapes:
                     robot["limbs"][other]["least_link"][count] = same if other == limb else 2
                 count += 1
         robot["mount_count"], robot["around_count"] = count, 4 + count
-
-    @property
-    def links(self) -> IntArray:
-        """Link of each capsule that moves, shape (c,)."""
-        links: IntArray = self._capsules["link"]
-        return links
-
-    @property
-    def ends(self) -> Array:
-        """Ends of the capsules' axes in the frames of their links [m], shape (c, 2, 3)."""
-        ends: Array = self._capsules["ends"]
-        return ends
-
-    @property
-    def radii(self) -> Array:
-        """Radii of the capsules that move [m], shape (c,)."""
-        radii: Array = self._capsules["radius"]
-        return radii
-
-    @property
-    def pairs(self) -> IntArray:
-        """Pairs of a limb's capsules that are compared, shape (k, 2)."""
-        pairs: IntArray = self.limb["pairs"][: self.limb["pair_count"]]
-        return pairs
-
-    @property
-    def mounts(self) -> Any:
-        """Rows of `BodyCapsule`: what is fixed to the body."""
-        return self.robot["mounts"][: self.robot["mount_count"]]
-
-    @property
-    def _capsules(self) -> Any:
-        return self.limb["capsules"][: self.limb["capsule_count"]]
 
     def never(self, limb: int) -> list[tuple[str, str]]:
         """Pairs of a limb's links, the body among them, that are not compared.

@@ -101,13 +101,7 @@ def set_axis(ends: Array, c: int, axis: tuple[Triple, Triple]) -> None:
 
 @kernel
 def place(limb: Limb, frames: Array, out: Shapes) -> None:
-    """Put the capsules of a limb in place.
-
-    Args:
-        limb: The limb.
-        frames: Its links in its base frame, see `arm.link_frames`.
-        out: In the body frame; the ends are set.
-    """
+    """Put the ends of a limb's capsules in place in the body frame, by `arm.link_frames`."""
     for c in range(limb.capsule_count):
         capsule = limb.capsules[c]
         a, b = capsule_axis(capsule.ends)
@@ -192,23 +186,14 @@ def seen_from_link(row: int, capsule: LimbCapsule, placed: Placed) -> tuple[floa
 @kernel
 def capsule_motion(limb: Limb, placed: Placed) -> None:
     """How far each capsule end moves at most in the body frame."""
+    motion = placed.in_body.motion
     for c in range(limb.capsule_count):
-        for e in range(2):
-            capsule = limb.capsules[c]
-            shift, spin = placed.shift[0, capsule.anchor[e]], placed.spin[0, capsule.link]
-            placed.in_body.motion[c, e] = placed.share * (shift + capsule.arm[e] * spin)
+        motion[c, 0], motion[c, 1] = seen_from_link(0, limb.capsules[c], placed)
 
 
 @kernel
 def moved_by_base(limb: Limb, travel: float, swing: float, placed: Placed) -> None:
-    """How far each capsule end moves at most in the world.
-
-    Args:
-        limb: The limb.
-        travel: How far the base travels [m].
-        swing: How far it turns [rad].
-        placed: Updated.
-    """
+    """How far each capsule end moves at most in the world if the base moves [m] and turns [rad]."""
     moved, out = placed.in_body.motion, placed.in_world.motion
     for c in range(limb.capsule_count):
         a, b = axis_of(placed.in_body.ends, c)

@@ -63,13 +63,9 @@ class QueryRoom(Record):
 
 @entry
 def hands_clear(robots: Any, around: Surroundings, rooms: Any, answers: IntArray) -> None:
-    """What the capsules on the flange axis touch at each point, whatever the posture.
+    """What the capsules on the flange axis touch at each of m points, whatever the posture.
 
-    Args:
-        robots: A row of `Robot`, shape (1,).
-        around: The m points and the boxes.
-        rooms: A row of `QueryRoom`, shape (1,).
-        answers: Filled with what they touch, shape (m,).
+    A row of `Robot` and one of `QueryRoom`, shape (1,); `answers`, shape (m,), are filled.
     """
     robot, room = robots[0], rooms[0]
     limb = robot.limbs[0]
@@ -89,14 +85,8 @@ def hands_clear(robots: Any, around: Surroundings, rooms: Any, answers: IntArray
                 along(point, robot.tool_length - at_a, normal),
                 along(point, robot.tool_length - at_b, normal),
             )
-            found = axis_answer(
-                axis,
-                capsule.radius + around.clearance,
-                (0.0, 0.0),
-                around.grid,
-                room.behind,
-                c >= limb.gripper,
-            )
+            inner, at_grasp = capsule.radius + around.clearance, c >= limb.gripper
+            found = axis_answer(axis, inner, (0.0, 0.0), around.grid, room.behind, at_grasp)
             if found != CLEAR:
                 answers[m] = found
                 break
@@ -112,16 +102,9 @@ def clear_of_boxes(
     around: Surroundings,
     rooms: Any,
 ) -> None:
-    """Take the branches that touch a box out of the masks of postures.
+    """Take the branches that touch a box out of the masks of postures `chosen[start:stop]`.
 
-    Args:
-        start: First of `chosen`.
-        stop: One past the last.
-        chosen: Stances to check.
-        postures: Their postures, changed.
-        robots: A row of `Robot`, shape (1,).
-        around: Points and boxes.
-        rooms: A row of `QueryRoom`, shape (1,).
+    A row of `Robot` and one of `QueryRoom`, shape (1,).
     """
     robot, room, check = robots[0], rooms[0], postures.others[0]
     for n in range(start, stop):

@@ -117,12 +117,6 @@ def _base_span(motion: Motion) -> float:
 def sweep(robot: Robot, grid: BoxGrid, clearance: float, room: Sweep) -> int:
     """Whether the first limb of a motion keeps clear of what it is compared with.
 
-    Args:
-        robot: The robot.
-        grid: The boxes.
-        clearance: Least distance [m].
-        room: The motion, limbs at rest, and scratch.
-
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth, or out of reach on the way), or the cause.
     """

@@ -73,8 +73,6 @@ def aim(model: mujoco.MjModel, grasp_map: GraspMap, camera: Camera) -> None:
 
 def _light(spec: mujoco.MjSpec) -> None:
     """Two lamps with shadows and three soft lights without, all white."""
-    for light in spec.worldbody.lights:
-        spec.delete(light)
     spot = {"castshadow": True, "cutoff": 85.0, "exponent": 0.3}
     _lamp(spec, 0.27, [0.15, 0.85, -0.42], name=_KEY, **spot)
     _lamp(spec, 0.28, [0.0, 0.1, -1.0], name=_TOP, **spot)

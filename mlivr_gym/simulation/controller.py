@@ -2,7 +2,7 @@
 
 At every period it reads the encoders and asks each joint for
 
-    kp (q_ref - q) + kd (qdot_ref - qdot) + ki (integral of q_ref - q) + what is fed forward,
+    kp (q_ref - q) + kd (qdot_ref - qdot) + what is fed forward,
 
 cut off at the joint's largest torque and held until the next period. `q_ref` is the trajectory's
 angle with a shift added. When a step begins, `rebase` moves the references to where the encoders
@@ -23,15 +23,16 @@ pulls at once by its damper.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
-from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import Flag, Place, Record, Tuples, Whole
+from mlivr_gym.schema import Flag, Kind, Tuples, Whole
+from mlivr_gym.simulation.figures import Figures
 
 
 @dataclass(frozen=True)
-class Controller:
+class Controller(Figures):
     """Gains and abilities of the controller.
 
     Attributes:
@@ -39,8 +40,6 @@ class Controller:
         kd_free: Gain of its speed error [N m s/rad].
         kp_hold: Gain of the position error of each joint of a limb that holds [N m/rad].
         kd_hold: Gain of its speed error [N m s/rad].
-        integral: Gain of the integral of the position error over that of the error [1/s]; against
-            friction.
         period: Time from one reading of the encoders to the next [s], a multiple of the time step.
         feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward, see
             `feedforward.feedforward`.
@@ -58,7 +57,6 @@ class Controller:
     kd_free: tuple[float, ...] = (40.0, 60.0, 60.0, 10.0, 10.0, 8.0)
     kp_hold: tuple[float, ...] = (800.0, 1200.0, 1200.0, 1000.0, 1400.0, 1200.0)
     kd_hold: tuple[float, ...] = (80.0, 120.0, 120.0, 50.0, 70.0, 60.0)
-    integral: float = 0.0
     period: float = 0.002
     feedforward: bool = True
     rebase: bool = True
@@ -69,28 +67,12 @@ class Controller:
     patience: float = 6.0
     tries: int = 2
 
-    def __post_init__(self) -> None:
-        """Check every figure."""
-        CONTROLLER.check(self, Place("controller", SettingError))
-
-    @classmethod
-    def of(cls, given: Controller | dict[str, Any] | str | None) -> Controller:
-        """The controller as it is, from plain data, by name (one of `CONTROLLERS`), or by default.
-
-        Raises:
-            SettingError: If there is no such name or field, or a field has a faulty value.
-        """
-        return CONTROLLER.given(given, Place("controller", SettingError), CONTROLLERS)
-
-
-CONTROLLER = Record(
-    Controller,
-    {
+    called: ClassVar[str] = "controller"
+    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
         "kp_free": Tuples((6,), 0.0, 1e6, "N m/rad"),
         "kd_free": Tuples((6,), 0.0, 1e6, "N m s/rad"),
         "kp_hold": Tuples((6,), 0.0, 1e6, "N m/rad"),
         "kd_hold": Tuples((6,), 0.0, 1e6, "N m s/rad"),
-        "integral": Tuples((), 0.0, 100.0, "1/s"),
         "period": Tuples((), 1e-5, 0.1, "s"),
         "feedforward": Flag(),
         "rebase": Flag(),
@@ -100,13 +82,11 @@ CONTROLLER = Record(
         "guidance": Tuples((), 0.0, 100.0, "1/s"),
         "patience": Tuples((), 0.0, 60.0, "s"),
         "tries": Whole(1, 10),
-    },
-)
-"""Fields of a `Controller`."""
+    }
+
 
 PAPER = Controller(
-    *((100.0,) * 6, (50.0,) * 6) * 2, integral=0.0, feedforward=False, rebase=False, guided=False,
-    tries=1,
+    *((100.0,) * 6, (50.0,) * 6) * 2, feedforward=False, rebase=False, guided=False, tries=1,
 )  # fmt: skip
 """The paper's: proportional and derivative gains on a trajectory, the same for all joints."""
 
@@ -115,3 +95,5 @@ FEEDFORWARD = replace(PAPER, feedforward=True)
 
 CONTROLLERS = {"full": Controller(), "feedforward": FEEDFORWARD, "paper": PAPER}
 """Controllers by name."""
+
+Controller.named = CONTROLLERS

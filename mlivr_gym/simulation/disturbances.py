@@ -11,15 +11,16 @@ NASA, 2015. For encoders, points and grasps of this robot no figures are publish
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import Place, Record, Tuples
+from mlivr_gym.schema import Kind, Tuples
+from mlivr_gym.simulation.figures import Figures
 from mlivr_gym.simulation.gl import mujoco
 
 STANDARD_GRAVITY = 9.80665
@@ -27,7 +28,7 @@ STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
-class Disturbances:
+class Disturbances(Figures):
     """How far figures may be off; 0 everywhere is the robot that the controller knows.
 
     Attributes:
@@ -63,18 +64,23 @@ class Disturbances:
     sensor_position: float = 0.001
     sensor_angle: float = float(np.deg2rad(0.5))
 
-    def __post_init__(self) -> None:
-        """Check every figure."""
-        DISTURBANCES.check(self, Place("disturbances", SettingError))
-
-    @classmethod
-    def of(cls, given: Disturbances | dict[str, Any] | str | None) -> Disturbances:
-        """The disturbances as they are, from plain data, by name (one of `KNOWN`), or by default.
-
-        Raises:
-            SettingError: If there is no such name or field, or a field has a faulty value.
-        """
-        return DISTURBANCES.given(given, Place("disturbances", SettingError), KNOWN)
+    called: ClassVar[str] = "disturbances"
+    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
+        "friction": Tuples((), 0.0, 1e3, "N m"),
+        "damping": Tuples((), 0.0, 1e3, "N m s/rad"),
+        "encoder_bias": Tuples((), 0.0, 1.0, "rad"),
+        "encoder_noise": Tuples((), 0.0, 1.0, "rad"),
+        "speed_noise": Tuples((), 0.0, 10.0, "rad/s"),
+        "delay": Tuples((), 0.0, 0.1, "s"),
+        "acceleration": Tuples((), 0.0, 1.0, "g"),
+        "payload": Tuples((), 0.0, 1e4, "kg"),
+        "masses": Tuples((), 0.0, 0.9),
+        "stiffness": Tuples((), 1.0, 100.0),
+        "point_position": Tuples((), 0.0, 1.0, "m"),
+        "point_angle": Tuples((), 0.0, 1.0, "rad"),
+        "sensor_position": Tuples((), 0.0, 1.0, "m"),
+        "sensor_angle": Tuples((), 0.0, 1.0, "rad"),
+    }
 
     def only(self, name: str) -> Disturbances:
         """One of them, the others as they are by default."""
@@ -185,27 +191,6 @@ def _directions(rng: np.random.Generator, count: int) -> Array:
     return unit
 
 
-DISTURBANCES = Record(
-    Disturbances,
-    {
-        "friction": Tuples((), 0.0, 1e3, "N m"),
-        "damping": Tuples((), 0.0, 1e3, "N m s/rad"),
-        "encoder_bias": Tuples((), 0.0, 1.0, "rad"),
-        "encoder_noise": Tuples((), 0.0, 1.0, "rad"),
-        "speed_noise": Tuples((), 0.0, 10.0, "rad/s"),
-        "delay": Tuples((), 0.0, 0.1, "s"),
-        "acceleration": Tuples((), 0.0, 1.0, "g"),
-        "payload": Tuples((), 0.0, 1e4, "kg"),
-        "masses": Tuples((), 0.0, 0.9),
-        "stiffness": Tuples((), 1.0, 100.0),
-        "point_position": Tuples((), 0.0, 1.0, "m"),
-        "point_angle": Tuples((), 0.0, 1.0, "rad"),
-        "sensor_position": Tuples((), 0.0, 1.0, "m"),
-        "sensor_angle": Tuples((), 0.0, 1.0, "rad"),
-    },
-)
-"""Fields of `Disturbances`."""
-
 NONE = Disturbances()
 """No disturbance but the noise of the gripper's sensor."""
 
@@ -227,3 +212,5 @@ ALL = Disturbances(
 
 KNOWN = {"none": NONE, "all": ALL}
 """Disturbances by name."""
+
+Disturbances.named = KNOWN

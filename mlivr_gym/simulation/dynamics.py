@@ -16,15 +16,15 @@ the surface of the point that it holds, leaves or grasps.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
-from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Place, Record, Tuples
+from mlivr_gym.schema import Kind, Tuples
+from mlivr_gym.simulation.figures import Figures
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
 from mlivr_gym.world.boxes import Box
@@ -38,7 +38,7 @@ AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 
 
 @dataclass(frozen=True)
-class Physics:
+class Physics(Figures):
     """Figures of grasps and failures.
 
     Attributes:
@@ -69,35 +69,18 @@ class Physics:
     saturation_time: float = 0.1
     limit_margin: float = float(np.deg2rad(3.0))
 
-    def __post_init__(self) -> None:
-        """Check that every figure is finite and above zero."""
-        PHYSICS.check(self, Place("physics", SettingError))
-
-    @classmethod
-    def of(cls, given: Physics | dict[str, Any] | None) -> Physics:
-        """The figures as they are, from plain data, or by default.
-
-        Raises:
-            SettingError: See `from_dict`.
-        """
-        return cls.from_dict({} if given is None else given)
-
-    @classmethod
-    def from_dict(cls, data: Any) -> Physics:
-        """The figures of a dictionary, the others as they are by default.
-
-        Raises:
-            SettingError: If it names a figure that there is not, or one is no number above 0.
-        """
-        return PHYSICS.read(data, Place("physics", SettingError))
-
-
-PHYSICS = Record(
-    Physics,
-    {field.name: Tuples((), 1e-12, 1e12) for field in fields(Physics)}
-    | {"timestep": Tuples((), 1e-5, 0.1, "s")},
-)
-"""Fields of `Physics`."""
+    called: ClassVar[str] = "physics"
+    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
+        "timestep": Tuples((), 1e-5, 0.1, "s"),
+        **dict.fromkeys(
+            (
+                "grasp_stiffness", "grasp_damping", "grasp_rotational_stiffness",
+                "grasp_rotational_damping", "capture_distance", "capture_angle", "hold_force",
+                "hold_torque", "saturation_time", "limit_margin",
+            ),
+            Tuples((), 1e-12, 1e12),
+        ),
+    }  # fmt: skip
 
 
 def dynamics_spec(

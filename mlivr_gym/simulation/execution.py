@@ -110,12 +110,7 @@ class Execution:
 
 
 @checked(
-    {
-        **WALK,
-        "timing": TIMING,
-        "physics": Maybe(Of(Physics)),
-        "simulation": Maybe(Of(Simulation)),
-    }
+    {**WALK, "timing": TIMING, "physics": Maybe(Of(Physics)), "simulation": Maybe(Of(Simulation))}
 )
 def execute(
     graph: StanceGraph,
@@ -183,13 +178,7 @@ class TimedWalk(NamedTuple):
 def timed_walk(
     graph: StanceGraph, plan: Plan, timing: Limits | Durations, period: float
 ) -> TimedWalk:
-    """A plan with a clock.
-
-    Args:
-        graph: The stance graph of the plan's robot and map.
-        plan: The plan.
-        timing: How fast.
-        period: Time step of the simulation [s].
+    """A plan with a clock, on a time grid [s].
 
     Raises:
         PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.
@@ -206,16 +195,7 @@ def timed_walk(
 def carry_out(
     simulation: Simulation, walk: TimedWalk, progress: Callable[[int], None] | None = None
 ) -> list[ExecutedStep]:
-    """Carry out a walk up to its end, or to the step that fails.
-
-    Args:
-        simulation: A simulation of the robot, map and obstacles of the walk.
-        walk: The walk.
-        progress: Called with the number of steps done.
-
-    Returns:
-        What came of each step, and of the moment for which the last grasp is held.
-    """
+    """What came of each step up to the end or to the one that fails, and of the last hold."""
     simulation.reset(*walk.start, walk.points)
     done: list[ExecutedStep] = []
     for index, trajectory in enumerate(walk.steps):

@@ -55,10 +55,9 @@ def exported_model(
     held = [grasp_map.index(point) for point in points]
     simulation.reset(*checked_configuration(robot, configuration), held)
     spec = dynamics_spec(grasp_map, robot, physics, obstacles)
-    for limb in range(robot.limbs):
-        anchor = simulation.model.body(f"limb{limb}/anchor")
-        spec.body(f"limb{limb}/anchor").pos = anchor.pos
-        spec.body(f"limb{limb}/anchor").quat = anchor.quat
+    for name in (f"limb{limb}/anchor" for limb in range(robot.limbs)):
+        anchor = simulation.model.body(name)
+        spec.body(name).pos, spec.body(name).quat = anchor.pos, anchor.quat
     for geom in spec.worldbody.geoms:
         # What lies behind the points that are held does not meet the grippers that hold them.
         geom.contype = int(simulation.model.geom(geom.name).contype[0])

@@ -2,43 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.recording import Failure
+from mlivr_gym.simulation.instruments import Measured
+from mlivr_gym.simulation.recording import Failure, Recording
 
 AT_LIMIT = 0.999
 """A torque above this share of its limit counts as at the limit."""
-
-
-class Measured(NamedTuple):
-    """Every one of n successive time steps.
-
-    Where nothing else is said, names, units and shapes are those of `Recording`.
-    """
-
-    times: Array
-    joints: Array
-    speeds: Array
-    """Joint velocities, shape (n, N, 6) [rad/s]."""
-    torques: Array
-    base: Array
-    """Base position and quaternion, shape (n, 7)."""
-    base_errors: Array
-    base_angle_errors: Array
-    forces: Array
-    grasp_torques: Array
-    velocity: Array
-    """Velocity of the centre of mass, shape (n, 3) [m/s]."""
-    angular_momentum: Array
-    contacts: IntArray
-    finite: BoolArray
-    """Whether the state is finite, shape (n,)."""
 
 
 class FailureWatch:
@@ -48,7 +23,7 @@ class FailureWatch:
         """Watch step `step` of a robot's walk."""
         self.physics, self.limits, self.step = physics, robot.limb.limits, step
         self._torques: Array = np.array(robot.limb_dynamics.torque_limits)
-        self._run: IntArray | None = None
+        self._run: IntArray = np.zeros((robot.limbs, 6), dtype=np.int64)
 
     def first(
         self, measured: Measured, phase: str, held: Sequence[bool]
@@ -60,88 +35,65 @@ class FailureWatch:
             phase: Their phase.
             held: Which limbs hold.
         """
-        found = [
-            *self._diverged(measured), *self._collision(measured), *self._lost_hold(measured, held),
-            *self._saturation(measured), *self._joint_limit(measured),
-        ]  # fmt: skip
+        recording, finite = measured.recording, measured.finite
+        touching = recording.contacts > 0
+        found: list[_Found] = []
+        if not finite.all():
+            found.append((int(np.argmin(finite)), "divergence", -1, "the simulation diverged", {}))
+        if touching.any():
+            index, told = int(np.argmax(touching)), "the robot touches something"
+            found.append((index, "collision", -1, told, {}))
+        found += [*self._overloaded(recording, held), *self._out_of_range(recording)]
         if not found:
             return None
         index, kind, limb, message, values = min(found, key=lambda entry: entry[0])
-        return index, Failure(
-            kind, float(measured.times[index]), self.step, phase, limb, message, values
-        )
+        time = float(recording.times[index])
+        return index, Failure(kind, time, self.step, phase, limb, message, values)
 
-    def _diverged(self, measured: Measured) -> list[_Found]:
-        if measured.finite.all():
-            return []
-        index = int(np.argmin(measured.finite))
-        return [(index, "divergence", -1, "the simulation diverged", {})]
-
-    def _collision(self, measured: Measured) -> list[_Found]:
-        touching = np.flatnonzero(measured.contacts > 0)
-        if not len(touching):
-            return []
-        return [(int(touching[0]), "collision", -1, "the robot touches something", {})]
-
-    def _lost_hold(self, measured: Measured, held: Sequence[bool]) -> list[_Found]:
-        found: list[_Found] = []
+    def _overloaded(self, recording: Recording, held: Sequence[bool]) -> Iterator[_Found]:
+        """Grasps that do not hold."""
         for limb in np.flatnonzero(held).tolist():
             for name, unit, wrench, most in (
-                ("force", "N", measured.forces, self.physics.hold_force),
-                ("torque", "N m", measured.grasp_torques, self.physics.hold_torque),
+                ("force", "N", recording.grasp_forces, self.physics.hold_force),
+                ("torque", "N m", recording.grasp_torques, self.physics.hold_torque),
             ):
                 size = np.linalg.norm(wrench[:, limb], axis=1)
-                over = np.flatnonzero(size > most)
-                if len(over):
-                    value = float(size[over[0]])
+                if (size > most).any():
+                    index = int(np.argmax(size > most))
+                    value, key = float(size[index]), f"{name}_{unit.replace(' ', '_')}"
                     message = (
                         f"limb {limb} lost its hold: {name} of {value:.1f} {unit}; "
                         f"it holds {most:g} {unit}"
                     )
-                    key = f"{name}_{unit.replace(' ', '_')}"
                     values = {key: value, f"allowed_{key}": most}
-                    found.append((int(over[0]), "lost hold", limb, message, values))
-        return found
+                    yield index, "lost hold", limb, message, values
 
-    def _saturation(self, measured: Measured) -> list[_Found]:
-        limits = self._torques
-        at_limit = np.abs(measured.torques) >= AT_LIMIT * limits
-        before = np.zeros(at_limit.shape[1:], dtype=np.int64) if self._run is None else self._run
+    def _out_of_range(self, recording: Recording) -> Iterator[_Found]:
+        """Joints at their torque limits for too long, or outside their position limits."""
+        at_limit = np.abs(recording.joint_torques) >= AT_LIMIT * self._torques
         # Length of the run at the limit that ends at each time step.
         index = np.arange(1, len(at_limit) + 1)[:, None, None]
         start = np.maximum.accumulate(np.where(at_limit, 0, index), axis=0)
-        run = np.where(start == 0, index + before, index - start)
+        run = np.where(start == 0, index + self._run, index - start)
         self._run = run[-1]
         allowed = self.physics.saturation_time
-        over = np.argwhere(run * self.physics.timestep > allowed)
-        if not len(over):
-            return []
-        k, limb, joint = over[0].tolist()
-        message = (
-            f"joint {joint + 1} of limb {limb} has been at its torque limit of "
-            f"{limits[joint]:g} N m for longer than {allowed:g} s"
-        )
-        values = {
-            "joint": float(joint + 1),
-            "torque_N_m": float(measured.torques[k, limb, joint]),
-            "allowed_time_s": allowed,
-        }
-        return [(k, "saturation", limb, message, values)]
-
-    def _joint_limit(self, measured: Measured) -> list[_Found]:
-        excess = np.maximum(
-            self.limits[:, 0] - measured.joints, measured.joints - self.limits[:, 1]
-        )
-        over = np.argwhere(excess > self.physics.limit_margin)
-        if not len(over):
-            return []
-        k, limb, joint = over[0].tolist()
-        angle = float(measured.joints[k, limb, joint])
-        message = (
-            f"joint {joint + 1} of limb {limb} is at {np.rad2deg(angle):.1f} deg, "
-            "outside its limits"
-        )
-        return [(k, "joint limit", limb, message, {"joint": float(joint + 1), "angle_rad": angle})]
+        for k, limb, joint in np.argwhere(run * self.physics.timestep > allowed)[:1].tolist():
+            message = (
+                f"joint {joint + 1} of limb {limb} has been at its torque limit of "
+                f"{self._torques[joint]:g} N m for longer than {allowed:g} s"
+            )
+            torque = float(recording.joint_torques[k, limb, joint])
+            values = {"joint": joint + 1.0, "torque_N_m": torque, "allowed_time_s": allowed}
+            yield k, "saturation", limb, message, values
+        joints, (low, high) = recording.joint_positions, self.limits.T
+        excess = np.maximum(low - joints, joints - high)
+        for k, limb, joint in np.argwhere(excess > self.physics.limit_margin)[:1].tolist():
+            angle = float(joints[k, limb, joint])
+            message = (
+                f"joint {joint + 1} of limb {limb} is at {np.rad2deg(angle):.1f} deg, "
+                "outside its limits"
+            )
+            yield k, "joint limit", limb, message, {"joint": joint + 1.0, "angle_rad": angle}
 
 
 _Found = tuple[int, str, int, str, dict[str, float]]

@@ -20,32 +20,24 @@ SAMPLES = 400
 
 
 def feedforward(robot: RobotSpec, physics: Physics, trajectory: Trajectory) -> tuple[Array, Array]:
-    """Joint torques [N m] and changes of the joint positions [rad] along a trajectory.
+    """Joint torques [N m] and changes of the joint positions [rad] along one step's trajectory.
 
     Both are of shape (k, N, 6).
-
-    Args:
-        robot: The robot.
-        physics: Figures of the grasps.
-        trajectory: Of one step.
     """
     coarse = trajectory.every(float(trajectory.times[-1]) / SAMPLES)
     count, limbs = coarse.grasps.shape
     times, holding = coarse.times, np.flatnonzero(coarse.grasps[1] != FREE)
+
+    def beside(base: Array, joints: Array) -> Array:
+        return np.column_stack([base, joints.reshape(count, -1)])
+
+    base = np.column_stack([coarse.base_positions, coarse.base_quaternions])
     asked = needed(
         robot,
         holding.tolist(),
-        np.column_stack(
-            [
-                coarse.base_positions,
-                coarse.base_quaternions,
-                coarse.joint_positions.reshape(count, -1),
-            ]
-        ),
-        np.column_stack([coarse.base_velocities, coarse.joint_velocities.reshape(count, -1)])[None],
-        np.column_stack([coarse.base_accelerations, coarse.joint_accelerations.reshape(count, -1)])[
-            None
-        ],
+        beside(base, coarse.joint_positions),
+        beside(coarse.base_velocities, coarse.joint_velocities)[None],
+        beside(coarse.base_accelerations, coarse.joint_accelerations)[None],
     )
     bends = _bends(physics, asked.wrenches[0], float(times[1] - times[0]))
     shifts = np.zeros((count, limbs, 6))

@@ -78,10 +78,6 @@ class Grippers:
         return self._data.site_xpos[site].copy(), self._data.site_xmat[site].reshape(3, 3).copy()
 
     def jacobian(self, limb: int) -> Array:
-        """How a limb's joints move its gripper, in world axes, shape (6, 6)."""
-        return self._jacobian(limb)[:, 6 + 6 * limb : 12 + 6 * limb]
-
-    def _jacobian(self, limb: int) -> Array:
         """How base and joints move a gripper, in world axes, shape (6, 6 + 6 N)."""
         both = np.zeros((6, self._model.nv))
         mujoco.mj_jacSite(self._model, self._data, both[:3], both[3:], self._sites[limb])
@@ -95,7 +91,7 @@ class Grippers:
             joints: Speeds of all joints, shape (6 N,) [rad/s].
         """
         holding = [other for other, point in enumerate(self.points) if point != FREE]
-        held, here = np.concatenate([self._jacobian(i) for i in holding]), self._jacobian(limb)
+        held, here = np.concatenate([self.jacobian(i) for i in holding]), self.jacobian(limb)
         base = np.linalg.lstsq(held[:, :6], -held[:, 6:] @ joints)[0]
         speed = here[:, :6] @ base + here[:, 6:] @ joints
         return float(np.linalg.norm(speed[:3])), float(np.linalg.norm(speed[3:]))
@@ -118,10 +114,7 @@ class Grippers:
     def _tool(self, limb: int, point: int) -> Array:
         """Rotation of a gripper that holds a point: of two, half a turn apart, the nearer one."""
         found, tool = self.pose(limb)[1], self._turns[point] @ self._known[point]
-        return max(
-            (tool, tool @ HALF_TURN),
-            key=lambda tool: float(np.trace(tool.T @ found)),
-        )
+        return max(tool, tool @ HALF_TURN, key=lambda tool: float(np.trace(tool.T @ found)))
 
     def grasp(self, limb: int, point: int) -> None:
         """Put the anchor on the point and switch the grasp on."""

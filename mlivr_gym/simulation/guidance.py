@@ -63,27 +63,20 @@ class Guidance:
             return False
         away, turned = np.linalg.norm(self._seen[:3]), np.linalg.norm(self._seen[3:])
         moves, turns = self._grippers.speeds(self._limb, self._joints.speeds)
-        return bool(
-            away < CLOSE_POSITION
-            and turned < CLOSE_ANGLE
-            and moves < AT_REST[0]
-            and turns < AT_REST[1]
-        )
+        small = away < CLOSE_POSITION and turned < CLOSE_ANGLE
+        return bool(small and moves < AT_REST[0] and turns < AT_REST[1])
 
     def correct(self, trajectory: Trajectory, k: int) -> None:
-        """Read the sensor and move the references of the limb's joints.
-
-        Args:
-            trajectory: What is followed.
-            k: Index of the present time on its grid.
-        """
+        """Read the sensor at time `k` of the grid and move the references of the limb's joints."""
         error = self._error(trajectory, k) + self._spread * self._rng.standard_normal(6)
         seen = error if self._seen is None else MEMORY * self._seen + (1.0 - MEMORY) * error
         self._seen = seen
         share = self._controller.guidance * self._controller.sensor_period
-        change = share * np.linalg.lstsq(self._grippers.jacobian(self._limb), seen)[0]
+        first = 6 * self._limb
+        jacobian = self._grippers.jacobian(self._limb)[:, 6 + first : 12 + first]
+        change = share * np.linalg.lstsq(jacobian, seen)[0]
         change *= min(1.0, LARGEST_CHANGE / max(float(np.abs(change).max()), 1e-12))
-        self._joints.shift[6 * self._limb : 6 * self._limb + 6] += change
+        self._joints.shift[first : first + 6] += change
 
     def _error(self, trajectory: Trajectory, k: int) -> Array:
         """Displacement and rotation from the gripper to where it should be, shape (6,)."""

@@ -70,7 +70,6 @@ class JointControl:
         self._motors: Array = np.array(
             [model.actuator(model.joint(k + 1).name).id for k in range(count)]
         )
-        self._most = model.actuator_forcerange[self._motors, 1]
         self._every = max(round(controller.period / step), 1)
         self._late = round(disturbance.sizes.delay / step)
         self.reset()
@@ -79,18 +78,12 @@ class JointControl:
         """Forget what was learnt of friction and points."""
         count = len(self._bias)
         self.shift = np.zeros(count)
-        self._integral = np.zeros(count)
         self._past: deque[tuple[Array, Array]] = deque(maxlen=self._late + 1)
         self._ticks = 0
 
     def rebase(self, positions: Array) -> None:
-        """Move the references to where the encoders are.
-
-        Args:
-            positions: Present positions of the reference, shape (6 N,) [rad].
-        """
+        """Move the references, shape (6 N,) [rad], to where the encoders are."""
         self.shift = self._data.qpos[7:] + self._bias - positions
-        self._integral[:] = 0.0
 
     @property
     def speeds(self) -> Array:
@@ -109,12 +102,7 @@ class JointControl:
     def run(
         self, reference: Reference, held: Sequence[bool], recovering: bool = False
     ) -> tuple[Array, Array]:
-        """Follow a reference, one time step for each of its times.
-
-        Args:
-            reference: The reference.
-            held: Which limbs hold.
-            recovering: Whether the shift is taken out meanwhile.
+        """Follow a reference, one time step for each of its times; if wanted, the shift goes out.
 
         Returns:
             Time, positions and velocities before each time step, and sensor data at it.
@@ -127,23 +115,16 @@ class JointControl:
         speed_noise = self._sizes.speed_noise * self._rng.standard_normal((count, joints))
         kp = np.ravel([controller.kp_hold if hold else controller.kp_free for hold in held])
         kd = np.ravel([controller.kd_hold if hold else controller.kd_free for hold in held])
-        gain = controller.integral * controller.period
         wanted = reference.positions + self._shifts(count, recovering)
         fed = kd * reference.speeds + reference.torques
         q, v, qpos, qvel, ctrl = data.qpos[7:], data.qvel[6:], data.qpos, data.qvel, data.ctrl
         positions, speeds = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq :]
-        most, integral, motors = self._most, self._integral, self._motors
         for k in range(count):
             states[k, 0], positions[k], speeds[k] = data.time, qpos, qvel
             self._past.append((q + noise[k], v + speed_noise[k]))
             if self._ticks % self._every == 0:
                 position, speed = self._past[0]
-                torque = kp * (wanted[k] - position)
-                if gain:
-                    np.clip(integral + gain * torque, -most, most, out=integral)
-                    torque += integral
-                torque += fed[k] - kd * speed
-                ctrl[motors] = torque
+                ctrl[self._motors] = kp * (wanted[k] - position) + (fed[k] - kd * speed)
             self._ticks += 1
             mujoco.mj_step(model, data)
             sensors[k] = data.sensordata

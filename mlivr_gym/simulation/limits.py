@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
-from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.clocks import LONGEST_STEP
-from mlivr_gym.schema import Choice, Maybe, Place, Record, Tuples
+from mlivr_gym.schema import Choice, Kind, Maybe, Tuples
+from mlivr_gym.simulation.figures import Figures
 
 PROFILES = ("fastest", "quintic")
 """Clocks of the pieces of a step: the shortest, or the paper's polynomial."""
 
 
 @dataclass(frozen=True)
-class Limits:
+class Limits(Figures):
     """What a step may ask of the robot and of the points it holds.
 
     Attributes:
@@ -41,23 +42,8 @@ class Limits:
     profile: str = "fastest"
     step_duration: float | None = None
 
-    def __post_init__(self) -> None:
-        """Check every figure."""
-        LIMITS.check(self, Place("limits", SettingError))
-
-    @classmethod
-    def of(cls, given: Limits | dict[str, Any] | str | None) -> Limits:
-        """The limits as they are, from plain data, by name (one of `PACES`), or by default.
-
-        Raises:
-            SettingError: If there is no such name or field, or a field has a faulty value.
-        """
-        return LIMITS.given(given, Place("limits", SettingError), PACES)
-
-
-LIMITS = Record(
-    Limits,
-    {
+    called: ClassVar[str] = "limits"
+    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
         "torque": Tuples((), 1e-3, 1.0),
         "speed": Tuples((), 1e-3, 1.0),
         "grasp_force": Tuples((), 1e-3, 1e6, "N"),
@@ -66,12 +52,13 @@ LIMITS = Record(
         "rise_time": Tuples((), 0.01, 10.0, "s"),
         "profile": Choice(PROFILES),
         "step_duration": Maybe(Tuples((), 1e-3, LONGEST_STEP, "s")),
-    },
-)
-"""Fields of `Limits`."""
+    }
+
 
 GENTLE = Limits(torque=0.4, grasp_force=25.0, grasp_torque=12.0, surface_speed=0.1)
 """Limits that leave room for a robot that is not the one the controller knows."""
 
 PACES = {"fast": Limits(), "gentle": GENTLE}
 """Limits by name."""
+
+Limits.named = PACES

@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from typing import Any, NamedTuple
 
-import numpy as np
+from scipy.stats import binomtest
 
 from mlivr_gym.arguments import Of, checked
 from mlivr_gym.motion.arguments import WALK
@@ -22,9 +22,6 @@ from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
-
-CONFIDENCE = 1.959964
-"""Standard deviations on either side of a mean that hold 95 % of a normal distribution."""
 
 
 class Outcome(NamedTuple):
@@ -171,7 +168,9 @@ def success(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     count = len(outcomes)
     failures = Counter(outcome.failure for outcome in outcomes if outcome.failure is not None)
     done = count - sum(failures.values())
-    low, high = interval(done, count)
+    low, high = 0.0, 1.0
+    if count:
+        low, high = map(float, binomtest(done, count).proportion_ci(method="wilson"))
     return {
         "walks": count,
         "carried_out": done,
@@ -179,14 +178,3 @@ def success(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "interval": [low, high],
         "failures": dict(sorted(failures.items())),
     }
-
-
-def interval(done: int, count: int) -> tuple[float, float]:
-    """Wilson's interval at 95 % of a share of `done` in `count`."""
-    if count == 0:
-        return 0.0, 1.0
-    z2, share = CONFIDENCE**2, done / count
-    middle = (share + z2 / (2 * count)) / (1 + z2 / count)
-    half = CONFIDENCE * float(np.sqrt(share * (1 - share) / count + z2 / (4 * count**2)))
-    half /= 1 + z2 / count
-    return max(middle - half, 0.0), min(middle + half, 1.0)

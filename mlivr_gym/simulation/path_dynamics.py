@@ -47,8 +47,6 @@ class Binding(NamedTuple):
 class PieceRows(NamedTuple):
     """What a piece asks for at K shares, in units of the limits."""
 
-    phase: str
-    """One of `regrasp.PHASES`."""
     holding: tuple[int, ...]
     """Limbs that hold, n of them."""
     limb: int
@@ -105,13 +103,7 @@ class PieceRows(NamedTuple):
 
 
 def piece_rows(robot: RobotSpec, regrasp: Regrasp, piece: Piece, limits: Limits) -> PieceRows:
-    """What a piece of a step asks for.
-
-    Args:
-        robot: The robot.
-        regrasp: The step.
-        piece: One of its pieces.
-        limits: The limits, which are the units of what is asked for.
+    """What a piece of a step asks for, in units of the limits.
 
     Raises:
         RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
@@ -135,4 +127,4 @@ def piece_rows(robot: RobotSpec, regrasp: Regrasp, piece: Piece, limits: Limits)
     # On departure and approach the gripper moves along the normal by the robot's lift.
     lifted = robot.lift / limits.surface_speed if PHASES[piece.phase] != "swing" else 0.0
     speeds = np.column_stack([first[:, 6:] / speed, np.full(count, lifted)])
-    return PieceRows(PHASES[piece.phase], holding, regrasp.limb, shares, torques, forces, speeds)
+    return PieceRows(holding, regrasp.limb, shares, torques, forces, speeds)

@@ -52,10 +52,6 @@ def phase_torques(recording: Recording, captures: Sequence[Capture]) -> list[Pha
 
     What follows a capture belongs to the step that ends with it, even where the next one has begun.
     Parts of which nothing was recorded are missing.
-
-    Args:
-        recording: Measurements.
-        captures: How limbs grasped their points.
     """
     found, rms, caught = [], recording.torque_rms, after_captures(recording, captures)
     for step in np.unique(recording.step).tolist():
@@ -63,9 +59,8 @@ def phase_torques(recording: Recording, captures: Sequence[Capture]) -> list[Pha
             name: (recording.step == step) & (recording.phase == k) & ~caught
             for k, name in enumerate(PHASES)
         }
-        inside[CAPTURE] = after_captures(
-            recording, [capture for capture in captures if capture.step == step]
-        )
+        ending = [capture for capture in captures if capture.step == step]
+        inside[CAPTURE] = after_captures(recording, ending)
         for part in PARTS:
             samples = np.flatnonzero(inside[part])
             if len(samples):

@@ -110,12 +110,7 @@ class PhysicalWalk:
     def step(
         self, limb: int, point: int, masks: tuple[int, ...]
     ) -> tuple[State, ExecutedStep | Failure]:
-        """Execute one step.
-
-        Args:
-            limb: The limb that moves.
-            point: Point index it moves to.
-            masks: Branches kept by all limbs after the step.
+        """Move a limb to a point, by index; `masks` are the branches kept by all limbs after it.
 
         Returns:
             The state after the step, that before it if it failed, and what came of it; a `Failure`
@@ -194,10 +189,7 @@ class PhysicalWalk:
         return regrasp, edge
 
     def _options(self, state: State, limb: int) -> list[State]:
-        """The state with a limb on each one of its branches, those that keep most steps open first.
-
-        Equal ones are in a fixed order.
-        """
+        """The state with a limb on each of its branches, those that keep most steps open first."""
         options = []
         for bit in range(16):
             if state.masks[limb] >> bit & 1:

@@ -11,14 +11,8 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 
 FAILURES = (
-    "missed grasp",
-    "saturation",
-    "collision",
-    "lost hold",
-    "joint limit",
-    "divergence",
-    "no swing",
-)
+    "missed grasp", "saturation", "collision", "lost hold", "joint limit", "divergence", "no swing",
+)  # fmt: skip
 """Kinds of failure.
 
 `"no swing"` is that of an environment's step for which no swing was found.
@@ -123,9 +117,9 @@ class Recording:
         """All arrays by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
-    def every(self, stride: int, first: int = 0) -> Recording:
-        """Every `stride`-th sample from `first` on."""
-        return Recording(**{name: array[first::stride] for name, array in self.arrays().items()})
+    def part(self, chosen: slice) -> Recording:
+        """Some of the samples."""
+        return Recording(**{name: array[chosen] for name, array in self.arrays().items()})
 
     @classmethod
     def join(cls, parts: list[Recording]) -> Recording:
@@ -159,6 +153,19 @@ class Peaks:
     base_error: float
     base_angle_error: float
     joint_speed: float
+
+    @classmethod
+    def of(cls, recording: Recording, speeds: Array) -> Peaks:
+        """Those of every time step; `speeds` are the joints', shape (k, N, 6) [rad/s]."""
+        return cls(
+            joint_torque=np.abs(recording.joint_torques).max(axis=0),
+            torque_rms=float(recording.torque_rms.max()),
+            grasp_force=np.linalg.norm(recording.grasp_forces, axis=2).max(axis=0),
+            grasp_torque=np.linalg.norm(recording.grasp_torques, axis=2).max(axis=0),
+            base_error=float(recording.base_errors.max()),
+            base_angle_error=float(recording.base_angle_errors.max()),
+            joint_speed=float(np.abs(speeds).max()),
+        )
 
     @classmethod
     def join(cls, parts: list[Peaks]) -> Peaks:

@@ -27,13 +27,8 @@ from mlivr_gym.world.grasp_map import GraspMap
 FACE_GROUPS = {"deck": 1, "forward": 2, "aft": 3, "overhead": 4, "starboard": 5, "port": 5}
 """Geom group of each cabin face; the robot has group 0."""
 
-_BODY, _GRIPPER, _STEEL, _POINT = (
-    (0.93, 0.93, 0.95, 1),
-    (0.15, 0.15, 0.17, 1),
-    (0.70, 0.72, 0.75, 1),
-    (0.95, 0.75, 0.10, 1),
-)
-_PANEL = (0.80, 0.82, 0.84, 1)
+_BODY, _GRIPPER = (0.93, 0.93, 0.95, 1), (0.15, 0.15, 0.17, 1)
+_STEEL, _POINT, _PANEL = (0.70, 0.72, 0.75, 1), (0.95, 0.75, 0.10, 1), (0.80, 0.82, 0.84, 1)
 _COLOURS = {
     "panel": _PANEL, "closeout": _PANEL, "bulkhead": _PANEL, "rack": (0.90, 0.90, 0.88, 1),
     "track": (0.45, 0.48, 0.52, 1), "handrail": (0.10, 0.35, 0.75, 1), "stanchion": _STEEL,
@@ -77,9 +72,7 @@ def scene_spec(
     spec = robot_alone(robot)
     spec.modelname = f"{grasp_map.name}-{robot.name}"
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
-    spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
-    spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
-    spec.visual.quality.shadowsize = 4096
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.35] * 3, [0.6] * 3
     spec.visual.map.znear = 0.005
     spec.add_texture(
         name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -88,7 +81,6 @@ def scene_spec(
     )  # fmt: skip
     spec.add_material(name="metal", specular=0.6, shininess=0.6)
     world = spec.worldbody
-    _add_lights(world, grasp_map)
     for box in boxes:
         world.add_geom(
             name=scene_name(BOX, box.id), type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre,
@@ -129,25 +121,6 @@ def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
     return spec
 
 
-def _add_lights(world: mujoco.MjsBody, grasp_map: GraspMap) -> None:
-    """Three lamps along the cabin, and soft light from below and from both ends."""
-    low, high = grasp_map.cabin
-    for x in np.linspace(low[0] + 0.2 * (high[0] - low[0]), low[0] + 0.8 * (high[0] - low[0]), 3):
-        world.add_light(
-            pos=[float(x), float(low[1] * 0.5), float(high[2] * 0.8)], dir=[0.0, 0.35, -1.0],
-            diffuse=[0.35, 0.35, 0.35], castshadow=bool(abs(x - 0.5 * (low[0] + high[0])) < 1.0),
-        )  # fmt: skip
-    world.add_light(
-        pos=[0.0, 0.0, 0.0], dir=[0.0, 0.3, 1.0], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        diffuse=[0.4, 0.4, 0.4], castshadow=False,
-    )  # fmt: skip
-    for side in (-1.0, 1.0):
-        world.add_light(
-            pos=[float(low[0] if side > 0 else high[0]), 0.0, 0.0], dir=[side, 0.0, 0.0],
-            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, diffuse=[0.3, 0.3, 0.3], castshadow=False,
-        )  # fmt: skip
-
-
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """The model of a scene.
 
@@ -168,17 +141,13 @@ def set_configuration(
     """Put the robot into a configuration and update the scene.
 
     Args:
-        model: Compiled from `scene_spec`.
+        model: Compiled from a spec whose only joints are those of `robot_alone`.
         data: Its data.
         position: Base position [m], shape (3,).
         quaternion: Base orientation w, x, y, z, shape (4,).
         joints: Joint angles [rad], shape (N, 6).
     """
-    address = int(model.joint("base").qposadr[0])
-    data.qpos[address : address + 3], data.qpos[address + 3 : address + 7] = position, quaternion
-    for limb, angles in enumerate(joints):
-        for k, angle in enumerate(angles):
-            data.qpos[int(model.joint(f"limb{limb}/joint{k + 1}").qposadr[0])] = angle
+    data.qpos[:3], data.qpos[3:7], data.qpos[7:] = position, quaternion, np.ravel(joints)
     mujoco.mj_forward(model, data)
 
 

@@ -93,7 +93,7 @@ class Simulation:
         )
         self.disturbance.apply(self.model)
         self.data = mujoco.MjData(self.model)
-        self.time, self._steps = 0.0, 0
+        self.time, self._steps, self._step = 0.0, 0, 0
         self._instruments = Instruments(self.model, robot.limbs)
         self.mass = self._instruments.mass
         model, data = self.model, self.data
@@ -165,6 +165,7 @@ class Simulation:
             SimulationError: If the trajectory's time grid or first stance is another.
         """
         limb, point = self._moving(trajectory)
+        self._step = step
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.rebase:
             self._joints.rebase(reference.positions[0])
@@ -175,27 +176,26 @@ class Simulation:
         def enter(phase: int) -> None:
             self._grippers.meets(limb, allowed[phase])
 
-        runs, tries = [self._run(trajectory, reference, step, enter)], 1
+        runs, tries = [self._run(trajectory, reference, enter)], 1
         while runs[-1].failure is None:
-            runs += self._wait(trajectory, reference, step)
+            runs += self._wait(trajectory, reference)
             distance, angle = self.grasp_error(limb, point)
             caught = within(self.physics, distance, angle)
             sure = caught and (self._guidance.close or not self.controller.guided)
             if sure or tries == self.controller.tries or runs[-1].failure is not None:
                 break
             tries += 1
-            runs += self._again(trajectory, reference, step)
+            runs += self._again(trajectory, reference)
         recording = Recording.join([run.recording for run in runs])
         peaks, failure = Peaks.join([run.peaks for run in runs]), runs[-1].failure
         if failure is None and not caught:
-            failure = self._missed(limb, point, distance, angle, step)
+            failure = self._missed(limb, point, distance, angle)
         if failure is not None:
             return ExecutedStep(recording, peaks, None, failure)
         self._grippers.grasp(limb, point)
         name = self.grasp_map.ids[point]
-        return ExecutedStep(
-            recording, peaks, Capture(self.time, step, limb, name, distance, angle, tries), None
-        )
+        capture = Capture(self.time, step, limb, name, distance, angle, tries)
+        return ExecutedStep(recording, peaks, capture, None)
 
     def rest(self, trajectory: Trajectory, duration: float, step: int = 0) -> ExecutedStep:
         """Hold still in the stance in which a trajectory ended.
@@ -208,58 +208,62 @@ class Simulation:
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.rebase:
             self._joints.rebase(reference.positions[-1])
-        places = np.full(self._steps_of(duration) + 1, len(trajectory.times) - 1)
-        return self._run(trajectory.at(places), reference.at(places, 0.0), step)
+        self._step = step
+        return self._hold(trajectory, reference, duration)
 
-    def _wait(self, trajectory: Trajectory, reference: Reference, step: int) -> list[ExecutedStep]:
+    def _hold(
+        self,
+        trajectory: Trajectory,
+        reference: Reference,
+        duration: float,
+        until: Callable[[], bool] = lambda: False,
+    ) -> ExecutedStep:
+        """Hold still for some time [s] where a trajectory ended."""
+        places = np.full(self._steps_of(duration) + 1, len(trajectory.times) - 1)
+        return self._run(trajectory.at(places), reference.at(places, 0.0), until=until)
+
+    def _wait(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
         """Hold before the point until the error seen is small, at most as long as is patient."""
         if not self.controller.guided or self._guidance.close:
             return []
-        places = np.full(self._steps_of(self.controller.patience) + 1, len(trajectory.times) - 1)
-        still, there = trajectory.at(places), reference.at(places, 0.0)
-        return [self._run(still, there, step, until=lambda: self._guidance.close)]
+        patience = self.controller.patience
+        return [self._hold(trajectory, reference, patience, lambda: self._guidance.close)]
 
-    def _again(self, trajectory: Trajectory, reference: Reference, step: int) -> list[ExecutedStep]:
+    def _again(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
         """Go back above the point and approach it once more."""
         approach = np.flatnonzero(trajectory.phase == len(PHASES) - 1)
         back = approach[::-1]
-        runs = [self._run(trajectory.at(back), reference.at(back, -1.0), step)]
+        runs = [self._run(trajectory.at(back), reference.at(back, -1.0))]
         if runs[-1].failure is None:
-            runs.append(self._run(trajectory.at(approach), reference.at(approach), step))
+            runs.append(self._run(trajectory.at(approach), reference.at(approach)))
         return runs
 
     def _run(
         self,
         trajectory: Trajectory,
         reference: Reference,
-        step: int,
         enter: Callable[[int], None] = lambda _: None,
         until: Callable[[], bool] = lambda: False,
     ) -> ExecutedStep:
-        """Simulate until the end or the first failure; nothing is grasped.
+        """Simulate until the end, the first failure, or what `until` says; nothing is grasped.
 
-        Args:
-            trajectory: The trajectory to follow.
-            reference: Its reference.
-            step: Index of the step, for the record.
-            enter: What is called with the phase before each piece of it.
-            until: Whether to end early, asked each time that the sensor was read.
+        `enter` is called with the phase before each piece of it.
         """
         recordings, peaks, failure = [], [], None
-        watch = FailureWatch(self.physics, self.robot, step)
+        watch = FailureWatch(self.physics, self.robot, self._step)
         for first, last in _chunks(trajectory.phase, len(trajectory.times) - 1):
             phase = int(trajectory.phase[first + 1])
             enter(phase)
             held = [point != FREE for point in self.points]
             states, sensors = self._follow(trajectory, reference, (first, last), until)
+            measured = self._instruments.measured(
+                states, sensors, trajectory, first, self._steps, self._step
+            )
             self._steps += len(states)
             self.time = self._steps * self.physics.timestep
-            steps = np.arange(self._steps - len(states), self._steps, dtype=np.float64)
-            times = steps * self.physics.timestep
-            measured = self._instruments.measured(states, sensors, times, trajectory, first)
             found = watch.first(measured, PHASES[phase], held)
-            ended = len(measured.times) if found is None else found[0] + 1
-            recorded, largest = self._instruments.recorded(measured, ended, step, phase)
+            ended = len(states) if found is None else found[0] + 1
+            recorded, largest = self._instruments.kept(measured, ended)
             recordings.append(recorded)
             peaks.append(largest)
             if found is not None:
@@ -321,18 +325,18 @@ class Simulation:
         self.data.qpos[:], self.data.qvel[:] = np.split(state[1:], [self.model.nq])
         mujoco.mj_forward(self.model, self.data)
 
-    def _missed(self, limb: int, point: int, distance: float, angle: float, step: int) -> Failure:
-        values = {
-            "distance_m": distance, "allowed_distance_m": self.physics.capture_distance,
-            "angle_rad": angle, "allowed_angle_rad": self.physics.capture_angle,
-        }  # fmt: skip
+    def _missed(self, limb: int, point: int, distance: float, angle: float) -> Failure:
         allowed = self.physics
+        values = {
+            "distance_m": distance, "allowed_distance_m": allowed.capture_distance,
+            "angle_rad": angle, "allowed_angle_rad": allowed.capture_angle,
+        }  # fmt: skip
         message = (
             f"limb {limb} missed point {self.grasp_map.ids[point]!r} by {1e3 * distance:.1f} mm "
             f"and {np.rad2deg(angle):.2f} deg; it grasps within "
             f"{1e3 * allowed.capture_distance:g} mm and {np.rad2deg(allowed.capture_angle):g} deg"
         )
-        return Failure("missed grasp", self.time, step, PHASES[-1], limb, message, values)
+        return Failure("missed grasp", self.time, self._step, PHASES[-1], limb, message, values)
 
     def _named(self, failure: Failure) -> Failure:
         """A collision with the names of what touched."""

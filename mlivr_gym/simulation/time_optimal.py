@@ -26,12 +26,7 @@ SAMPLES = 400
 
 
 def fastest_clock(rows: PieceRows, rise_time: float) -> PPoly:
-    """The fastest clock of a piece, its acceleration without jumps.
-
-    Args:
-        rows: What the piece asks for, in units of the limits.
-        rise_time: Time in which the acceleration changes from nothing to its largest and back [s].
-    """
+    """The fastest clock of a piece, its acceleration without jumps; see `Limits.rise_time` [s]."""
     squares = fastest_squares(rows)
     times, shares = _times(rows.shares, squares)
     clock = _averaged(times, shares, rise_time)

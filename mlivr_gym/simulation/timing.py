@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from scipy.interpolate import PPoly
 
 from mlivr_gym.arguments import Of, checked
@@ -20,7 +21,7 @@ from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.schema import Maybe
 from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.path_dynamics import Binding, PieceRows, piece_rows
+from mlivr_gym.simulation.path_dynamics import PieceRows, piece_rows
 from mlivr_gym.simulation.time_optimal import fastest_clock
 from mlivr_gym.stances.stance_graph import StanceGraph
 
@@ -73,27 +74,11 @@ def shortest_clock(rows: PieceRows, limits: Limits) -> PPoly:
     return min(fast, plain, key=duration_of)
 
 
-def bindings(timed: TimedPath, limits: Limits | None = None) -> list[Binding]:
-    """What decides how long each piece of a step has to take on its clock.
-
-    Args:
-        timed: The step with clocks.
-        limits: The limits, by default the default ones.
-    """
-    path = timed.path
-    return [
-        piece_rows(path.graph.robot, path.regrasp, piece, limits or Limits()).binding(clock)
-        for piece, clock in zip(timed.pieces, timed.clocks, strict=True)
-    ]
-
-
 def _check(rows: Sequence[PieceRows], clocks: Sequence[PPoly], durations: Durations) -> None:
     """Refuse durations that break a limit, with those that would do."""
     found = [row.binding(clock) for row, clock in zip(rows, clocks, strict=True)]
-    factors = [
-        bind.duration / duration_of(clock) for bind, clock in zip(found, clocks, strict=True)
-    ]
-    worst = max(range(len(factors)), key=factors.__getitem__)
+    factors = [one.duration / duration_of(clock) for one, clock in zip(found, clocks, strict=True)]
+    worst = int(np.argmax(factors))
     if factors[worst] > 1.0 + ROUNDING:
         raise TimingError(durations.total, found[worst].told, durations.total * factors[worst])
 

@@ -10,21 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import Via
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import ShapeError, shown
 from mlivr_gym.files import load
-from mlivr_gym.schema import (
-    NAME,
-    Choice,
-    Fields,
-    Kind,
-    Listed,
-    Place,
-    Record,
-    Rotation,
-    Text,
-    Tuples,
-)
+from mlivr_gym.schema import NAME, Choice, Fields, Listed, Place, Record, Rotation, Text, Tuples
 from mlivr_gym.values import LONGEST, MOST_POINTS, SMALLEST, Triple, triple, unique
 
 KINDS = ("panel", "rack", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
@@ -38,14 +28,9 @@ UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def scene_name(kind: str, name: str) -> str:
-    """The name in the MuJoCo scene of something that a user has named.
+    """The name in the MuJoCo scene of a box or point, by `BOX` or `POINT` and its id.
 
-    Shapes and sites of the robot are called `"body"` or `"limb..."`, so that no name that a user
-    gives can be taken for one.
-
-    Args:
-        kind: `BOX` or `POINT`.
-        name: Its id.
+    No name that a user gives can be taken for one of the robot's, `"body"` and `"limb..."`.
     """
     return kind + name
 
@@ -104,7 +89,7 @@ class Box:
         Raises:
             ShapeError: If a field is missing, unknown or faulty.
         """
-        return BoxData(kind).read(data, Place("", ShapeError))
+        return Boxes(kind).box(data, Place("", ShapeError))
 
     def to_dict(self) -> dict[str, Any]:
         """The box as plain data, the inverse of `from_dict`."""
@@ -137,31 +122,10 @@ BOX_DATA = Record(
 """Fields of a `Box`."""
 
 
-_LOOKS: dict[str, Kind[Any]] = {"kind": BOX_DATA.kinds["kind"], "face": BOX_DATA.kinds["face"]}
-_CORNERS = Fields({"id": NAME, "min": CORNER, "max": CORNER}, _LOOKS)
-
-
-@dataclass(frozen=True)
-class BoxData:
-    """A box as plain data: `min` and `max`, or `centre`, `half` and, if turned, `rotation`.
-
-    Attributes:
-        kind: What it is where the data do not say.
-    """
-
-    kind: str = "obstacle"
-
-    def read(self, value: object, place: Place) -> Box:
-        """The box."""
-        if not isinstance(value, dict) or {"centre", "half", "rotation"} & value.keys():
-            return BOX_DATA.read(
-                {"kind": self.kind} | value if isinstance(value, dict) else value, place
-            )
-        if not {"min", "max"} & value.keys():
-            raise place.fault("needs 'min' and 'max', or 'centre' and 'half'")
-        data = {"kind": self.kind, "face": ""} | _CORNERS.read(value, place)
-        low, high = data["min"], data["max"]
-        return place.build(Box.between, data["id"], data["kind"], low, high, data["face"])
+_CORNERS = Fields(
+    {"id": NAME, "min": CORNER, "max": CORNER},
+    {name: BOX_DATA.kinds[name] for name in ("kind", "face")},
+)
 
 
 @dataclass(frozen=True)
@@ -176,9 +140,21 @@ class Boxes:
 
     def read(self, value: object, place: Place) -> tuple[Box, ...]:
         """The boxes."""
-        boxes = Listed(BoxData(self.kind)).read(value, place)
+        boxes = Listed(Via(self.box)).read(value, place)
         unique([box.id for box in boxes], f"{place.path}: box", place.error)
         return boxes
+
+    def box(self, value: object, place: Place) -> Box:
+        """One box: `min` and `max`, or `centre`, `half` and, if turned, `rotation`."""
+        if not isinstance(value, dict):
+            return BOX_DATA.read(value, place)
+        if {"centre", "half", "rotation"} & value.keys():
+            return BOX_DATA.read({"kind": self.kind} | value, place)
+        if not {"min", "max"} & value.keys():
+            raise place.fault("needs 'min' and 'max', or 'centre' and 'half'")
+        data = {"kind": self.kind, "face": ""} | _CORNERS.read(value, place)
+        low, high = data["min"], data["max"]
+        return place.build(Box.between, data["id"], data["kind"], low, high, data["face"])
 
 
 OBSTACLES = Fields({}, {"boxes": Boxes(), "occupied": Listed(NAME, most=MOST_POINTS)})

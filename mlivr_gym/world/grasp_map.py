@@ -1,16 +1,14 @@
 """Graspable points: where a limb may hold on.
 
-A `GraspMap` is a frozen set of points in the JEM frame (origin on the
-centreline at the Node 2 end bulkhead, +x port, +y aft, +z overhead; metres).
-Maps come from JSON files that list points, track segments, or both; the module
-that ships with the package is read by the same loader.
+A `GraspMap` is a frozen set of points in a frame of its own; the JEM's has its origin on the
+centreline at the Node 2 end bulkhead, +x port, +y aft, +z overhead.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -43,7 +41,6 @@ from mlivr_gym.world.map_entries import (
     point_row,
 )
 from mlivr_gym.world.rails import Handrail, Segment
-from mlivr_gym.world.surroundings import handrail_boxes, module_boxes, track_box
 
 
 def _point_number(value: object) -> bool:
@@ -150,16 +147,13 @@ class GraspMap:
     def subset(self, keep: BoolArray, name: str | None = None) -> GraspMap:
         """Map with only the points where `keep`, shape (m,), is true."""
         chosen = np.flatnonzero(keep)
-        return GraspMap(
+        return replace(
+            self,
             ids=tuple(self.ids[i] for i in chosen),
             positions=self.positions[chosen],
             rotations=self.rotations[chosen],
             faces=tuple(self.faces[i] for i in chosen),
-            cabin=self.cabin,
             name=name or self.name,
-            segments=self.segments,
-            handrails=self.handrails,
-            boxes=self.boxes,
         )
 
     @checked({"seed": SEED, "keep": STANCE, "clear_deck": Maybe(Tuples((2,)))})
@@ -250,17 +244,9 @@ class GraspMap:
     ) -> GraspMap:
         """Build a map from parsed JSON.
 
-        Fields, all of them optional and lengths in [m]: `points` (list of `id`, `face`,
-        `position`, `normal`, `rail`), `segments` (list of `id`, `face`, `start`, `end`, `normal`,
-        and if wanted `width` and `thickness`), `spacing` of points along segments (0.2),
-        `handrails` (list of `id`, `face`, `min`, `max`, and if known `axis`, `bar_min` and
-        `bar_max`), `clearance` round handrails inside which points are left out (0.03), `cabin`
-        (`min`, `max`: where the base may be; by default the box of all points, larger by `ROOM` on
-        every side), `boxes` (whatever else the robot must not touch, see `Box.from_dict`), `scene`
-        and `racks` (see `SCENE` and `RACK`), `name`, and the remarks `description`, `frame`,
-        `sources` and `provenance`. Any other field is refused. A face may have any name: handrails
-        keep points of the same face away. A point of a segment counts with the rail's width. What
-        `to_dict` returns is known by its `ids` and taken as it is.
+        All fields are optional, see "File formats" in the documentation. A point of a segment
+        counts with the rail's width; handrails keep points of the same face away. What `to_dict`
+        returns is known by its `ids` and taken as it is.
 
         Args:
             data: The parsed JSON object.
@@ -333,26 +319,20 @@ def _built(data: Any, given: dict[str, float], name: str) -> GraspMap:
     if not rows:
         raise MapError("the map has no graspable point; give 'points' or 'segments'")
     ids, faces, positions, rotations, _ = zip(*rows, strict=True)
+    around = {"min": np.min(positions, axis=0) - ROOM, "max": np.max(positions, axis=0) + ROOM}
+    cabin = read.get("cabin", around)
     return GraspMap(
         ids=ids,
         positions=np.array(positions),
         rotations=np.array(rotations),
         faces=faces,
-        cabin=_cabin(read.get("cabin"), np.array(positions)),
+        cabin=np.array([cabin["min"], cabin["max"]]),
         name=read.get("name", name),
         segments=segments,
         handrails=handrails,
         boxes=(
-            *(module_boxes(read["scene"], read.get("racks", ())) if "scene" in read else ()),
-            *map(track_box, segments),
-            *(box for rail in handrails for box in handrail_boxes(rail)),
             *read.get("boxes", ()),
+            *(segment.box for segment in segments),
+            *(box for rail in handrails for box in rail.boxes),
         ),
     )
-
-
-def _cabin(given: dict[str, Any] | None, positions: Array) -> Array:
-    """Lower and upper corner of the cabin [m], shape (2, 3); see `GraspMap.from_dict`."""
-    if given is not None:
-        return np.array([given["min"], given["max"]])
-    return np.array([np.min(positions, axis=0) - ROOM, np.max(positions, axis=0) + ROOM])

@@ -9,9 +9,8 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.schema import NAME, Anything, Fields, Listed, Numbers, Place, Tuples
 from mlivr_gym.values import LONGEST, MOST_POINTS, SMALLEST
-from mlivr_gym.world.boxes import Boxes
-from mlivr_gym.world.rails import DIRECTION, HANDRAIL, POSITION, SEGMENT, Handrail, Segment
-from mlivr_gym.world.surroundings import RACK, SCENE
+from mlivr_gym.world.boxes import CORNER, Boxes
+from mlivr_gym.world.rails import DIRECTION, HANDRAIL, SEGMENT, Handrail, Segment
 
 ROOM = 1.5
 """How far from the box of all points the base may be [m] where a map gives no cabin.
@@ -29,7 +28,7 @@ CLEARANCE = Tuples((), 0.0, LONGEST, "m")
 """Distance of points from handrails."""
 
 POINT = Fields(
-    {"id": NAME, "face": NAME, "position": POSITION, "normal": DIRECTION, "rail": DIRECTION}
+    {"id": NAME, "face": NAME, "position": CORNER, "normal": DIRECTION, "rail": DIRECTION}
 )
 """A point of a map file."""
 
@@ -46,10 +45,8 @@ MODULE = Fields(
         "spacing": SPACING,
         "handrails": Listed(HANDRAIL),
         "clearance": CLEARANCE,
-        "cabin": Fields({"min": POSITION, "max": POSITION}),
+        "cabin": Fields({"min": CORNER, "max": CORNER}),
         "boxes": Boxes("panel"),
-        "scene": SCENE,
-        "racks": Listed(RACK),
     },
 )
 """A map file."""
@@ -104,16 +101,11 @@ def discretise(segment: Segment, spacing: float, room: int, place: Place) -> lis
             f"a map has at most {MOST_POINTS}; take a larger spacing"
         )
     half = int(np.floor(0.5 * length / spacing + 1e-9))
-    middle = 0.5 * (start + end)
+    middle, along = 0.5 * (start + end), frame[:, 0]
+    points = [middle + k * spacing * along for k in range(-half, half + 1)]
     return [
-        (
-            f"{segment.id}:{k + half}",
-            segment.face,
-            middle + k * spacing * frame[:, 0],
-            frame,
-            segment.width,
-        )
-        for k in range(-half, half + 1)
+        (f"{segment.id}:{k}", segment.face, point, frame, segment.width)
+        for k, point in enumerate(points)
     ]
 
 

@@ -1,12 +1,18 @@
-"""Rails along which points may be grasped, and handrails."""
+"""Rails along which points may be grasped, and handrails, with the boxes that they are."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from mlivr_gym.errors import MapError, shown
 from mlivr_gym.schema import NAME, Choice, Maybe, Place, Record, Tuples
-from mlivr_gym.values import LONGEST, SMALLEST, Triple
+from mlivr_gym.values import LONGEST, SMALLEST, Triple, triple
+from mlivr_gym.world.boxes import CORNER, Box
+
+INTO_BAR = 0.008
+"""How far a post of a handrail reaches into its bar [m]."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,21 @@ class Segment:
     def __post_init__(self) -> None:
         """Check every figure."""
         SEGMENT.check(self, Place(f"segment {shown(self.id)}", MapError))
+
+    @property
+    def box(self) -> Box:
+        """The strip of a seat track, its face in the plane of the grasps."""
+        start, end, normal = (np.array(v) for v in (self.start, self.end, self.normal))
+        length = float(np.linalg.norm(end - start))
+        along = (end - start) / length
+        return Box(
+            self.id,
+            "track",
+            triple(0.5 * (start + end) - 0.5 * self.thickness * normal),
+            (0.5 * length, 0.5 * self.width, 0.5 * self.thickness),
+            Box.rows(np.column_stack([along, np.cross(normal, along), normal])),
+            self.face,
+        )
 
 
 @dataclass(frozen=True)
@@ -51,9 +72,22 @@ class Handrail:
         if (self.bar_min is None) != (self.bar_max is None):
             raise place.fault("has one of bar_min and bar_max; it must have both or neither")
 
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """A bar on two posts; only the bounding box where the bar is not known."""
+        if self.bar_min is None or self.bar_max is None:
+            return (Box.between(self.id, "handrail", self.min, self.max, self.face),)
+        bar = Box.between(self.id, "handrail", self.bar_min, self.bar_max, self.face)
+        along = "xyz".index(self.axis)
+        high, low = list(self.max), list(self.min)
+        high[along] = self.bar_min[along] + INTO_BAR
+        low[along] = self.bar_max[along] - INTO_BAR
+        ends = (self.min, high), (low, self.max)
+        return bar, *(
+            Box.between(f"{self.id}/post{side}", "stanchion", *end, self.face)
+            for side, end in enumerate(ends)
+        )
 
-POSITION = Tuples((3,), most=LONGEST, unit="m")
-"""A point of the map's frame."""
 
 DIRECTION = Tuples((3,), -1e6, 1e6)
 """A vector of which the direction counts."""
@@ -64,7 +98,7 @@ LENGTH = Tuples((), SMALLEST, LONGEST, "m")
 SEGMENT = Record(
     Segment,
     {
-        "id": NAME, "face": NAME, "start": POSITION, "end": POSITION, "normal": DIRECTION,
+        "id": NAME, "face": NAME, "start": CORNER, "end": CORNER, "normal": DIRECTION,
         "width": LENGTH, "thickness": LENGTH,
     },
 )  # fmt: skip
@@ -73,8 +107,8 @@ SEGMENT = Record(
 HANDRAIL = Record(
     Handrail,
     {
-        "id": NAME, "face": NAME, "min": POSITION, "max": POSITION,
-        "axis": Choice(("x", "y", "z")), "bar_min": Maybe(POSITION), "bar_max": Maybe(POSITION),
+        "id": NAME, "face": NAME, "min": CORNER, "max": CORNER, "axis": Choice(("x", "y", "z")),
+        "bar_min": Maybe(CORNER), "bar_max": Maybe(CORNER),
     },
 )  # fmt: skip
 """Fields of a `Handrail`."""

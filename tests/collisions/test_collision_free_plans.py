@@ -1,6 +1,5 @@
-"""Stances and plans that are called free touch nothing; MuJoCo and coal are the rulers."""
+"""Stances and plans that are called free touch nothing; coal is the ruler."""
 
-import mujoco
 import numpy as np
 import pytest
 from coal_ruler import Ruler, grasps_of
@@ -10,68 +9,7 @@ from mlivr_gym import stance_graph
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.scene import scene_spec, set_configuration
 from mlivr_gym.transitions.state import State
-
-
-def penetrating(model, data, held):
-    """Names of a pair that overlaps, grippers with the track they hold left out."""
-    mujoco.mj_forward(model, data)
-    for k in range(data.ncon):
-        a, b = (model.geom(g).name for g in data.contact.geom[k])
-        if data.contact.dist[k] < -1e-6 and (a, b) not in held and (b, a) not in held:
-            return a, b
-    return None
-
-
-def tracks(graph, stance):
-    return {
-        (f"limb{i}/gripper/0", "box/" + graph.grasp_map.ids[p].split(":")[0])
-        for i, p in enumerate(stance)
-    }
-
-
-def test_free_stances_penetrate_nothing_in_mujoco(checked_graph):
-    graph = checked_graph
-    model = scene_spec(graph.grasp_map, graph.robot).compile()
-    data, rng = mujoco.MjData(model), np.random.default_rng(2)
-    for s in rng.choice(len(graph), 300, replace=False):
-        stance = tuple(graph.points[s].tolist())
-        masks = (
-            1 << int(rng.choice([b for b in range(16) if m >> b & 1]))
-            for m in graph.mask[s].tolist()
-        )
-        set_configuration(model, data, *graph.configuration(State(stance, tuple(masks))))
-        assert penetrating(model, data, tracks(graph, stance)) is None
-
-
-@pytest.mark.parametrize(("robot", "seed"), [("mlivr2", 0), ("mlivr2", 1), ("mlivr3", 0)])
-def test_plans_penetrate_nothing_in_mujoco(jem, checked_graph, robot, seed):
-    graph = checked_graph if robot == "mlivr2" else stance_graph(jem, robot)
-    model = scene_spec(jem, graph.robot).compile()
-    data = mujoco.MjData(model)
-    start, goal = sample_task(graph, np.random.default_rng(seed), 0.2)
-    plan = Planner(graph).plan(start.stance, goal, "weighted", regrasp_price=0.2).unwrap()
-    for k, step in enumerate(plan.steps):
-        assert step.swing in ("direct", "over", "folded", "sampled")
-        motion = step_motion(graph, plan, k, 12)
-        held = set().union(*(tracks(graph, graph.indices(plan.stances[n])) for n in (k, k + 1)))
-        np.testing.assert_allclose(
-            motion.joint_positions[0], plan.motion.joint_positions[k], atol=1e-6
-        )
-        np.testing.assert_allclose(
-            motion.joint_positions[-1], plan.motion.joint_positions[k + 1], atol=1e-6
-        )
-        for n in range(len(motion.phase)):
-            set_configuration(
-                model,
-                data,
-                motion.base_positions[n],
-                motion.base_quaternions[n],
-                motion.joint_positions[n],
-            )
-            assert penetrating(model, data, held) is None
-
 
 CLEARANCE = 0.02
 

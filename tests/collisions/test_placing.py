@@ -2,9 +2,7 @@
 
 import mujoco
 import numpy as np
-import pytest
 from compiled import called
-from held_paths import path_between
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
@@ -20,7 +18,6 @@ from mlivr_gym.collisions.placing import (
     seen_from_grasp,
     seen_from_link,
 )
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
 from mlivr_gym.kinematics.turns import Turns
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.simulation.scene import scene_spec
@@ -124,20 +121,6 @@ def test_no_end_moves_farther_than_its_bound(q, minus, plus, line):
     assert (found[6] <= from_grasp(minus, plus) + 1e-12).all()
 
 
-@pytest.mark.parametrize("joint", range(6))
-def test_the_turn_of_every_joint_counts(joint):
-    """One joint turns alone; ends that do not lie on its axis move, and are bounded."""
-    plus = np.zeros(6)
-    plus[joint] = 0.2
-    q = np.array([0.3, -1.0, 1.4, 0.5, 0.9, -0.4])
-    found, limit = farthest(q, -plus, plus), bounds(-plus, plus)
-    moves = found[0] > 1e-6
-    assert moves.any() == (joint < 5)  # what comes after joint 6 lies on its axis
-    assert (limit[0][moves] >= found[0][moves]).all()
-    assert (found[6] <= from_grasp(-plus, plus) + 1e-12).all()
-    assert (found[6] > 1e-6).any() == (joint > 0)
-
-
 @given(turns())
 @examples(max_examples=25, deadline=None)
 def test_bounds_are_no_more_than_three_times_what_some_posture_needs(plus):
@@ -185,19 +168,3 @@ def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, moved, 
                 farthest = max(farthest, float(np.linalg.norm(gone)))
     assert farthest <= out.min() + 1e-12
     assert out.max() <= LOOSE * farthest + 1e-9
-
-
-@given(
-    numbers(-0.5, 0.5, 3),
-    numbers(-0.5, 0.5, 3),
-    numbers(0.2, 0.8, 3),
-    st.sampled_from([STRAIGHT, ARC]),
-)
-@examples(max_examples=60, deadline=None)
-def test_the_base_is_no_faster_than_its_bound(start, end, pivot, kind):
-    pivot = pivot + 0.5
-    path = path_between((start, np.eye(3), end, np.eye(3)), kind, pivot)
-    where, _ = base_poses(path, np.linspace(0.0, 1.0, 201))
-    fastest = np.linalg.norm(np.diff(where, axis=0), axis=1).max() * 200.0
-    assert fastest <= path["speed"] + 1e-9
-    assert path["speed"] <= LOOSE * fastest + 1e-9

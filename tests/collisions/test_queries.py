@@ -5,15 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from coal_ruler import Ruler, grasps_of, obstacles
-from held_paths import path_between
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, Capsule, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.kinematics.base_path import STRAIGHT, base_poses
-from mlivr_gym.kinematics.poses import quaternion
-from mlivr_gym.motion.swings import SwingFinder
+from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.transitions.state import State
 
 CLEARANCE = 0.02
@@ -33,64 +30,6 @@ def configuration(graph, s, rng):
     bits = ([b for b in range(16) if m >> b & 1] for m in graph.mask[s].tolist())
     mask = tuple(1 << int(rng.choice(some)) for some in bits)
     return graph.configuration(State(tuple(graph.points[s].tolist()), mask)), mask
-
-
-def notch(limb, around):
-    """A place between body and shoulder, 8 mm inside the mount, in the body frame, and axes there.
-
-    The third is tangential.
-    """
-    axes = ROBOT.mount_rotations[limb] @ Rotation.from_euler("z", around).as_matrix()
-    return axes @ np.array([0.045, 0.0, 0.19]), axes[:, [2, 0, 1]]
-
-
-def test_a_thin_rod_in_the_notch_keeps_stances_away(small_checked_graph):
-    """60 rods of a millimetre that only a mount touches: the stances are gone."""
-    graph, ruler, rng = small_checked_graph, Ruler(ROBOT), np.random.default_rng(0)
-    tried = 0
-    while tried < 60:
-        s, limb = int(rng.integers(len(graph))), int(rng.integers(2))
-        here, mask = configuration(graph, s, rng)
-        place, axes = notch(limb, rng.uniform(-np.pi, np.pi))
-        box = rod(
-            here[0] + graph.base_axes_in_world[s] @ place,
-            graph.base_axes_in_world[s] @ axes,
-            0.001,
-            0.01,
-        )
-        close = [entry for entry in ruler.among([box]).measured(here) if entry[0] < CLEARANCE]
-        if [name for _, name, _ in close] != [f"limb{limb}/base/0"]:
-            continue
-        tried += 1
-        assert close[0][0] < -0.007
-        found = contacts(ROBOT, (box,), here, CLEARANCE)
-        assert [(c.first, c.second) for c in found] == [(f"limb{limb}/base/0", "box/rod")]
-        with obstacles(graph, box):
-            assert not all(m & now for m, now in zip(mask, graph.mask[s].tolist(), strict=True))
-
-
-def test_stances_among_random_rods_keep_their_clearance(small_checked_graph):
-    """Rods of 6 to 40 mm about the body: no stance that stays allowed is nearer to one."""
-    graph, ruler, rng = small_checked_graph, Ruler(ROBOT), np.random.default_rng(1)
-    free = mount_alone = 0
-    for _ in range(400):
-        s = int(rng.integers(len(graph)))
-        here, mask = configuration(graph, s, rng)
-        out = rng.normal(size=3) * (0.4, 1.0, 1.0)
-        out *= rng.uniform(0.05, 0.12) / np.linalg.norm(out)
-        out = graph.base_axes_in_world[s] @ (
-            out + rng.choice((-0.19, 0.19)) * np.array([1.0, 0.0, 0.0])
-        )
-        turn = Rotation.random(rng=rng).as_matrix()
-        box = rod(here[0] + out, turn, rng.uniform(0.006, 0.04), rng.uniform(0.02, 0.1))
-        close = [entry for entry in ruler.among([box]).measured(here) if entry[0] < CLEARANCE]
-        mount_alone += bool(close) and all("base" in name for _, name, _ in close)
-        with obstacles(graph, box):
-            if all(m & now for m, now in zip(mask, graph.mask[s].tolist(), strict=True)):
-                free += 1
-                assert not close
-    assert free > 10
-    assert mount_alone > 10
 
 
 def test_further_capsules_on_the_base_touch_nothing(small_map):
@@ -121,81 +60,7 @@ def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):
     assert np.linalg.norm(tip - here[0]) < robot.extent
 
 
-def moving_base(graph, rng):
-    """A random edge over which a limb stays folded while the base moves on a straight line.
-
-    Stances, limb that holds, base path and fold.
-    """
-    while True:
-        s0, held = int(rng.integers(len(graph))), int(rng.integers(2))
-        row = graph.row(held, s0)
-        s1 = int(rng.choice(row))
-        masks = graph.edge_masks(held, s0, np.array([s1]))
-        if not masks[0] or np.linalg.norm(graph.base_in_world[s1] - graph.base_in_world[s0]) < 0.15:
-            continue
-        stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
-        masks_held = [0xFFFF, 0xFFFF]
-        masks_held[held] = int(masks[0])
-        state = State(stances[0], tuple(masks_held))
-        edge = graph.edge(state, stances[1], graph.node_postures(np.array([s0, s1])))
-        if edge.kind == STRAIGHT and edge.fold >= 0:
-            ends = (
-                graph.base_in_world[s0],
-                graph.base_axes_in_world[s0],
-                graph.base_in_world[s1],
-                graph.base_axes_in_world[s1],
-            )
-            return s0, s1, held, path_between(ends), np.array([*graph.robot.folds[edge.fold], 0.0])
-
-
-def test_a_rod_that_only_a_mount_meets_during_a_step_blocks_it(small_checked_graph):
-    """It stands in the notch at the middle of the step, away from all else, also at both ends."""
-    graph, ruler, rng = small_checked_graph, Ruler(ROBOT), np.random.default_rng(4)
-    places = np.linspace(0.0, 1.0, 101)
-    tried = looked = 0
-    while tried < 8:
-        looked += 1
-        assert looked < 400
-        s0, s1, held, path, fold = moving_base(graph, rng)
-        where, turned = base_poses(path, places)
-        finder = SwingFinder(graph, 1 - held, path, [])
-        knots = np.array([[0.0, *fold], [1.0, *fold]])
-        assert finder.clear(knots)
-        place, axes = notch(held, rng.uniform(-np.pi, np.pi))
-        box = rod(where[50] + turned[50] @ place, turned[50] @ axes, 0.001, 0.01)
-        joints = np.zeros((2, 6))
-        joints[1 - held] = fold
-        ruler.among([box])
-        close = set()
-        for k in range(len(places)):
-            measured = ruler.measured((where[k], quaternion(turned[k]), joints))
-            touched = {name for gap, name, _ in measured if gap < CLEARANCE}
-            close |= {(k, name) for name in touched if not name.startswith(f"limb{held}/")}
-            close |= {(k, "mount") for name in touched if name == f"limb{held}/base/0"}
-        moments = {k for k, _ in close}
-        if {name for _, name in close} != {"mount"} or 0 in moments or 100 in moments:
-            continue
-        tried += 1
-        with obstacles(graph, box):
-            assert not finder.clear(knots)
-            if all(graph.mask[s].all() for s in (s0, s1)):
-                assert not graph.edge_masks(held, s0, np.array([s1]))[0]
-
-
-@pytest.mark.parametrize(
-    "link",
-    [
-        "body",
-        "base",
-        "shoulder",
-        "upper_arm",
-        "forearm",
-        "wrist_1",
-        "wrist_2",
-        "wrist_3",
-        "gripper",
-    ],
-)
+@pytest.mark.parametrize("link", ["body", *LINKS])
 def test_a_box_in_any_shape_keeps_the_stance_away(small_checked_graph, link):
     """A box of a millimetre in the middle of each shape in turn, for both limbs."""
     graph, rng = small_checked_graph, np.random.default_rng(5)

@@ -1,9 +1,12 @@
 """A film keeps the robot in its pictures, and says when and what it does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gl_there import gl_or_skip
 from PIL import Image
+from recordings import resting
 
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
@@ -17,7 +20,6 @@ from mlivr_gym.pictures.film import (
     usual_speed,
 )
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.simulation.timing import plan_trajectory
 
 SIZE = (320, 160)
@@ -31,18 +33,14 @@ def walk(checked_graph):
         ("D1b:4", "D2a:3"), (6.3, 0.5, 0.35), "steps", goal_face="overhead"
     ).unwrap()
     planned = plan_trajectory(checked_graph, plan, period=0.5)
-    count, limbs = len(planned.times), checked_graph.robot.limbs
-    rest = {"joint_torques": (limbs, 6), "base_errors": (), "base_angle_errors": (),
-            "grasp_forces": (limbs, 3), "grasp_torques": (limbs, 3), "momenta": (3,),
-            "angular_momenta": (3,), "contacts": ()}  # fmt: skip
-    recording = Recording(
+    recording = replace(
+        resting(len(planned.times), checked_graph.robot.limbs),
         times=planned.times,
         step=planned.step,
         phase=planned.phase,
         joint_positions=planned.joint_positions,
         base_positions=planned.base_positions,
         base_quaternions=planned.base_quaternions,
-        **{name: np.zeros((count, *shape)) for name, shape in rest.items()},
     )
     return plan, recording
 

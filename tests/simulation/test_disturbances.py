@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from scipy.stats import binomtest
 
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.trajectory import FREE
@@ -14,7 +13,7 @@ from mlivr_gym.simulation.controller import FEEDFORWARD, Controller
 from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances, parts_of_robot
 from mlivr_gym.simulation.execution import carry_out, timed_walk
 from mlivr_gym.simulation.limits import GENTLE
-from mlivr_gym.simulation.monte_carlo import execute_many, interval, success
+from mlivr_gym.simulation.monte_carlo import execute_many, success
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
 
@@ -135,13 +134,6 @@ def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph,
     for bad in ({"samples": 0}, {"seed": 0}, {"workers": 0}):
         with pytest.raises(SettingError, match=f"{next(iter(bad))} is 0"):
             list(execute_many(checked_graph, [plan], **bad))
-
-
-def test_intervals_are_wilsons():
-    for done, count in ((0, 10), (5, 10), (10, 10), (199, 200)):
-        truth = binomtest(done, count).proportion_ci(method="wilson")
-        np.testing.assert_allclose(interval(done, count), (truth.low, truth.high), atol=1e-6)
-    assert interval(0, 0) == (0.0, 1.0)
 
 
 def test_no_disturbance_is_the_robot_that_the_controller_knows(jem, plan):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from recordings import resting
 
 from mlivr_gym import Box, Limb
 from mlivr_gym.motion.plan_motion import step_motion
@@ -14,7 +15,8 @@ from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.disturbances import NONE, Disturbances
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.failures import FailureWatch, Measured
+from mlivr_gym.simulation.failures import FailureWatch
+from mlivr_gym.simulation.instruments import Measured
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation, SimulationError
@@ -90,18 +92,11 @@ def test_divergence_is_a_failure(checked_graph, plan, jem, tmp_path, monkeypatch
     assert failure.kind == "divergence"
 
 
-def measured(count, **changes):
-    zero = {
-        "times": 0.002 * np.arange(count), "joints": np.zeros((count, 2, 6)),
-        "speeds": np.zeros((count, 2, 6)),
-        "torques": np.zeros((count, 2, 6)), "base": np.zeros((count, 7)),
-        "base_errors": np.zeros(count),
-        "base_angle_errors": np.zeros(count), "forces": np.zeros((count, 2, 3)),
-        "grasp_torques": np.zeros((count, 2, 3)),
-        "velocity": np.zeros((count, 3)), "angular_momentum": np.zeros((count, 3)),
-        "contacts": np.zeros(count, dtype=np.int64), "finite": np.ones(count, dtype=bool),
-    }  # fmt: skip
-    return Measured(**{**zero, **changes})
+def measured(count, finite=None, **changes):
+    """What some time steps of a robot of two limbs measure that rests, but for some changes."""
+    recording = replace(resting(count), times=0.002 * np.arange(count), **changes)
+    finite = np.ones(count, dtype=bool) if finite is None else finite
+    return Measured(recording, recording.joint_torques * 0.0, finite)
 
 
 def test_the_first_failure_is_found_also_across_chunks():
@@ -109,20 +104,20 @@ def test_the_first_failure_is_found_also_across_chunks():
     assert watch.first(measured(50), "swing", [True, True]) is None
     torques = np.zeros((50, 2, 6))
     torques[43:, 1, 4] = -28.0
-    assert watch.first(measured(50, torques=torques), "swing", [True, True]) is None
+    assert watch.first(measured(50, joint_torques=torques), "swing", [True, True]) is None
     torques = np.zeros((50, 2, 6))
     torques[:20, 1, 4] = -28.0
-    index, failure = watch.first(measured(50, torques=torques), "swing", [True, True])
+    index, failure = watch.first(measured(50, joint_torques=torques), "swing", [True, True])
     # Seven time steps at the end of the last chunk and four here make more than 0.02 s.
     assert (index, failure.kind, failure.limb, failure.step) == (3, "saturation", 1, 4)
     joints = np.zeros((50, 2, 6))
     joints[30:, 0, 2] = 2 * np.pi + 0.1
-    index, failure = watch.first(measured(50, joints=joints), "approach", [True, True])
+    index, failure = watch.first(measured(50, joint_positions=joints), "approach", [True, True])
     assert (index, failure.kind, failure.limb) == (30, "joint limit", 0)
     assert failure.values["joint"] == 3.0
     finite = np.arange(50) < 10
     index, failure = watch.first(
-        measured(50, finite=finite, joints=joints), "approach", [True, True]
+        measured(50, finite=finite, joint_positions=joints), "approach", [True, True]
     )
     assert (index, failure.kind) == (10, "divergence")
 
@@ -137,7 +132,7 @@ def test_both_limits_of_every_joint_are_watched(sign, limb, joint):
         joints = np.zeros((20, 2, 6))
         joints[7:, limb, joint] = edge + sign * beyond
         found = FailureWatch(Physics(), robot, 0).first(
-            measured(20, joints=joints), "swing", [True, True]
+            measured(20, joint_positions=joints), "swing", [True, True]
         )
         assert (found is not None) == fails
     index, failure = found
@@ -148,7 +143,7 @@ def test_both_limits_of_every_joint_are_watched(sign, limb, joint):
 @pytest.mark.parametrize("limb", [0, 1])
 @pytest.mark.parametrize(
     ("name", "most", "key"),
-    [("forces", 200.0, "force_N"), ("grasp_torques", 100.0, "torque_N_m")],
+    [("grasp_forces", 200.0, "force_N"), ("grasp_torques", 100.0, "torque_N_m")],
 )
 def test_a_hold_is_lost_above_its_force_and_above_its_torque(limb, name, most, key):
     """Of limbs that hold alone, and by the length of the vector."""

@@ -16,7 +16,7 @@ from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.path_dynamics import TIMES, piece_rows
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.time_optimal import fastest_clock, fastest_squares
-from mlivr_gym.simulation.timing import bindings, step_trajectory, timed_path
+from mlivr_gym.simulation.timing import step_trajectory, timed_path
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +36,12 @@ def paths(checked_graph, walk):
 def rows_of(path, limits):
     pieces = path_pieces(path)
     return [piece_rows(path.graph.robot, path.regrasp, piece, limits) for piece in pieces]
+
+
+def bindings(timed, limits):
+    """What decides how long each piece of a step has to take on its clock."""
+    rows = rows_of(timed.path, limits)
+    return [row.binding(clock) for row, clock in zip(rows, timed.clocks, strict=True)]
 
 
 def test_derivatives_of_a_piece_are_those_of_finite_differences(paths):
@@ -151,7 +157,7 @@ def test_a_duration_that_breaks_a_limit_is_refused_with_the_shortest(checked_gra
     with pytest.raises(TimingError) as no:
         timed_path(paths[0], Durations.of_step(3.0))
     longer = Durations.of_step(no.value.shortest * 1.0001)
-    found = bindings(timed_path(paths[0], longer))
+    found = bindings(timed_path(paths[0], longer), Limits())
     assert max(entry.duration / part for entry, part in zip(
         found, np.diff([0.0, *timed_path(paths[0], longer).ends]), strict=True
     )) == pytest.approx(1.0, abs=1e-3)  # fmt: skip

@@ -88,13 +88,6 @@ def test_a_stance_puts_every_gripper_on_its_point(jem, limbs):
         )
 
 
-def test_exported_scene_loads_again(jem, model):
-    spec = scene_spec(jem, robot_spec("mlivr2"))
-    spec.compile()
-    again = mujoco.MjModel.from_xml_string(spec.to_xml())
-    assert (again.nbody, again.ngeom, again.nsite) == (model.nbody, model.ngeom, model.nsite)
-
-
 LIMITS = (
     ((-2 * np.pi, 2 * np.pi),) * 6,
     ((-6.2, 6.2), (-3.1, 0.5), (-2.8, 2.8), (-1, 3), (0.1, 3.1), (-9, 9)),
@@ -124,11 +117,6 @@ def test_a_joint_meets_a_stop_only_beyond_the_robots_limits(jem):
         set_configuration(model, data, *straight, np.full((2, 6), angle))
         limit = mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         assert np.count_nonzero(data.efc_type == limit) == stops
-
-
-def test_a_users_own_map_has_a_scene(ladder):
-    model = scene_spec(ladder, robot_spec("mlivr2")).compile()
-    assert model.site("point/R0:0") is not None
 
 
 def test_faces_of_a_map_may_have_any_name(ladder):
@@ -245,11 +233,3 @@ def test_a_window_without_a_screen_is_one_clear_error(jem, graph, monkeypatch):
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(RenderError, match="needs a screen"):
         SceneWindow(jem, graph.robot)
-
-
-def test_faces_of_a_map_may_have_any_name_in_the_scene_too(ladder):
-    data = ladder.to_dict()
-    data["faces"] = ["floor"] * len(ladder)
-    data["segments"] = [segment | {"face": "floor"} for segment in data["segments"]]
-    scene = compiled(scene_spec(GraspMap.from_dict(data), robot_spec("mlivr2")))
-    assert scene.nsite >= len(ladder)

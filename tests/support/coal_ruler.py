@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import Box, GraspMap
+from mlivr_gym import GraspMap
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
 
 REQUEST = coal.DistanceRequest()
@@ -30,12 +30,6 @@ def capsule(radius, start, end):
     if length > 1e-6:
         turn = Rotation.align_vectors([along / length], [[0.0, 0.0, 1.0]])[0].as_matrix()
     return coal.Capsule(float(radius), length), coal.Transform3s(turn, 0.5 * (start + end))
-
-
-def in_front(point, direction, gap, half):
-    """A thin box whose face is `gap` in front of a point, across a direction."""
-    turn = Rotation.align_vectors([direction], [[0.0, 0.0, 1.0]])[0].as_matrix()
-    return Box("thin", "obstacle", tuple(point + (gap + half[2]) * direction), half, Box.rows(turn))
 
 
 def apart(first, second):

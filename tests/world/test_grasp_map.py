@@ -98,16 +98,6 @@ def test_rounding_does_not_make_another_map(jem):
         ({"points": [POINT | {"id": "\ud800"}]}, r"points\[0\].id is '.ud800'; .*printable"),
         ({"points": [POINT], "name": "\ud800"}, "^name is"),
         ({"points": [POINT], "name": 7}, "^name is 7"),
-        ({"points": [POINT], "scene": True}, "scene is True; it must be an object"),
-        (
-            {"points": [POINT], "scene": {"panel_planes": 1}},
-            "scene.panel_planes is 1; it must be an object",
-        ),
-        (
-            {"points": [POINT], "scene": {"panel_planes": {"deck_z": "low"}}},
-            "scene.panel_planes.deck_z is 'low'",
-        ),
-        ({"points": [POINT], "racks": 3}, "racks is 3; it must be a list"),
         (
             {"points": [POINT], "handrails": [RAIL | {"axis": "w"}]},
             r"handrails\[0\].axis is 'w'; valid choices are 'x', 'y', 'z'",

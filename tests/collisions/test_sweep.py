@@ -1,0 +1,300 @@
+"""Motions are called clear at less than five sixths of their least distance, and never at 5/4.
+
+Motions of limb 0 are drawn at random and sampled densely; coal measures at every sample how far
+what is compared is apart. The check must refuse a clearance that is a quarter larger than the least
+distance, and accept one that is a sixth smaller.
+"""
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from coal_ruler import PLATE, ROD, Ruler, grasps_of
+from compiled import called
+from held_paths import path_between
+from limb_motions import (
+    HAND,
+    REST,
+    ROBOT,
+    SHAPES,
+    answer,
+    at_corner,
+    departing,
+    held_joints,
+    holding,
+    in_body,
+    let_rest,
+    motion,
+    round_corner,
+    swinging,
+)
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Box
+from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
+from mlivr_gym.kinematics.limb import angles_at
+from mlivr_gym.kinematics.poses import pose, quaternion
+from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.transitions.state import State
+
+SHARES = np.linspace(0.0, 1.0, 121)
+"""Samples of a motion."""
+
+STANDS_OUT = 0.37 * 0.5 * ROBOT.body_size
+"""How far the capsules that boxes are compared with stand out of the body."""
+
+HANDS = {f"limb0/{link}/0" for link in SHAPES.names[HAND:]}
+
+
+class Case(NamedTuple):
+    """A motion to be checked, and where the robot is at samples of it."""
+
+    room: object
+    moments: list
+    grasps: tuple = ()
+
+    def compared(self, first, second):
+        """Whether two shapes, the second of which may be the box, are compared."""
+        moves = self.room["motion"]
+        fixed = [name == "body" or "/base/" in name for name in (first, second)]
+        checked = [name.startswith("limb0/") for name in (first, second)]
+        if second == "box":
+            still = moves["first"]["kind"] != 0 or moves["begin"] == moves["finish"]
+            on_limb = checked[0] and not fixed[0] and not (self.held and first in HANDS)
+            return bool(moves["boxes"]) and (on_limb or (fixed[0] and not still))
+        if not any(one and not base for one, base in zip(checked, fixed, strict=True)):
+            return False
+        if all(checked) or any(fixed):
+            return bool(moves["body"])
+        return bool(moves["resting"] or moves["meeting"])
+
+    @property
+    def held(self):
+        return self.room["motion"]["first"]["kind"] == 1
+
+    def least(self, ruler, below):
+        """Least distance, the same with a body that is larger, and the two shapes.
+
+        The first is what the check has to refuse a larger clearance than, the second what it may.
+        """
+        exact, wide = (below, "", ""), below
+        for here in self.moments:
+            for gap, *pair in ruler.measured(here, self.grasps, below):
+                if self.compared(*pair):
+                    exact = min(exact, (gap, *pair))
+                    wide = min(wide, gap - STANDS_OUT * (pair == ["body", "box"]))
+        return exact, wide
+
+    def agrees(self, ruler, boxes=(), most=0.1):
+        """Check at both clearances; the nearest shapes, or None if they are too near or too far."""
+        middle = Case(self.room, self.moments[60:61], self.grasps).least(ruler, 1.5 * most)[0][0]
+        if not 0.0 < middle < 1.5 * most:
+            return None
+        (gap, *pair), wide = self.least(ruler, 1.5 * most)
+        if not 0.02 < gap < most:
+            return None
+        assert answer(self.room, gap / 0.8, boxes) != CLEAR
+        if wide > 0.02:
+            assert answer(self.room, wide / 1.2, boxes) == CLEAR
+        return pair
+
+
+def along(start, corner, end, rounded):
+    """Samples of a line or a rounded corner between values, shape (k, n)."""
+    start, corner, end = (np.asarray(values, dtype=float) for values in (start, corner, end))
+    if rounded:
+        return at_corner(start, corner, end, SHARES)
+    return start + SHARES[:, None] * (end - start)
+
+
+def knots(rng, size=0.3):
+    """Joint angles at the start, the corner and the end of a swing."""
+    start = rng.uniform(-np.pi, np.pi, 6)
+    return np.array([start, *(start + rng.uniform(-size, size, (2, 6)))])
+
+
+def base_motion(rng, kind):
+    """A path of a kind, or at rest if that is None, and where the base is at start, corner, end."""
+    if kind is None:
+        return REST, np.zeros(3)
+    turn = Rotation.random(rng=rng)
+    first, pivot = np.zeros(3), rng.uniform((-0.3, -0.3, -1.1), (0.3, 0.3, -0.5))
+    after = (turn * Rotation.from_rotvec(rng.uniform(-0.15, 0.15, 3))).as_matrix()
+    path = path_between((first, turn.as_matrix(), rng.uniform(-0.2, 0.2, 3), after), kind, pivot)
+    return path, np.array([0.0, rng.uniform(), 1.0])
+
+
+def moments_of(path, places, first, second):
+    """Configurations at samples: base places (k,), joint angles of both limbs (k, 6)."""
+    where, turned = base_poses(path, places)
+    joints = np.stack([first, np.broadcast_to(second, first.shape)], axis=1)
+    return [(w, quaternion(r), q) for w, r, q in zip(where, turned, joints, strict=True)]
+
+
+def thin_box(rng, case, n):
+    """A plate, a rod or a crate beside a limb somewhere on its way."""
+    here = case.moments[int(rng.integers(len(case.moments)))]
+    turn = Rotation.from_quat(here[1], scalar_first=True).as_matrix()
+    ends = in_body(0, [here[2][0]])[0]
+    point = here[0] + turn @ ends[int(rng.integers(len(ends)))].mean(axis=0)
+    half = (PLATE, ROD, (0.05, 0.1, 0.02))[n % 3]
+    axes = Rotation.random(rng=rng).as_matrix()
+    out = rng.choice((-1.0, 1.0)) * (half[2] + rng.uniform(0.05, 0.2)) * axes[:, 2]
+    return Box("box", "obstacle", tuple(point + out), half, Box.rows(axes))
+
+
+def carry_on(rng, make, boxes, wanted, most=0.1):
+    """Draw cases until enough of them were near enough; how often each pair was the nearest."""
+    ruler, found = Ruler(ROBOT), Counter()
+    for n in range(400):
+        case = make()
+        near = (thin_box(rng, case, n),) if boxes else ()
+        ruler.among(near)
+        pair = case.agrees(ruler, near, most)
+        found.update([tuple(name.split("/")[-2] if "/" in name else name for name in pair or ())])
+        if n + 1 - found[()] >= wanted:
+            del found[()]
+            return found
+    raise AssertionError("too few motions were near")
+
+
+@pytest.mark.parametrize("rounded", [False, True], ids=["line", "corner"])
+@pytest.mark.parametrize("kind", [None, STRAIGHT, ARC], ids=["rest", "straight", "arc"])
+@pytest.mark.parametrize("compared", ["boxes", "body", "limb"])
+def test_a_swing_keeps_clear_and_no_more(compared, kind, rounded):
+    """Limb 1 rests on one of three branches, or swings meanwhile where the base moves."""
+    rng = np.random.default_rng(0)
+
+    def make():
+        path, base = base_motion(rng, kind)
+        ours, theirs = knots(rng), knots(rng)
+        name = {"limb": "resting" if kind is None else "meeting"}.get(compared, compared)
+        lines = [swinging(i, joints[0], joints[2]) for i, joints in enumerate((ours, theirs))]
+        room = motion(path, (base[0], base[2]), *lines, (name,))
+        if rounded:
+            round_corner(room, base[1], ours[1], theirs[1])
+        at = along(*base[:, None], rounded)[:, 0]
+        second = along(*theirs, rounded)
+        if name == "resting":
+            second = theirs[0]
+            far = in_body(1, [second])
+            let_rest(room, 1, rng.permutation(np.concatenate([far, far + 9.0, far - 9.0])))
+        return Case(room, moments_of(path, at, along(*ours, rounded), second))
+
+    found = carry_on(rng, make, compared == "boxes", 8)
+    assert len(found) > 1
+
+
+def holding_on_a_step(graph, rng):
+    """How limb 0 holds on a random edge: base path, point, branch, and what the limb does."""
+    mask = 0
+    while not mask:
+        s0 = int(rng.integers(len(graph)))
+        s1 = int(rng.choice(graph.row(0, s0)))
+        mask = int(graph.edge_masks(0, s0, np.array([s1]))[0])
+    bit = int(rng.choice([b for b in range(16) if mask >> b & 1]))
+    before, after = (tuple(graph.points[s].tolist()) for s in (s0, s1))
+    postures = join(graph.posture(before), graph.posture(after))
+    edge = graph.edge(State(before, (1 << bit, 1 << bit)), after, postures)
+    ends = (at[s] for s in (s0, s1) for at in (graph.base_in_world, graph.base_axes_in_world))
+    path = path_between(tuple(ends), edge.kind, graph.solver.grasps["point"][before[0]])
+    flange = graph.solver.grasps["flange"][before[0]]
+    holds = holding(0, bit & 7, flange["position"], flange["rotation"])
+    return path, before[0], bit & 7, holds
+
+
+@pytest.mark.parametrize("compared", ["boxes", "body", "line", "corner"])
+def test_a_limb_that_holds_keeps_clear_and_no_more(small_checked_graph, compared):
+    """While the base follows a path; of boxes its hand aside, and of a limb that swings."""
+    rng, rounded = np.random.default_rng(1), compared == "corner"
+
+    def make():
+        path, point, branch, holds = holding_on_a_step(small_checked_graph, rng)
+        base, theirs = np.array([0.0, rng.uniform(), 1.0]), knots(rng)
+        names = (compared if compared in ("boxes", "body") else "meeting",)
+        line = swinging(1, theirs[0], theirs[2])
+        room = motion(path, (0.0, 1.0), holds, line, names)
+        if rounded:
+            round_corner(room, base[1], np.zeros(6), theirs[1])
+        at = along(*base[:, None], rounded)[:, 0]
+        ours = held_joints(small_checked_graph, 0, point, branch, path, at)
+        return Case(room, moments_of(path, at, ours, along(*theirs, rounded)))
+
+    carry_on(rng, make, compared == "boxes", 8)
+
+
+def test_two_limbs_that_hold_keep_clear_and_no_more(small_checked_graph):
+    """While the base moves a little: they are far apart, and so is the clearance."""
+    rng, graph = np.random.default_rng(2), small_checked_graph
+
+    def make():
+        while True:
+            s = int(rng.integers(len(graph)))
+            points, turn = graph.points[s].tolist(), graph.base_axes_in_world[s]
+            first = graph.base_in_world[s]
+            path = path_between((first, turn, first + rng.uniform(-0.05, 0.05, 3), turn))
+            branches = graph.branch[s].tolist()
+            try:
+                joints = [
+                    held_joints(graph, i, points[i], branches[i], path, SHARES) for i in (0, 1)
+                ]
+            except AssertionError:  # a limb cannot follow
+                continue
+            flanges = graph.solver.grasps["flange"][points]
+            limbs = [
+                holding(i, branches[i], flanges["position"][i], flanges["rotation"][i])
+                for i in (0, 1)
+            ]
+            room = motion(path, (0.0, 1.0), *limbs, ("meeting",))
+            return Case(room, moments_of(path, SHARES, *joints))
+
+    carry_on(rng, make, False, 4, most=0.6)
+
+
+@pytest.mark.parametrize("compared", ["boxes", "body", "resting"])
+def test_a_departure_keeps_clear_and_no_more(small_checked_graph, compared):
+    """Along the normal of a point from a random stance; what lies behind the point is left out."""
+    rng, graph = np.random.default_rng(3), small_checked_graph
+
+    def make():
+        s = int(rng.integers(len(graph)))
+        stance = graph.points[s].tolist()
+        allowed = ([b for b in range(16) if mask >> b & 1] for mask in graph.mask[s].tolist())
+        bits = [int(rng.choice(some)) for some in allowed]
+        here = graph.configuration(State(tuple(stance), tuple(1 << bit for bit in bits)))
+        at = graph.base_in_world[s], graph.base_axes_in_world[s]
+        grasp = grasps_of(graph, [(0, stance[0])])
+        _, point, normal = grasp[0]
+        # The flange's x axis lies along the rail and its z axis points into the surface.
+        rail = graph.grasp_map.rotations[stance[0]][:, 0]
+        turned = np.column_stack([rail, np.cross(-normal, rail), -normal])
+        place, joints = point + ROBOT.tool_length * normal, np.empty((len(SHARES), 6))
+        for q, height in zip(joints, ROBOT.lift * SHARES, strict=True):
+            lifted = pose(place + height * normal, turned)
+            assert called(angles_at)(SHAPES.limb, pose(*at), lifted, bits[0] & 7, 0.0, q)
+        path, lift = path_between(at * 2), departing(0, bits[0] & 7, place, turned)
+        room = motion(path, (0.0, 0.0), lift, lift, (compared,))
+        let_rest(room, 1, in_body(1, [here[2][1]]))
+        behind = room["behind"]
+        behind["applies"], behind["point"], behind["normal"] = True, point, normal
+        return Case(room, moments_of(path, 0.0 * SHARES, joints, here[2][1]), tuple(grasp))
+
+    carry_on(rng, make, compared == "boxes", 6)
+
+
+def test_no_thin_plate_is_skipped():
+    """Long swings that are called clear of plates of a millimetre are so at every sample."""
+    rng, ruler, clear = np.random.default_rng(4), Ruler(ROBOT), 0
+    for n in range(60):
+        path, base = base_motion(rng, STRAIGHT)
+        ours = knots(rng, 2.5)
+        room = motion(path, (0.0, 1.0), swinging(0, ours[0], ours[2]), compared=("boxes",))
+        moments = moments_of(path, along(*base[:, None], False)[:, 0], along(*ours, False), 0.0)
+        case = Case(room, moments)
+        plate = thin_box(rng, case, n % 2)
+        if answer(room, 0.02, (plate,)) == CLEAR:
+            clear += 1
+            assert case.least(ruler.among([plate]), 0.05)[0][0] >= 0.02 - 1e-9
+    assert clear > 5
