@@ -1,9 +1,8 @@
-"""The figures of `docs/concepts.md`, drawn with the package's own code.
+"""The figures of `docs/concepts.md` and `docs/mathematics.md`, drawn with the package's own code.
 
     python experiments/concept_figures.py
 
-One plan is the example of all of them: from `D2a:4 D2b:4` to (6.0, 0.0, 0.42) m at the least number
-of steps.
+One task is the example of all of them: from `D2a:4 D2b:4` to (6.0, 0.0, 0.42) m.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ from concept_drawing import (
     new_figure,
     view_axes,
 )
+from concept_labels import label_figure
 from concept_plots import certificate_figure, manipulability_figure
 from scipy.spatial.transform import Rotation
 
@@ -50,6 +50,7 @@ def main() -> None:
     manipulability_figure(graph, plan)
     certificate_figure(graph)
     swing_figure(graph, plan)
+    label_figure(graph)
 
 
 SPAN = (np.array([0.6, -1.15, -1.15]), np.array([5.4, 1.15, 1.15]))
