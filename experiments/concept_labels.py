@@ -31,9 +31,9 @@ def label_figure(graph: PairGraph) -> None:
     states = states_along(graph, plan)
     figure = new_figure(12.4, 5.6)
     for k, state in enumerate(states):
-        left = 0.055 + 0.119 * k
+        x = 0.055 + 0.119 * k
         for limb in range(2):
-            axes = figure.add_axes((left, 0.745 - 0.15 * limb, 0.098, 0.075))
+            axes = figure.add_axes((x, 0.745 - 0.15 * limb, 0.098, 0.075))
             draw_label(axes, state.masks[limb], int(graph.mask[graph.find(state.stance), limb]))
             axes.set_title(
                 graph.ids(state.stance)[limb], fontsize=8, pad=3, color=LIMB_COLOURS[limb],
@@ -44,10 +44,10 @@ def label_figure(graph: PairGraph) -> None:
         if k:
             limb = plan.steps[k - 1].limb
             figure.text(
-                left - 0.0105, 0.885, f"limb {limb}\n→", fontsize=8, ha="center",
+                x - 0.0105, 0.885, f"limb {limb}\n→", fontsize=8, ha="center",
                 color=LIMB_COLOURS[limb],
             )  # fmt: skip
-        figure.text(left + 0.049, 0.9, f"$x_{k}$", fontsize=11, ha="center")
+        figure.text(x + 0.049, 0.9, f"$x_{k}$", fontsize=11, ha="center")
     figure.text(
         0.055, 0.505, "8 branches by 2 flips. Grey: on which the limb may hold, $M_i(s)$. "
         "Dark: the label, on which it may be after this walk, $L_i$. Bold: the limb that moved.",
@@ -105,10 +105,10 @@ def _cell(column: int, row: int, colour: str) -> Any:
 
 def draw_costs(axes: Any, costs: tuple[Array, Array, Array]) -> None:
     """Draw cost so far and lower bounds at each state, one on the other."""
-    spent, left, straight = costs
+    spent, bound, straight = costs
     places = np.arange(len(spent))
     axes.bar(places, spent, 0.62, color="#2b8a3e", label="$g$, the cost so far")
-    axes.bar(places, left, 0.62, spent, color="#b7e4c7", label="$h$ over the table")
+    axes.bar(places, bound, 0.62, spent, color="#b7e4c7", label="$h$ over the table")
     axes.plot(
         places, spent + straight, color="#e8871e", marker="o", ms=4, lw=1.0,
         label="$g + h$ with $h$ by distance",
@@ -132,8 +132,8 @@ def dominated_pair(graph: PairGraph) -> tuple[State, float, State, float]:
     for k in range(len(steps.limb)):
         between, place = steps.after(start, k), steps.base_in_world[k]
         more = graph.successors(between)
-        ways = np.linalg.norm(more.base_in_world - place, axis=1) + np.linalg.norm(place - here)
-        for n, cost in enumerate(ways.tolist()):
+        costs = np.linalg.norm(more.base_in_world - place, axis=1) + np.linalg.norm(place - here)
+        for n, cost in enumerate(costs.tolist()):
             after = more.after(between, n)
             if after.stance != start.stance:
                 found.setdefault(after.stance, []).append((cost, after))
