@@ -67,6 +67,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/environment_films.py
 	$(BIN)/python experiments/overview.py
 	$(BIN)/python experiments/concept_figures.py
+	$(BIN)/python experiments/concept_labels.py
 	$(BIN)/python experiments/notebooks.py
 	$(BIN)/python experiments/benchmark_env.py
 	$(BIN)/python experiments/limb_starts.py

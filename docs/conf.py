@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import pydoc
 import re
+from pathlib import Path
 from typing import Any
 
 import mlivr_gym
+from mlivr_gym.errors import MlivrError
 
 project = "mlivr-gym"
 author = "The mlivr-gym developers"
@@ -77,9 +80,33 @@ def described(name: str) -> str:
     return text
 
 
-def with_docstrings(app: Any, docname: str, source: list[str]) -> None:
-    """Put docstrings where pages ask for them."""
-    source[0] = DOCSTRING.sub(lambda match: described(match[1]), source[0])
+PACKAGE = Path(__file__).parent.parent / "mlivr_gym"
+"""Where the files lie that pages name."""
+
+PLACE = re.compile(r"^(#+ .*`([\w./]+\.py)::([\w.]+)`)$", re.MULTILINE)
+"""A heading that names a function of the package."""
+
+
+def line_of(path: str, name: str) -> int:
+    """The line on which a function or a method of a file begins, by its qualified name."""
+    body: list[Any] = ast.parse((PACKAGE / path).read_text(encoding="utf-8")).body
+    found: Any = None
+    for part in name.split("."):
+        found = next((node for node in body if getattr(node, "name", None) == part), None)
+        if found is None:
+            raise MlivrError(f"{path} has no {name}, which a page names")
+        body = found.body
+    return int(found.lineno)
+
+
+def with_lines(text: str) -> str:
+    """A page whose headings that name functions tell their lines."""
+    return PLACE.sub(lambda match: f"{match[1]} (line {line_of(match[2], match[3])})", text)
+
+
+def filled(app: Any, docname: str, source: list[str]) -> None:
+    """Put docstrings and lines where pages ask for them."""
+    source[0] = with_lines(DOCSTRING.sub(lambda match: described(match[1]), source[0]))
 
 
 PAGES = {
@@ -97,5 +124,5 @@ def refer(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[st
 
 def setup(app: Any) -> None:
     """Connect both."""
-    app.connect("source-read", with_docstrings)
+    app.connect("source-read", filled)
     app.connect("autodoc-process-docstring", refer, priority=0)

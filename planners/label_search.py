@@ -282,7 +282,8 @@ def _cheapest(
         if here == NOTHING:
             return NO_LABEL
         s, cost = int(waiting.node[here]), labels.cost[here]
-        if manner.found != NO_LABEL and least_waiting(waiting) >= manner.below:
+        if manner.found != NO_LABEL and least_waiting(waiting) >= manner.g * manner.below:
+            # No walk costs less than `below` times the weight.
             return NO_LABEL
         if not cost + h[s] < manner.below:
             continue
@@ -295,8 +296,6 @@ def _cheapest(
             continue
         if h[s] == 0.0:
             manner.found, manner.below = here, cost
-            if manner.g < 1.0:
-                return NO_LABEL
             continue
         if waiting.filled.used + degree(table, s) > min(len(waiting.node), manner.room):
             put_back(waiting, here)

@@ -52,7 +52,7 @@ class PlanningResult:
         feasibility_time: Time spent on postures and stances for this query [s].
         search_time: Time spent on search and step checks [s].
         tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-        improvements: With more than two limbs, when each better plan was found, at what cost.
+        improvements: When each better plan was found, at what cost.
     """
 
     plan: Plan | None
@@ -163,8 +163,8 @@ class Planner:
             limit: Most expansions.
             time_limit: How long a plan is looked for and improved [s], unless one is proved within
                 `inflation` (by default 1) before. What is found then depends on the machine.
-            progress: Called with the number of expansions now and then (`"algorithm1"`, or more
-                than two limbs).
+            progress: Called with the number of expansions now and then (`"algorithm1"`, or where
+                there is no table of the graph).
 
         Returns:
             The plan, or why there is none. A start that cannot be held is such a reason; ids that

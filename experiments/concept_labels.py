@@ -1,0 +1,181 @@
+"""Labels along a walk, its lower bounds and dominance, drawn for `docs/mathematics.md`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from concept_figures import GOAL, OUT, START
+from matplotlib.figure import Figure
+from reports import pair_graph
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.pictures.figures import write_figure
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.planner import GOAL_TOLERANCE
+from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.searches import GraphSearcher
+from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.transitions.state import State
+
+NONE, HOLDS, ON = "#ffffff", "#d9d9d9", "#1d3557"
+"""Colours of a branch on which a limb cannot hold, may hold, and may be after the walk."""
+
+
+def label_figure(graph: PairGraph) -> None:
+    """The label after each step of a plan, cost and lower bound there, and two labels of a stance.
+
+    The plan is that of the least base displacement.
+    """
+    plan = Planner(graph).plan(START, GOAL, "base").unwrap()
+    states = states_along(graph, plan)
+    figure = Figure(figsize=(12.4, 5.6), dpi=110)
+    for k, state in enumerate(states):
+        x = 0.055 + 0.119 * k
+        for limb in range(2):
+            axes = figure.add_axes((x, 0.745 - 0.15 * limb, 0.098, 0.075))
+            draw_label(axes, state.masks[limb], int(graph.mask[graph.find(state.stance), limb]))
+            axes.set_title(
+                graph.ids(state.stance)[limb], fontsize=8, pad=3, color=LIMB_COLOURS[limb],
+                fontweight="bold" if k and limb == plan.steps[k - 1].limb else "normal",
+            )  # fmt: skip
+            if not k:
+                axes.set_ylabel(f"limb {limb}", fontsize=8, color=LIMB_COLOURS[limb])
+        if k:
+            limb = plan.steps[k - 1].limb
+            figure.text(
+                x - 0.0105, 0.885, f"limb {limb}\n→", fontsize=8, ha="center",
+                color=LIMB_COLOURS[limb],
+            )  # fmt: skip
+        figure.text(x + 0.049, 0.9, f"$x_{k}$", fontsize=11, ha="center")
+    figure.text(
+        0.055, 0.505, "8 branches by 2 flips. Grey: on which the limb may hold, $M_i(s)$. "
+        "Dark: the label, on which it may be after this walk, $L_i$. Bold: the limb that moved.",
+        fontsize=8.5, color="0.3",
+    )  # fmt: skip
+    draw_costs(figure.add_axes((0.055, 0.1, 0.52, 0.36)), costs_along(graph, states))
+    draw_dominance(figure, graph)
+    figure.suptitle(
+        "A walk of two limbs: states $x_k = (s_k, L^k)$", x=0.055, y=0.985, ha="left", fontsize=11
+    )
+    write_figure(figure, OUT / "labels.png")
+
+
+def states_along(graph: PairGraph, plan: Plan) -> list[State]:
+    """The states of a plan from its start."""
+    states = [graph.state(plan.stances[0])]
+    for stance in plan.stances[1:]:
+        after = graph.step_to(states[-1], graph.indices(stance))
+        assert after is not None
+        states.append(after)
+    return states
+
+
+def costs_along(graph: PairGraph, states: list[State]) -> tuple[Array, Array, Array]:
+    """Cost so far at each state, and two lower bounds of the rest, shape (k,) each [m].
+
+    The first bound is the one over the table, the second the distance to the goal region.
+    """
+    rows = np.array([graph.find(state.stance) for state in states])
+    goal = Goal.checked(graph, GOAL, "base", None, GOAL_TOLERANCE)
+    bounds = GraphSearcher(graph).bounds()
+    assert bounds is not None
+    shift = np.linalg.norm(np.diff(graph.base_in_world[rows], axis=0), axis=1)
+    straight = np.maximum(goal.distance(graph.base_in_world[rows]) - goal.tolerance, 0.0)
+    return np.concatenate([[0.0], np.cumsum(shift)]), bounds.to(goal, rows).h[rows], straight
+
+
+def draw_label(axes: Any, mask: int, held: int) -> None:
+    """Draw a mask among those branches on which a limb may hold."""
+    for bit in range(16):
+        colour = ON if mask >> bit & 1 else HOLDS if held >> bit & 1 else NONE
+        axes.add_patch(_cell(bit % 8, bit // 8, colour))
+    axes.set_xlim(0, 8)
+    axes.set_ylim(2, 0)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.spines[:].set_linewidth(0.6)
+
+
+def _cell(column: int, row: int, colour: str) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((column, row), 1, 1, facecolor=colour, edgecolor="0.6", linewidth=0.4)
+
+
+def draw_costs(axes: Any, costs: tuple[Array, Array, Array]) -> None:
+    """Draw cost so far and lower bounds at each state, one on the other."""
+    spent, bound, straight = costs
+    places = np.arange(len(spent))
+    axes.bar(places, spent, 0.62, color="#2b8a3e", label="$g$, the cost so far")
+    axes.bar(places, bound, 0.62, spent, color="#b7e4c7", label="$h$ over the table")
+    axes.plot(
+        places, spent + straight, color="#e8871e", marker="o", ms=4, lw=1.0,
+        label="$g + h$ with $h$ by distance",
+    )  # fmt: skip
+    axes.axhline(spent[-1], color="k", lw=1.0, ls="--", label="$C^*$, the least cost")
+    axes.set_xticks(places, [f"$x_{k}$" for k in places])
+    axes.set_ylabel("[m]", fontsize=8)
+    axes.tick_params(labelsize=8)
+    axes.set_ylim(0, 1.32 * spent[-1])
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(fontsize=8, frameon=False, ncols=4, loc="upper left")
+
+
+def dominated_pair(graph: PairGraph) -> tuple[State, float, State, float]:
+    """Two states of a stance after two steps, with their costs [m], the first of which dominates.
+
+    Those whose labels differ most, and of these the one of least cost.
+    """
+    start, found = graph.state(START), {}
+    steps, here = graph.successors(start), graph.posture_of(start).base_position[0]
+    for k in range(len(steps.limb)):
+        between, place = steps.after(start, k), steps.base_in_world[k]
+        more = graph.successors(between)
+        costs = np.linalg.norm(more.base_in_world - place, axis=1) + np.linalg.norm(place - here)
+        for n, cost in enumerate(costs.tolist()):
+            after = more.after(between, n)
+            if after.stance != start.stance:
+                found.setdefault(after.stance, []).append((cost, after))
+    best: tuple[int, float, Any] = (0, 0.0, None)
+    for stance in sorted(found):
+        cost, state = min(found[stance], key=lambda one: (one[0], -_size(one[1])))
+        for other, label in found[stance]:
+            inside = all(b & ~a == 0 for a, b in zip(state.masks, label.masks, strict=True))
+            score = _size(state) - _size(label), -other
+            if inside and score > best[:2]:
+                best = (*score, (state, cost, label, other))
+    assert best[2] is not None
+    pair: tuple[State, float, State, float] = best[2]
+    return pair
+
+
+def _size(state: State) -> int:
+    """Number of branches in a label."""
+    return sum(mask.bit_count() for mask in state.masks)
+
+
+def draw_dominance(figure: Any, graph: PairGraph) -> None:
+    """Draw two labels of a stance, of which the first dominates the second."""
+    state, cost, other, more = dominated_pair(graph)
+    s, names = graph.find(state.stance), graph.ids(state.stance)
+    figure.text(0.635, 0.435, f"Dominance, at the stance {' '.join(names)} after two steps",
+                fontsize=9.5)  # fmt: skip
+    for k, (label, spent, sign) in enumerate(((state, cost, "(L, g)"), (other, more, "(L', g')"))):
+        top = 0.295 - 0.165 * k
+        figure.text(0.635, top + 0.028, f"${sign}$\n{spent:.2f} m", fontsize=9)
+        for limb in range(2):
+            axes = figure.add_axes((0.705 + 0.125 * limb, top, 0.098, 0.075))
+            draw_label(axes, label.masks[limb], int(graph.mask[s, limb]))
+            axes.set_title(f"limb {limb}", fontsize=8, pad=3, color=LIMB_COLOURS[limb])
+    figure.text(
+        0.635, 0.075, "$L' \\subseteq L$ and $g \\leq g'$: what goes on from the second goes on\n"
+        "from the first, too, at no more cost: the second is dropped.",
+        fontsize=8.5, color="0.3", va="top",
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    label_figure(pair_graph())
