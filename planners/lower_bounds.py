@@ -26,10 +26,14 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 FARTHER_BY = (0.03, 2)
-"""How much farther than to the start they are worked out: a share of the cost, and steps."""
+"""How much farther than to the start they are worked out with more than two limbs, for the starts of
+further plans: a share of the cost, and steps."""
 
 FARTHEST = 1 << 14
 """More steps than any node is away."""
+
+MOST_STARTS = 1000
+"""With more starts than this the search backward is led to none of them."""
 
 KEPT = 4, 16
 """Goals, or costs to one, that are kept at least and at most."""
@@ -67,6 +71,7 @@ class LowerBounds:
         least, most = KEPT
         self._most = max(least, min(most, KEPT_NODES // max(len(table.points), 1)))
         self._rounded = 0.0 if graph.has_tables else 2.0 * ROUNDED
+        self._farther = (0.0, 0) if graph.has_tables else FARTHER_BY
 
     @property
     def world(self) -> NodeWorld:
@@ -105,11 +110,11 @@ class LowerBounds:
         """Bounds from some nodes where walks do not enter some that are taken."""
         cost, goals = goal.cost, self._goals(goal)
         if cost.base_weight:
-            farther = FARTHER_BY[0], FARTHER_BY[1] * cost.step_weight
+            farther = self._farther[0], self._farther[1] * cost.step_weight
             toward = self._toward(cost, starts, taken)
             h, exact = costs_to_goal(table, goals, weights_of(cost), starts, toward, farther)
         else:
-            steps, least = fewest_steps(table, goals, taken, starts, FARTHER_BY[1])
+            steps, least = fewest_steps(table, goals, taken, starts, self._farther[1])
             exact = steps >= 0
             h = cost.step_weight * np.where(exact, steps, least)
             h[taken] = np.inf
@@ -148,6 +153,8 @@ class LowerBounds:
     def _toward(self, cost: Cost, starts: IntArray, taken: BoolArray) -> Array:
         """Lower bounds of the cost from where walks begin, infinite for what is taken."""
         table, count = self.table, len(self.table.points)
+        if len(starts) > MOST_STARTS:
+            return np.where(taken, np.inf, 0.0)
         nearest: Array = np.full(count, np.inf)
         for place in table.base_position[starts]:
             away = table.base_position - place

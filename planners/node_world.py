@@ -109,7 +109,7 @@ class PairWorld(NodeWorld):
             released = self.table.released & masks
             bits = self.table.bits.copy()
             self.table = self.table._replace(masks=masks, released=released, bits=bits)
-            if graph.settings.transitions:
+            if not graph.complete:
                 self._learn_released(np.flatnonzero(graph.steps.released["known"].all(axis=1)))
 
     def _learn_released(self, rows: IntArray) -> None:
