@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import heapq
+import sys
 import time
 from collections import Counter
 from itertools import count
 from typing import Any
 
 import numpy as np
-from mlivr_gym.planners.first_walk import At
-from mlivr_gym.planners.node_bounds import NodeBounds
-from mlivr_gym.planners.node_search import NodeSearch
 from processes import Processes
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
@@ -23,7 +21,10 @@ from mlivr_gym.envs.dynamics import physical_walk
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.lower_bounds import LowerBounds
+from mlivr_gym.planners.outcome import EXHAUSTED, FOUND
+from mlivr_gym.planners.query import Goal, Search
+from mlivr_gym.planners.table_search import search_table
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.settings import Settings
 from mlivr_gym.simulation.execution import execute
@@ -241,19 +242,14 @@ def small_map(rng: np.random.Generator) -> GraspMap:
 
 def over_nodes(graph: LazyGraph, start: State, goal: Goal) -> float:
     """Cost of the plan over a table of all nodes, proved to be the least; infinite without one."""
-    if goal.reached(graph.posture_of(start).base_position[0], start.stance):
-        return 0.0
-    search = NodeSearch(NodeBounds(graph, build(graph)), goal, start)
-    found = [walk_cost(walk, goal.cost) for walk in search.walks(np.inf)]
-    least = found[-1] if found else np.inf
-    return least if search.low >= min(least, 1e9) * (1.0 - 1e-9) else np.nan
-
-
-def walk_cost(walk: list[At], cost: Cost) -> float:
-    """What a walk costs."""
-    places = np.concatenate([posture.base_position for _, posture in walk])
-    shift = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
-    return cost.base_weight * shift + cost.step_weight * (len(walk) - 1)
+    tabled = stance_graph(graph.grasp_map, graph.robot, graph.settings)
+    assert isinstance(tabled, LazyGraph)
+    tabled.table = build(tabled)
+    search = Search(goal, "astar", "consistent", 1.0, sys.maxsize, guided=True)
+    found = search_table(LowerBounds(tabled), search, start)
+    if found is None or found.status == EXHAUSTED:
+        return np.inf
+    return found.cost if found.status == FOUND and found.bound == 1.0 else np.nan
 
 
 def small_query(seed: int) -> tuple[str, float]:

@@ -40,7 +40,6 @@ NAMED_LIKE_NUMPY = [
     f"{CERTIFICATE}::test_certificates_are_the_same_in_both_directions",
     f"{HOLDING}::test_followed_joints_are_continuous_and_stay_on_their_branch",
     f"{HOLDING}::test_joint_limits_take_branches_away",
-    "planners/test_queue.py",
 ]
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled anyway")
