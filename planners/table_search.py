@@ -166,7 +166,9 @@ class _TableSearch:
         steps, which are known sooner than what else is charged.
         """
         search, goal, starts = self.search, self.goal, self._origins.nodes
-        world, rounds, first = self._world, ROUNDS, (FIRST,)
+        world = self._world
+        rounds: tuple[Round, ...] = ROUNDS
+        first: tuple[Round, ...] = (FIRST,)
         if world.exact:
             rounds = (Round(Manner(search.g_weight, lazy=not world.complete), bounds=True),)
             if search.heuristic != "cost_to_go":
@@ -250,7 +252,8 @@ class _TableSearch:
                 self.low = max(self.low, found.low)
             if walk is None:
                 return None
-            states, masks = None, walk.masks
+            states: Walk | None = None
+            masks: NDArray[np.uint64] | None = walk.masks
             if not (world.complete or how.manner.lazy):
                 if world.look_at(walk.nodes):
                     self._look_about(walk.nodes)
@@ -319,4 +322,5 @@ class _TableSearch:
         before[link >= 0] = base[labels.waiting.node[link[link >= 0]]]
         for k in np.flatnonzero(link < 0).tolist():
             before[k] = self._begun[-1 - int(link[k])].positions[0]
-        return np.stack([before, after], axis=1)[(link >= 0) | (before != after).any(axis=1)]
+        moved = (link >= 0) | (before != after).any(axis=1)
+        return np.asarray(np.stack([before, after], axis=1)[moved])

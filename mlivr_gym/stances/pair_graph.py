@@ -94,6 +94,7 @@ class PairGraph(StanceGraph):
         self._free = KnownSteps(self.checks, stances, rows, self.base_in_world, known.edges)
         self._known = self._free
         self._table: NodeTable | None = None
+        self._table_complete = False
 
     @property
     def table(self) -> NodeTable:  # type: ignore[override]
