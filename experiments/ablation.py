@@ -43,7 +43,7 @@ def _no_sets() -> None:
 
 
 def _cheapest_alone() -> None:
-    table_search.ROUNDS = table_search.BLOCKED = table_search.ROUNDS[-2:]  # type: ignore[assignment]
+    table_search.ROUNDS = table_search.BLOCKED = table_search.ROUNDS[-2:]
 
 
 def _no_inflation() -> None:

@@ -88,7 +88,7 @@ def study_no(number: int) -> dict[str, Any]:
         for reached in (True, False):
             new = stance_graph(sparse)
             assert isinstance(new, PairGraph)
-            assert new.components[0]
+            assert len(new.table.points)
             planner, (start, goal) = Planner(new), queries[reached][k]
             began = time.perf_counter()
             found = planner.plan(start, goal, "base", goal_tolerance=RADIUS)

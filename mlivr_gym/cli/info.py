@@ -21,6 +21,7 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.pair_rows import connected_parts
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -144,7 +145,7 @@ def _describe_stances(graph: PairGraph) -> None:
 
 def _describe_steps(graph: PairGraph) -> None:
     """Edges, connected parts, manipulability of the stances, and the longest step."""
-    count, part = graph.components
+    count, part = connected_parts(graph.points, len(graph.grasp_map))
     edges = int((graph.degree**2).sum() - 2 * len(graph))
     print(
         f"  {edges} steps before checks, {count} connected parts, "
