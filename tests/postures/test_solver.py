@@ -4,7 +4,6 @@ from branches import angles_on, arm_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import flange, pinocchio_arm
-from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, robot_spec, stance_graph
@@ -102,19 +101,6 @@ def test_postures_move_with_the_grasps(seed):
     )
 
 
-def test_results_do_not_depend_on_the_order_of_queries(jem):
-    rng = np.random.default_rng(0)
-    pairs = np.array([(int(a), int(b)) for a, b in rng.integers(0, len(jem), (400, 2)) if a != b])
-    together = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS).solve(pairs)
-    solver = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS)
-    single = [solver.solve(pairs[[k]]) for k in rng.permutation(len(pairs))[:60]]
-    order = np.random.default_rng(0)
-    order.integers(0, len(jem), (400, 2))
-    for k, posture in zip(order.permutation(len(pairs))[:60], single, strict=True):
-        np.testing.assert_array_equal(posture.w_m[0], together.w_m[k])
-        np.testing.assert_array_equal(posture.branch[0], together.branch[k])
-
-
 def test_body_faces_away_from_a_wall_and_lies_on_the_line_of_the_grasps(graph):
     rng = np.random.default_rng(2)
     for s in rng.integers(0, len(graph), 100):
@@ -149,23 +135,3 @@ def test_counts_agree_with_the_independent_calculation(jem):
     assert (~opposed).sum() == 27010
     kept = (graph.w_m.min(axis=1) >= 0.1) & (graph.w_b >= 0.001) & ~opposed
     assert abs(kept.sum() - 20842) < 0.01 * 20842
-
-
-@pytest.mark.parametrize("limbs", [2, 3])
-def test_a_stance_has_one_of_the_poses_that_are_tried(jem, limbs):
-    """The pose that all stances are solved for at once is among those told for one alone."""
-    settings = Settings(collisions=False, manipulability=False)
-    graph = LazyGraph(jem, robot_spec(f"mlivr{limbs}"), settings)
-    rng = np.random.default_rng(limbs)
-    seen = 0
-    while seen < 30:
-        first = int(rng.integers(len(jem)))
-        stance = (first, *rng.choice(graph.partners(first), limbs - 1, replace=False).tolist())
-        found = graph.postures(np.array([stance]))
-        if not found.reachable[0]:
-            continue
-        positions, rotations = graph.solver.poses_tried(stance)
-        away = np.linalg.norm(positions - found.base_position[0], axis=1)
-        turned = np.abs(rotations - found.base_rotation[0]).max(axis=(1, 2))
-        assert np.maximum(away, turned).min() < 1e-9
-        seen += 1
