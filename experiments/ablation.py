@@ -24,7 +24,7 @@ from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
 from mlivr_gym.files import write_whole
-from mlivr_gym.planners import Planner, lazy_search, node_search, searches
+from mlivr_gym.planners import Planner, lazy_search, searches, table_search
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
@@ -42,8 +42,8 @@ def _no_sets() -> None:
     LazyGraph.sets = lambda self, *args, **kinds: None  # type: ignore[method-assign,assignment]
 
 
-def _one_round() -> None:
-    node_search.ROUNDS = (node_search.Manner(1.0, node_search.ROOM, bounds=True),)  # type: ignore[assignment]
+def _cheapest_alone() -> None:
+    table_search.ROUNDS = table_search.BLOCKED = table_search.ROUNDS[-2:]
 
 
 def _no_inflation() -> None:
@@ -58,7 +58,7 @@ def _by_bound() -> None:
 
 VARIANTS: dict[str, Callable[[], None]] = {
     "all": lambda: None,
-    "no inflated rounds over the table": _one_round,
+    "rounds for the cheapest walk alone": _cheapest_alone,
     "no table of nodes": _no_table,
     "neither table nor sets of points": _no_sets,
     "no table, entries by promise and bound alone": _no_inflation,

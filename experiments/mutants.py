@@ -41,7 +41,7 @@ PLAIN = ("kinematics/test_base_path.py", "kinematics/test_certificate.py",
          "kinematics/test_manipulability.py", "kinematics/test_poses.py",
          "kinematics/test_ur.py", "transitions/test_rule.py",
          "compiled/test_records.py", "kinematics/test_holding.py",
-         "planners/test_queue.py", "collisions/test_distances.py", "collisions/test_box_grid.py",
+         "planners/test_bucket_queue.py", "collisions/test_distances.py", "collisions/test_box_grid.py",
          "collisions/test_placing.py",
          "collisions/test_against_boxes.py", "robot/test_limb.py")  # fmt: skip
 """Tests that are quick without compiling; faults in kernels of their folders meet them first."""
@@ -76,7 +76,7 @@ STRATA: dict[str, dict[str, tuple[str, ...]]] = {
 }  # fmt: skip
 """Sources that are drawn from together: test folders and files by source folder or file."""
 
-LONG = ("envs/test_env.py", "planners/test_algorithm1.py", "planners/test_pair_search.py",
+LONG = ("envs/test_env.py", "planners/test_algorithm1.py", "planners/test_methods.py",
         "envs/test_against_model.py", "planners/test_planner.py", "envs/test_actions.py",
         "motion/test_commitment.py", "postures/test_given_pose.py",
         "collisions/test_sweep.py")  # fmt: skip

@@ -137,10 +137,9 @@ class Labels(NamedTuple):
         link, previous = (np.empty(ROOM, dtype=np.int32) for _ in range(2))
         bits, masks = np.empty(ROOM, dtype=np.int64), np.empty(ROOM, dtype=np.uint64)
         last, expanded = np.empty(nodes, dtype=np.int32), np.empty(ROOM, dtype=np.int32)
-        return cls(
-            NodeQueue.of(ROOM), np.empty(ROOM), link, bits, masks, previous, last, expanded,
-            np.empty(ROOM, dtype=np.bool_), np.empty(BATCH, dtype=np.int64),
-        )  # fmt: skip
+        checked, pending = np.empty(ROOM, dtype=np.bool_), np.empty(BATCH, dtype=np.int64)
+        walks = np.empty(ROOM), link, bits, masks, previous, last
+        return cls(NodeQueue.of(ROOM), *walks, expanded, checked, pending)
 
     @property
     def used(self) -> int:
@@ -235,8 +234,8 @@ def cheapest_walk(
         if end == PENDING:
             assert check is not None
             pending = labels.pending[: int(how["pending"])]
-            left = check(labels.bits[pending], labels.masks[labels.link[pending]])
-            put_back_checked(labels, pending, left)
+            after = check(labels.bits[pending], labels.masks[labels.link[pending]])
+            put_back_checked(labels, pending, after)
             how["pending"] = 0
     if not how["seeded"]:
         return Outcome(None, 0.0, end, 0)
@@ -382,10 +381,10 @@ def _covered(
 
 
 @entry
-def put_back_checked(labels: Labels, pending: IntArray, left: NDArray[np.uint64]) -> None:
-    """Put labels back whose edges were checked, with the branches that are left, if any are."""
+def put_back_checked(labels: Labels, pending: IntArray, after: NDArray[np.uint64]) -> None:
+    """Put labels back whose edges were checked, with the branches after them, if any are left."""
     for k in range(len(pending)):
         item = pending[k]
-        labels.masks[item], labels.checked[item] = left[k], True
-        if left[k] != NO_LIMB:
+        labels.masks[item], labels.checked[item] = after[k], True
+        if after[k] != NO_LIMB:
             put_back(labels.waiting, item)

@@ -22,11 +22,12 @@ from mlivr_gym.planners.node_world import NodeWorld, world_of
 from mlivr_gym.planners.query import Goal, Search
 from mlivr_gym.stances.node_table import ROUNDED, NodeTable
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.pair_rows import connected_parts
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 FARTHER_BY = (0.03, 2)
-"""How much farther than to the start they are worked out with more than two limbs, for the starts of
+"""How much farther than to the start they are worked out with more than two limbs, for starts of
 further plans: a share of the cost, and steps."""
 
 FARTHEST = 1 << 14
@@ -133,7 +134,7 @@ class LowerBounds:
         """Whether a goal may be reached from a state, whatever steps and obstacles there are."""
         goals = self._goals(goal)
         if isinstance(self.graph, PairGraph) and start.pose is None:
-            part = self.graph.components[1]
+            _, part = connected_parts(self.graph.points, len(self.graph.grasp_map))
             return bool((part[goals] == part[self.graph.find(start.stance)]).any())
         return bool(goals.any())
 

@@ -130,18 +130,18 @@ class PairWorld(NodeWorld):
     def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """See `NodeWorld.masks_after`."""
         self.check(bits)
-        (before, limb), (after, _), _ = ends_of(self.table, bits)
+        (before, limb), (end, _), _ = ends_of(self.table, bits)
         rows = np.arange(len(bits))
         found, leaves, grasps = (
             unpacked(one, 2)
-            for one in (masks, self.table.released[before], self.table.released[after])
+            for one in (masks, self.table.released[before], self.table.released[end])
         )
         able = found[rows, limb] & leaves[rows, limb] != 0
         found[rows, 1 - limb] &= self.known.of(bits).astype(np.int64)
         found[rows, limb] = grasps[rows, limb]
-        left = packed(found)
-        left[~able | ~found.all(axis=1)] = 0
-        return left
+        after = packed(found)
+        after[~able | ~found.all(axis=1)] = 0
+        return after
 
     def walk(self, start: Walk, turn: int, found: NodeWalk) -> Walk | None:
         """The states of a walk whose edges were checked."""
@@ -164,10 +164,10 @@ class ManyWorld(NodeWorld):
         if graph.obstacles:
             masks, released = table.masks.copy(), table.released.copy()
             self.table = table._replace(masks=masks, released=released)
-            self._near = self._close()
-            self._unseen = self._near.copy()
+            self._close = self._close_nodes()
+            self._unseen = self._close.copy()
 
-    def _close(self) -> BoolArray:
+    def _close_nodes(self) -> BoolArray:
         """Nodes whose robot may touch an obstacle, shape (n,)."""
         reach = self.graph.robot.extent + self.graph.settings.clearance
         positions, close = self._free.base_position, self._unseen
@@ -193,11 +193,11 @@ class ManyWorld(NodeWorld):
             none[:, 0].astype(float), none, stances.mask.copy(), none[:, 0], none[:, 0],
         )  # fmt: skip
         graph.clear_of_obstacles(np.arange(len(rows)), stances.points, postures)
-        left = packed(postures.mask)
-        left[~graph.is_node(postures)] = 0
-        self.table.masks[rows] = left
-        self.table.released[rows] &= left
-        return bool((left != self._free.masks[rows]).any())
+        masks = packed(postures.mask)
+        masks[~graph.is_node(postures)] = 0
+        self.table.masks[rows] = masks
+        self.table.released[rows] &= masks
+        return bool((masks != self._free.masks[rows]).any())
 
     def check(self, bits: IntArray) -> None:
         """Check edges that are not known."""
@@ -208,7 +208,7 @@ class ManyWorld(NodeWorld):
         rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
         stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
         if graph.obstacles:
-            stances.released["known"][self._near[rows]] = False
+            stances.released["known"][self._close[rows]] = False
         here = np.arange(len(new))
         steps = graph.step_rows(stances, here, here + len(new), stances.mask[here])
         found = graph.masks_of_steps(steps, stances)
@@ -220,26 +220,26 @@ class ManyWorld(NodeWorld):
 
     def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """See `NodeWorld.masks_after`."""
-        graph, left = self.graph, np.zeros(len(bits), dtype=np.uint64)
+        graph, kept = self.graph, np.zeros(len(bits), dtype=np.uint64)
         (before, i), (after, j), _ = ends_of(self.table, bits)
         self.look_at(np.concatenate([before, after]))
         refused = self.known.has(bits)
         refused[refused] = self.known.of(bits[refused]) == 0
         some = np.flatnonzero((self.table.masks[after] != 0) & ~refused)
         if not len(some):
-            return left
+            return kept
         before, i, after, j = before[some], i[some], after[some], j[some]
         rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
         stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
         if graph.obstacles:
-            stances.released["known"][self._near[rows]] = False
+            stances.released["known"][self._close[rows]] = False
         here = np.arange(len(some))
         wanted = unpacked(masks[some], graph.limbs)
         steps = graph.step_rows(stances, here, here + len(some), wanted)
         found = graph.masks_of_steps(steps, stances)
         found[~found.all(axis=1)] = 0
-        left[some] = packed(turned(found, i - j))
-        return left
+        kept[some] = packed(turned(found, i - j))
+        return kept
 
     def _learn_released(self, rows: IntArray, released: Array) -> None:
         """Keep what was worked out of releases, rows of `Release` of shape (k, N)."""

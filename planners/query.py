@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Kinds, Via
 from mlivr_gym.arrays import Array, BoolArray, IntArray
@@ -123,9 +124,9 @@ class Goal:
         away: Array = np.linalg.norm(positions - self.target, axis=-1)
         return away
 
-    def held(self, stances: Sequence[Any] | IntArray) -> BoolArray:
+    def held(self, stances: Sequence[Any] | NDArray[np.integer[Any]]) -> BoolArray:
         """Whether all limbs hold points of the face, for stances (..., N) -> (...)."""
-        points: IntArray = np.asarray(stances)
+        points = np.asarray(stances)
         if self.on_face is None:
             return np.ones(points.shape[:-1], dtype=np.bool_)
         return np.asarray(self.on_face[points].all(axis=-1))

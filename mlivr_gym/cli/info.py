@@ -12,6 +12,7 @@ import numpy as np
 from mlivr_gym.cli.arguments import Add, chosen_graph, command
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.pair_rows import connected_parts
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 
@@ -90,7 +91,7 @@ def _of_pairs(graph: PairGraph) -> dict[str, Any]:
         "departure": graph.no_departure,
     }
     out["manipulability"] = graph.considered - len(graph) - sum(out.values())
-    count, part = graph.components
+    count, part = connected_parts(graph.points, len(graph.grasp_map))
     return {
         "pairs_farther_than_span": graph.farther_than_span,
         "stances_reachable": graph.reachable,

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
@@ -27,7 +26,7 @@ from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.pair_files import COUNTS, PairStances, known_stances
 from mlivr_gym.stances.pair_nodes import pair_nodes
-from mlivr_gym.stances.pair_rows import connected_parts, rows_of
+from mlivr_gym.stances.pair_rows import rows_of
 from mlivr_gym.stances.pair_steps import (
     PairTable,
     longest_step,
@@ -157,10 +156,6 @@ class PairGraph(StanceGraph):
     def know_released(self, todo: IntArray) -> None:
         """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""
         self._known.know_released(todo)
-
-    def know_step(self, held: int, before: int, after: int) -> None:
-        """Check one step, once."""
-        self._known.step(held, before, after)
 
     def pairs_of_row(self, held: int, point: int) -> IntArray:
         """Every pair of stances of a row, the lower index last, shape (2, k)."""
@@ -399,12 +394,3 @@ class PairGraph(StanceGraph):
         for held in range(2):
             longest_step(held, self.rows, self.row_start, self.base_in_world, out)
         return max(float(np.sqrt(out.max())), 1e-9)
-
-    @cached_property
-    def components(self) -> tuple[int, NDArray[np.int32]]:
-        """Connected parts of the graph before steps are checked.
-
-        Returns:
-            Their number, and the part of each stance, shape (n,).
-        """
-        return connected_parts(self.points, len(self.grasp_map))

@@ -75,7 +75,8 @@ def legal_actions(
             s = stances[k]
             for moving in range(2):
                 if can_release(masks[k, moving], tables.releasable[s, moving]):
-                    row, of_held = out[k, moving], np.uint16(masks[k, 1 - moving])
+                    row = out[k, moving]
+                    of_held: Any = np.uint16(masks[k, 1 - moving])
                     for e in range(start[2 * s + moving], start[2 * s + moving + 1]):
                         row[to_point[e]] = kept_on_edge(of_held, kept[e]) != 0
     return read

@@ -10,24 +10,33 @@ import pytest
 from numba import config
 
 from mlivr_gym import Box, MlivrError, stance_graph
-from mlivr_gym.compiled import kernels
+from mlivr_gym.compiled import kernels, limb_masks
 from mlivr_gym.compiled.kernels import entry, in_parallel, workers
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.planners import Planner, cost_to_go, pair_search, searches, unchecked
-from mlivr_gym.stances import pair_steps
+from mlivr_gym.planners import (
+    Planner,
+    backward_search,
+    fewest_steps,
+    known_steps,
+    label_search,
+    table_search,
+    table_values,
+)
+from mlivr_gym.stances import node_table, pair_nodes, pair_steps
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions import release, steps
 
 ENTRIES = (
-    pair_search._search, unchecked._distance, unchecked.steps_to_goal, cost_to_go._backward,
-    pair_steps.pair_successors, release.release_all, steps.check_all,
+    label_search._cheapest, label_search.put_back_checked, backward_search._search,
+    fewest_steps._go_back, known_steps._put, table_values.relax, node_table.find_rows,
+    pair_nodes.mark_steps, pair_nodes.fill_lost, pair_steps.pair_successors,
+    limb_masks.clear_bits, release.release_all, steps.check_all,
 )  # fmt: skip
 
 
 def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
     """Whatever is asked of them the types are the same: nothing is compiled a second time."""
-    monkeypatch.setattr(searches, "PATIENCE", 1)
-    monkeypatch.setattr(searches, "SHARE", 0.0)
+    monkeypatch.setattr(table_search, "PATIENCE", 1)
     graph = stance_graph(small_map)
     start, goal = graph.ids(graph.points[0]), graph.base_in_world[-1].tolist()
     box = Box.between("box", "obstacle", (2.0, -0.2, -0.2), (2.1, 0.2, 0.2))

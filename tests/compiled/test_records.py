@@ -170,12 +170,6 @@ def plainly(pack, value):
     return value + len(numbers)
 
 
-def test_compiled_code_writes_what_python_reads():
-    ours, plain = Pack.row(), Pack.row()
-    assert called(fill)(ours, 1.0) == plainly(plain, 1.0)
-    assert ours.tobytes() == plain.tobytes()
-
-
 def test_a_record_in_an_array_of_records_is_written_in_place():
     ours, plain, value = Outer.rows(5), Outer.rows(5), 1.0
     for k in range(5):

@@ -15,33 +15,20 @@ from mlivr_gym.planners import Planner
 
 ROOT = Path(__file__).parent.parent.parent
 
-CERTIFICATE, HOLDING = "kinematics/test_certificate.py", "kinematics/test_holding.py"
-
-QUICK = [
+QUICK = (
     "compiled/test_kernels.py::test_in_parallel_covers_every_item_once",
     "kinematics/test_base_path.py",
-    "kinematics/test_manipulability.py",
     "kinematics/test_poses.py",
-    "kinematics/test_turns.py",
-    "kinematics/test_ur.py",
-    "transitions/test_grasp_poses.py",
+    "kinematics/test_turns.py::test_on_a_line_joints_turn_as_far_as_its_end",
+    "kinematics/test_ur.py::test_inverse_kinematics_of_axis_aligned_tools_has_all_eight_branches",
     "transitions/test_rule.py",
-]
-
-LONG = (
-    "inverse_kinematics_of_every_right_angled_configuration",
-    "joints_of_a_limb_that_holds_turn_no_farther",
 )
-"""Tests among them of thousands of calls; others ask the same kernels."""
 
-NAMED_LIKE_NUMPY = [
+NAMED_LIKE_NUMPY = (
     "compiled/test_records.py",
-    f"{CERTIFICATE}::test_branches_are_certified_each_as_if_alone",
-    f"{CERTIFICATE}::test_certificates_are_the_same_in_both_directions",
-    f"{HOLDING}::test_followed_joints_are_continuous_and_stay_on_their_branch",
-    f"{HOLDING}::test_joint_limits_take_branches_away",
-    "planners/test_queue.py",
-]
+    "kinematics/test_certificate.py::test_branches_are_certified_each_as_if_alone",
+    "kinematics/test_holding.py::test_joint_limits_take_branches_away",
+)
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled anyway")
 
@@ -58,8 +45,7 @@ def run_plainly(*command):
 def test_kernels_pass_their_tests_as_plain_python():
     """In one process, those whose records have fields that are called like NumPy's among them."""
     files = [f"tests/{file}" for file in QUICK + NAMED_LIKE_NUMPY]
-    chosen = ["-k", " and ".join(f"not {name}" for name in LONG)]
-    run_plainly("-m", "pytest", "-q", "-p", "no:cacheprovider", *chosen, *files)
+    run_plainly("-m", "pytest", "-q", "-p", "no:cacheprovider", *files)
 
 
 def walk():

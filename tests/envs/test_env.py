@@ -107,15 +107,6 @@ def test_masked_sampling_never_meets_an_invalid_action_in_10000_steps(small_map)
             _, info = env.reset()
 
 
-def test_masked_sampling_where_nothing_may_be_touched(safe_env):
-    _, info = safe_env.reset(seed=0)
-    safe_env.action_space.seed(0)
-    for _ in range(60):
-        _, _, _, _, info = safe_env.step(safe_env.action_space.sample(info["action_mask"]))
-        assert not info["invalid_action"]
-        assert info["action_mask"].any()
-
-
 def test_every_masked_out_action_changes_nothing(env):
     _, info = env.reset(seed=2)
     before = env._observation()
@@ -172,26 +163,6 @@ def test_a_replayed_plan_gives_exactly_its_cost(robot, collisions, reward):
         assert returns == pytest.approx(7.0 - plan.statistics.cost, abs=1e-9)
 
 
-def test_shaping_telescopes():
-    """With discount 1 the shaped return differs by the potential at the start alone."""
-    plain = gymnasium.make("MLIVR-JEM-v0", collisions=False).unwrapped
-    shaped = gymnasium.make("MLIVR-JEM-v0", collisions=False, shaping=True, discount=1.0).unwrapped
-    _, info = plain.reset(seed=6)
-    start, goal = plain.state.stance, plain.goal
-    plan = Planner(plain.graph).plan(start, goal, "steps").unwrap()
-    totals = []
-    for environment in (plain, shaped):
-        environment.reset(options={"start": start, "goal": goal})
-        total = 0.0
-        for limb, point in plan.actions:
-            action = limb * len(plain.graph.grasp_map) + plain.graph.grasp_map.index(point)
-            total += environment.step(action)[1]
-        totals.append(total)
-    assert totals[1] - totals[0] == pytest.approx(
-        np.linalg.norm(info["base_position"] - goal), abs=1e-9
-    )
-
-
 def test_bad_input_is_named(env):
     for error, words, options in (
         (StanceError, "'Z'", {"start": ("Z", "D1a:4")}),
@@ -216,33 +187,6 @@ def test_bad_input_is_named(env):
             MlivrEnv(**change)
     with pytest.raises(gymnasium.error.ResetNeeded):
         MlivrEnv(map=env.graph.grasp_map).step(0)
-
-
-def test_subprocess_vector_environment(small_map):
-    from stable_baselines3.common.env_util import make_vec_env
-    from stable_baselines3.common.vec_env import SubprocVecEnv
-
-    arguments = {"map": small_map}
-    vector = make_vec_env(
-        "mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0, vec_env_cls=SubprocVecEnv, env_kwargs=arguments
-    )
-    try:
-        observations = vector.reset()
-        assert observations["base_position"].shape == (2, 3)
-        masks = vector.env_method("action_masks")
-        _, rewards, _, infos = vector.step(np.array([np.flatnonzero(m)[0] for m in masks]))
-        assert rewards.tolist() == [-1.0, -1.0]
-        assert not any(info["invalid_action"] for info in infos)
-    finally:
-        vector.close()
-
-
-def test_masked_ppo_runs_on_the_environment(small_map):
-    from sb3_contrib import MaskablePPO
-
-    world = gymnasium.make("MLIVR-JEM-v0", map=small_map)
-    model = MaskablePPO("MultiInputPolicy", world, n_steps=32, batch_size=32, seed=0)
-    model.learn(64)
 
 
 def test_environment_and_planner_do_not_import_torch():

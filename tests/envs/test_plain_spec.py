@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 
-from mlivr_gym import Box, Capsule, GraspMap, Limb, RobotSpec
+from mlivr_gym import GraspMap, Limb, RobotSpec
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.plain_spec import plain
 from mlivr_gym.envs.wrappers import ActionMaskObservation
@@ -75,16 +75,6 @@ def test_failure_probabilities_paths_and_wrappers_survive(ladder, tmp_path):
     assert again.spec.max_episode_steps == 7
 
 
-def test_a_robot_with_further_shapes_survives():
-    shapes = (
-        Capsule("forearm", (0.0, 0.0, 0.1), (0.1, 0.0, 0.2), 0.05),
-        Capsule("gripper", (0, 0, 0), (0, 0, 0.04), 0.03),
-    )
-    robot = RobotSpec(name="thin", capsules=shapes)
-    env = gymnasium.make("MLIVR-JEM-v0", robot=robot, collisions=False)
-    assert remade(env).unwrapped.graph.robot == robot
-
-
 def test_the_vector_environment_is_made_again_from_json(ladder):
     made = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=3, map=ladder, collisions=False)
     again = gymnasium.make_vec(EnvSpec.from_json(made.spec.to_json()))
@@ -99,31 +89,6 @@ def test_the_spec_does_not_change_with_its_environment(ladder):
     assert arguments["map"] is ladder
     assert env.unwrapped.spec.kwargs["map"] == plain(ladder.to_dict())
     assert MlivrEnv(**arguments).spec is None
-
-
-def test_a_map_with_a_turned_box_is_the_same_to_the_last_digit(ladder):
-    c, s = np.cos(0.3), np.sin(0.3)
-    box = Box(
-        "turned",
-        "rack",
-        (0.1, 0.2, 1.7),
-        (0.05, 0.06, 0.07),
-        ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)),
-        "aft",
-    )
-    world = GraspMap(
-        ladder.ids,
-        ladder.positions + 1e-17,
-        ladder.rotations,
-        ladder.faces,
-        ladder.cabin,
-        "turned",
-        boxes=(box,),
-    )
-    again = GraspMap.from_dict(json.loads(json.dumps(world.to_dict())))
-    assert again.boxes == (box,)
-    assert again.fingerprint == world.fingerprint
-    np.testing.assert_array_equal(again.positions, world.positions)
 
 
 @pytest.mark.parametrize(

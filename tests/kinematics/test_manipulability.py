@@ -15,7 +15,6 @@ from mlivr_gym.kinematics.manipulability import (
     scaling,
 )
 from mlivr_gym.kinematics.poses import pose as pose_row
-from mlivr_gym.kinematics.ur import forward_kinematics
 
 LIMB = Limb()
 
@@ -99,8 +98,3 @@ def test_largest_limb_manipulability_of_a_ur5e_is_about_0_18():
         for _ in range(20000)
     )
     assert 0.165 < best < 0.185
-
-
-def test_forward_kinematics_of_the_flange_is_consistent():
-    q, pose, _, _ = random_limb(np.random.default_rng(1))
-    np.testing.assert_allclose(forward_kinematics(q, LIMB.lengths)[6], pose, atol=1e-12)

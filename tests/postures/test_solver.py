@@ -1,15 +1,13 @@
 import numpy as np
 import pytest
-from branches import angles_on, arm_of, solutions
+from branches import angles_on, arm_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import flange, pinocchio_arm
-from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, robot_spec, stance_graph
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
-from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.stances.lazy_graph import LazyGraph
 
@@ -63,66 +61,6 @@ def test_postures_have_the_manipulability_they_claim(jem, limbs):
         assert postures.w_b[k] == pytest.approx(w_b, rel=1e-3)
 
 
-def test_the_chosen_posture_is_the_best_of_all_candidates_and_branches(graph, kinematic_graph):
-    """Every base pose and branch pair of some stances, tried one after the other with Pinocchio."""
-    robot = graph.robot
-    rng = np.random.default_rng(4)
-    for s in rng.integers(0, len(kinematic_graph), 4):
-        stance = kinematic_graph.points[s]
-        grasps = kinematic_graph.grasp_map.positions[stance]
-        normals = kinematic_graph.grasp_map.normals[stance]
-        centre = grasps.mean(axis=0)
-        rail = kinematic_graph.grasp_map.rotations[stance[0], :, 0]
-        frame, out, line, opposed = (
-            a[0] for a in base_frames((grasps - centre)[None], normals[None], rail[None])
-        )
-        if opposed:
-            continue
-        best = 0.0
-        for height in robot.heights:
-            for roll in robot.rolls:
-                turn = Rotation.from_rotvec(roll * line).as_matrix()
-                best = max(
-                    best,
-                    best_margin(
-                        kinematic_graph, stance, centre + height * turn @ out, turn @ frame
-                    ),
-                )
-        ours = min(kinematic_graph.w_m[s].min() / 0.1, kinematic_graph.w_b[s] / 0.001)
-        assert ours == pytest.approx(best, rel=1e-5)
-
-
-def best_margin(graph, stance, position, rotation):
-    robot = graph.robot
-    arm = pinocchio_arm(robot.limb)
-    options = []
-    for i, point in enumerate(stance):
-        mount = rotation @ robot.mount_rotations[i]
-        origin = position + rotation @ robot.mount_positions[i]
-        p, r = (
-            mount.T @ (graph.solver.grasps[point]["flange"]["position"] - origin),
-            mount.T @ graph.solver.grasps[point]["flange"]["rotation"],
-        )
-        mask, out = solutions(arm_of(robot.limb), p, r)
-        choices = []
-        for b in range(8):
-            if mask >> b & 1:
-                found, jacobian = flange(arm, out[b])
-                w_m = limb_manipulability(jacobian, 0.87)
-                jacobian = jacobian.copy()
-                jacobian[:3] += np.cross(jacobian[3:].T, robot.tool_length * found[:3, 2]).T
-                choices.append((w_m, np.kron(np.eye(2), robot.mount_rotations[i]) @ jacobian))
-        options.append(choices)
-    grasps = (graph.grasp_map.positions[stance] - position) @ rotation
-    best = 0.0
-    for w0, j0 in options[0]:
-        for w1, j1 in options[1]:
-            if min(w0, w1) / 0.1 > best:
-                w_b = base_manipulability(np.array([j0, j1]), grasps, 0.87)
-                best = max(best, min(w0 / 0.1, w1 / 0.1, w_b / 0.001))
-    return best
-
-
 @given(st.integers(0, 10**6))
 @settings(max_examples=15, deadline=None)
 def test_postures_move_with_the_grasps(seed):
@@ -163,31 +101,6 @@ def test_postures_move_with_the_grasps(seed):
     )
 
 
-def test_equal_geometry_is_solved_once(jem):
-    solver = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS)
-    first = np.array(
-        [[jem.index("F1a:2"), jem.index("F1a:4")], [jem.index("F2b:3"), jem.index("F2b:5")]]
-    )
-    postures = solver.solve(first)
-    assert solver.geometries == 1
-    np.testing.assert_allclose(postures.w_m[0], postures.w_m[1], atol=0)
-    solver.solve(first[::-1])
-    assert solver.geometries == 1
-
-
-def test_results_do_not_depend_on_the_order_of_queries(jem):
-    rng = np.random.default_rng(0)
-    pairs = np.array([(int(a), int(b)) for a, b in rng.integers(0, len(jem), (400, 2)) if a != b])
-    together = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS).solve(pairs)
-    solver = PostureSolver(jem, robot_spec("mlivr2"), NO_COLLISIONS)
-    single = [solver.solve(pairs[[k]]) for k in rng.permutation(len(pairs))[:60]]
-    order = np.random.default_rng(0)
-    order.integers(0, len(jem), (400, 2))
-    for k, posture in zip(order.permutation(len(pairs))[:60], single, strict=True):
-        np.testing.assert_array_equal(posture.w_m[0], together.w_m[k])
-        np.testing.assert_array_equal(posture.branch[0], together.branch[k])
-
-
 def test_body_faces_away_from_a_wall_and_lies_on_the_line_of_the_grasps(graph):
     rng = np.random.default_rng(2)
     for s in rng.integers(0, len(graph), 100):
@@ -222,23 +135,3 @@ def test_counts_agree_with_the_independent_calculation(jem):
     assert (~opposed).sum() == 27010
     kept = (graph.w_m.min(axis=1) >= 0.1) & (graph.w_b >= 0.001) & ~opposed
     assert abs(kept.sum() - 20842) < 0.01 * 20842
-
-
-@pytest.mark.parametrize("limbs", [2, 3])
-def test_a_stance_has_one_of_the_poses_that_are_tried(jem, limbs):
-    """The pose that all stances are solved for at once is among those told for one alone."""
-    settings = Settings(collisions=False, manipulability=False)
-    graph = LazyGraph(jem, robot_spec(f"mlivr{limbs}"), settings)
-    rng = np.random.default_rng(limbs)
-    seen = 0
-    while seen < 30:
-        first = int(rng.integers(len(jem)))
-        stance = (first, *rng.choice(graph.partners(first), limbs - 1, replace=False).tolist())
-        found = graph.postures(np.array([stance]))
-        if not found.reachable[0]:
-            continue
-        positions, rotations = graph.solver.poses_tried(stance)
-        away = np.linalg.norm(positions - found.base_position[0], axis=1)
-        turned = np.abs(rotations - found.base_rotation[0]).max(axis=(1, 2))
-        assert np.maximum(away, turned).min() < 1e-9
-        seen += 1

@@ -8,11 +8,10 @@ from compiled import called
 from small_tables import small_table
 
 from mlivr_gym import Settings, stance_graph
-from mlivr_gym.compiled import kernels
 from mlivr_gym.compiled.limb_masks import unpacked
 from mlivr_gym.postures.tried_poses import bases_at
 from mlivr_gym.postures.turns import same_after_turns, turned
-from mlivr_gym.stances import node_files, node_table_build
+from mlivr_gym.stances import node_files
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.node_files import (
     SHIPPED,
@@ -323,7 +322,7 @@ def test_codes_are_in_the_order_of_the_points():
 def test_the_table_that_ships_is_that_of_the_graph(robot):
     """Of some nodes all that is told, and that all their steps are among the bits."""
     graph, with_table = (stance_graph(robot=robot) for _ in range(2))
-    sets, limbs, rng = graph.sets().points, graph.limbs, np.random.default_rng(4)
+    limbs, rng = graph.limbs, np.random.default_rng(4)
     table = node_table(with_table)
     rows = rng.choice(len(table.points), 300, replace=False)
     stances = table.points[rows].astype(np.int64)
@@ -342,8 +341,11 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
     ):
         np.testing.assert_array_equal(unpacked(mine[rows], limbs), theirs)
     orders = np.array(list(itertools.permutations(range(limbs))))
-    others = sets[rng.choice(len(sets), 60)].astype(np.int64)[:, orders].reshape(-1, limbs)
-    np.testing.assert_array_equal(table.find(others)[0] >= 0, graph.is_node(graph.nodes(others)))
+    others = np.array([[*s[:-1], rng.choice(graph.partners(s[0]))] for s in stances[:60].tolist()])
+    others = others[[len(set(s)) == limbs for s in others.tolist()]][:, orders].reshape(-1, limbs)
+    there = table.find(others)[0] >= 0
+    np.testing.assert_array_equal(there, graph.is_node(graph.nodes(others)))
+    assert 0 < there.sum() < len(others)
     steps = 0
     for stance, masks in zip(stances[:16].tolist(), postures.mask.tolist(), strict=False):
         state = State(tuple(stance), tuple(masks))
@@ -354,14 +356,3 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
         steps += len(found.limb)
     assert steps > 100
     assert_kept(graph, table, rng.integers(0, int(table.offset[-1]), 600))
-
-
-def test_processes_find_what_one_does(monkeypatch):
-    graph, table = small_table(3)
-    monkeypatch.setattr(node_table_build, "FEW", 1)
-    monkeypatch.setattr(kernels, "_cores", lambda: 2)
-    shares = []
-    for one, other in zip(build(graph, shares.append), table, strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert shares == sorted(shares)
-    assert shares[-1] == pytest.approx(1.0)

@@ -17,7 +17,7 @@ WORLDS = {"default": stance_graph} | {
     for mode in MODES
     for case in CASES
 }
-STANCES = 500
+STANCES = 100
 
 
 @pytest.fixture

@@ -5,13 +5,15 @@ import numpy as np
 import pytest
 from branches import angles_on, arm_of
 from paper import NO_COLLISIONS
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path, base_poses
-from mlivr_gym.kinematics.ur import jacobian
+from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.random_states import random_state
 
 
 def steps_of(graph, state):
@@ -67,28 +69,22 @@ def test_thresholds_hold_for_every_stance(graph, kinematic_graph):
     }
 
 
-@pytest.mark.parametrize("limbs", [2, 3, 4])
+@pytest.mark.parametrize("limbs", [3, 4])
 def test_a_step_can_always_be_taken_back(jem, limbs):
     graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
-    from mlivr_gym.stances.random_states import random_state
-
     rng = np.random.default_rng(limbs)
     state = random_state(graph, rng)
-    for _ in range(40 if limbs == 2 else 6):
+    for _ in range(6):
         steps = graph.successors(state)
         assert len(steps.limb) > 0
         k = int(rng.integers(len(steps.limb)))
-        after = list(state.stance)
-        after[steps.limb[k]] = int(steps.point[k])
-        before, state = state, State(tuple(after), tuple(steps.masks[k].tolist()))
+        before, state = state, steps.after(state, k)
         assert (int(steps.limb[k]), before.stance[steps.limb[k]]) in steps_of(graph, state)
 
 
 @pytest.mark.parametrize("limbs", [2, 3])
 def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
     """Along a step's base path the held grasp stays in reach, away from singularities."""
-    from mlivr_gym.stances.random_states import random_state
-
     graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
     rng = np.random.default_rng(7)
     for _ in range(8):
@@ -146,39 +142,18 @@ def test_thresholds_below_zero_are_named(name, value):
         Settings(**{name: value})
 
 
-def test_max_step_bounds_every_step(graph, jem):
-    longest = 0.0
-    for s in np.random.default_rng(3).integers(0, len(graph), 200):
-        steps = graph.successors(state_of(graph, s))
-        longest = max(
-            longest, np.linalg.norm(steps.base_in_world - graph.base_in_world[s], axis=1).max()
-        )
-    assert longest <= graph.max_step + 1e-12
-    pairs = graph.points[:, 0][:, None] == graph.points[:, 0][None, :500]
-    far = np.linalg.norm(graph.base_in_world[:, None] - graph.base_in_world[None, :500], axis=2)[
-        pairs
-    ]
-    assert far.max() <= graph.max_step + 1e-12
-    lazy = stance_graph(jem, "mlivr3", NO_COLLISIONS)
-    from mlivr_gym.stances.random_states import random_state
-
-    rng = np.random.default_rng(0)
+def test_max_step_bounds_every_step_of_three_limbs(jem):
+    graph, rng = stance_graph(jem, "mlivr3", NO_COLLISIONS), np.random.default_rng(0)
     for _ in range(3):
-        state = random_state(lazy, rng)
-        here = lazy.posture(state.stance).base_position[0]
-        assert (
-            np.linalg.norm(lazy.successors(state).base_in_world - here, axis=1).max()
-            <= lazy.max_step
-        )
+        state = random_state(graph, rng)
+        here = graph.posture(state.stance).base_position[0]
+        moved = np.linalg.norm(graph.successors(state).base_in_world - here, axis=1)
+        assert moved.max() <= graph.max_step
 
 
 def test_configuration_reaches_every_held_point(graph):
-    from mlivr_gym.kinematics.ur import forward_kinematics
-
     state = graph.state(("D1a:4", "D1b:4"))
     position, quaternion, joints = graph.configuration(state)
-    from scipy.spatial.transform import Rotation
-
     base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     for i, point in enumerate(state.stance):
         frame = forward_kinematics(joints[i], graph.robot.limb.lengths)[6]
