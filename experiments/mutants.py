@@ -41,8 +41,8 @@ PLAIN = ("kinematics/test_base_path.py", "kinematics/test_certificate.py",
          "kinematics/test_manipulability.py", "kinematics/test_poses.py",
          "kinematics/test_ur.py", "transitions/test_rule.py",
          "compiled/test_records.py", "kinematics/test_holding.py",
-         "planners/test_bucket_queue.py", "collisions/test_distances.py", "collisions/test_box_grid.py",
-         "collisions/test_placing.py",
+         "planners/test_bucket_queue.py", "collisions/test_distances.py",
+         "collisions/test_box_grid.py", "collisions/test_placing.py",
          "collisions/test_against_boxes.py", "robot/test_limb.py")  # fmt: skip
 """Tests that are quick without compiling; faults in kernels of their folders meet them first."""
 

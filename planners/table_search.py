@@ -321,4 +321,4 @@ class _TableSearch:
         for k in np.flatnonzero(link < 0).tolist():
             before[k] = self._begun[-1 - int(link[k])].positions[0]
         ends: Array = np.stack([before, after], axis=1)
-        return ends[(link >= 0) | np.any(before != after, axis=1)]
+        return np.asarray(ends[(link >= 0) | np.any(before != after, axis=1)])
