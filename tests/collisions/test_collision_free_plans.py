@@ -33,7 +33,7 @@ def nearest(graph, plan, ruler, samples):
     return sorted(found)
 
 
-@pytest.mark.parametrize(("robot", "plans"), [("mlivr2", 5), ("mlivr3", 8)])
+@pytest.mark.parametrize(("robot", "plans"), [("mlivr2", 5), ("mlivr3", 12)])
 def test_all_along_plans_coal_finds_the_clearance(jem, checked_graph, robot, plans):
     """Between all shapes that are compared, at every sample of every step."""
     graph = checked_graph if robot == "mlivr2" else stance_graph(jem, robot)

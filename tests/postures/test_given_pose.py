@@ -143,7 +143,7 @@ def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pos
         grasps = [(i, rows[p]["point"], rows[p]["normal"]) for i, p in held.items()]
         here = (motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k])
         assert not contacts(graph.robot, graph.grasp_map.boxes, here, 0.02 - 1e-9, grasps)
-    execution = execute(graph, plan, Durations.of_step(20.0))
+    execution = execute(graph, plan, Durations.of_step(25.0))
     assert execution.failure is None
     assert len(execution.captures) == len(plan.steps)
 

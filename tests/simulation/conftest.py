@@ -4,17 +4,26 @@ import pytest
 from plans import first_steps
 
 from mlivr_gym.motion.clocks import Durations
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.simulator import Simulation
 
 
+WALK = (
+    ("D2a:4", "D1b:3"), ("D2b:1", "D1b:3"), ("D2b:1", "D3b:7"), ("D4b:8", "D3b:7"),
+    ("D4b:8", "A5b:2"), ("A5b:8", "A5b:2"),
+)  # fmt: skip
+"""Stances of a walk in the fewest steps; which of those a planner takes does not matter here."""
+
+
 @pytest.fixture(scope="module")
 def plan(checked_graph):
-    """One step of 0.4 m."""
-    whole = Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
-    return first_steps(whole, 1)
+    """One step of 0.4 m, the first of the walk."""
+    states = [checked_graph.state(WALK[0])]
+    for stance in WALK[1:]:
+        states.append(checked_graph.step_to(states[-1], checked_graph.indices(stance)))
+    return first_steps(plan_of(checked_graph, states, (6.3, 0.5, 0.35), 0.2, "astar"), 1)
 
 
 @pytest.fixture(scope="module")

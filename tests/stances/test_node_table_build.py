@@ -79,16 +79,21 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(monkeypatch, cache, share
     assert {name: done[name] - together[name] for name in done} == together  # each part once
 
 
-def test_processes_stop_when_they_are_not_wanted_and_keep_what_is_done(monkeypatch, cache):
-    """And go on to find what one process finds."""
-    monkeypatch.setattr(node_table_build, "FEW", 1)
+def test_processes_go_on_where_one_was_stopped_and_find_what_it_would(monkeypatch, cache):
+    """That processes stop when they are not wanted: `test_workers`."""
     monkeypatch.setattr(node_table_build, "AT_ONCE", 300)
-    monkeypatch.setattr(kernels, "_cores", lambda: 2)
     with pytest.raises(KeyboardInterrupt):
         build_table(stance_graph(small_map(), "mlivr3"), stop_at(1e-9))
-    assert list(cache.glob("parts-*/nodes_of_sets-*.npz"))
-    graph, shares = stance_graph(small_map(), "mlivr3"), []
-    build_table(graph, shares.append)
+    (first,) = cache.glob("parts-*/nodes_of_sets-*.npz")
+    monkeypatch.setattr(node_table_build, "FEW", 1)
+    monkeypatch.setattr(kernels, "_cores", lambda: 2)
+    graph, shares, worked_out = stance_graph(small_map(), "mlivr3"), [], first.stat().st_mtime_ns
+
+    def progress(share):
+        shares.append(share)
+        assert not first.exists() or first.stat().st_mtime_ns == worked_out
+
+    build_table(graph, progress)
     assert_same(graph.table, small_table(3)[1])
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
