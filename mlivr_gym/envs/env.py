@@ -24,9 +24,9 @@ from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import REWARD, Reward, StepOutcome, TaskReward
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.tasks import TASKS, TaskGenerator, fixed_task
+from mlivr_gym.envs.tasks import TASKS, TaskGenerator, fixed_task, need_step
 from mlivr_gym.envs.viewer import RENDER_FPS, Viewer
-from mlivr_gym.errors import SettingError, StanceError
+from mlivr_gym.errors import SettingError
 from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.schema import Place
@@ -279,24 +279,19 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             start, goal = fixed_task(self.tasks, graph, given.task, self.goal_tolerance)
         goal = None if goal is None else graph.grasp_map.check_goal(goal)
         if start is not None:
-            self._need_step(start)  # before a number is drawn
+            need_step(self.moves, start)  # before a number is drawn
         if start is None or goal is None:
             task = draw_over(self.moves, self.tasks, self._stream, self.goal_tolerance, start)
             start, goal = start or task.start, task.goal if goal is None else goal
         if walk is not None:
             start = walk.start(start, given.plan, walk.draw(self._stream))
             self._measures = walk.measures
-        self._need_step(start)
+        need_step(self.moves, start)
         self.goal = goal
         self._enter(start)
         self.steps, self.base_translation = 0, 0.0
         self._show("the start", None if walk is None else at_rest(walk.configuration))
         return self._observation(), self._info(False)
-
-    def _need_step(self, start: State) -> None:
-        """Refuse a start that no step leaves."""
-        if not self.moves.successors(start):
-            raise StanceError(f"no step leaves the start stance {self.graph.ids(start.stance)}")
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Move limb `action // m` to point `action % m`.

@@ -48,6 +48,20 @@ def test_made_by_module_name_and_spec_survives_json():
     assert gymnasium.make(spec).unwrapped.reward.reward == BaseReward()
 
 
+def test_a_reset_that_is_refused_draws_no_number(small_map):
+    """What comes next is what would have come, as in the vector environment."""
+    alike = [gymnasium.make("MLIVR-JEM-v0", map=small_map).unwrapped for _ in range(2)]
+    for one in alike:
+        one.reset(seed=3)
+    graph = alike[0].graph
+    alone = graph.points[0].tolist()
+    graph.occupy(np.setdiff1d(np.arange(len(small_map)), alone).tolist())  # nowhere to step to
+    with pytest.raises(StanceError):
+        alike[0].reset(options={"start": alone})
+    graph.vacate()
+    assert data_equivalence(*(one.reset() for one in alike))
+
+
 def test_truncated_by_the_registration():
     environment = gymnasium.make("MLIVR-JEM-v0", max_episode_steps=3, goal_tolerance=0.0)
     _, info = environment.reset(seed=0)

@@ -122,6 +122,8 @@ def test_every_altered_number_is_refused(jem, request, name):
         other = value + 1 if isinstance(value, int) else value + rng.choice([-1, 1]) * 1e-3
         other = abs(other) if path[-1] in SPENT or "rounded" in path else other
         other = value + 1e-3 if path[-1] == "bound" else other  # none is less than 1
+        if path[-1] == "bound":
+            other = value + 1e-3  # below 1 it is none
         changed, field = altered(data, path, other), field_of(path)
         try:
             Plan.from_dict(unsigned(changed), jem)
