@@ -17,7 +17,7 @@ from mlivr_gym.envs.tasks import (
     draw_task,
     halves,
 )
-from mlivr_gym.errors import StanceError
+from mlivr_gym.errors import MlivrError, StanceError
 from mlivr_gym.stances.moves import Moves, TableMoves
 from mlivr_gym.stances.step_tables import state_of
 from mlivr_gym.stances.table_steps import any_step, find_step
@@ -185,12 +185,18 @@ def draw_over(
 ) -> Task:
     """A task as `tasks.draw_task` draws it, from tables of steps where there are any.
 
-    Arguments and errors are those; the graph is that of the moves.
+    Arguments and errors are those; the graph is that of the moves. Where none is found no number of
+    the stream is taken.
     """
     at_posture = start is None or start.pose is None
     if isinstance(moves, TableMoves) and isinstance(tasks, WalkTasks) and at_posture:
         return _draw_walk(moves, tasks, stream, tolerance, start)
-    return draw_task(tasks, moves.graph, stream, tolerance, start)
+    before = stream.state
+    try:
+        return draw_task(tasks, moves.graph, stream, tolerance, start)
+    except MlivrError:
+        stream.state = before
+        raise
 
 
 def _draw_walk(

@@ -24,9 +24,9 @@ from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import REWARD, Reward, StepOutcome, TaskReward
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.tasks import TASKS, TaskGenerator, fixed_task, need_step
+from mlivr_gym.envs.tasks import TASKS, TaskGenerator, fixed_task
 from mlivr_gym.envs.viewer import RENDER_FPS, Viewer
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.schema import Place
@@ -278,15 +278,14 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         if given.task is not None:
             start, goal = fixed_task(self.tasks, graph, given.task, self.goal_tolerance)
         goal = None if goal is None else graph.grasp_map.check_goal(goal)
-        if start is not None:
-            need_step(self.moves, start)  # before a number is drawn
         if start is None or goal is None:
             task = draw_over(self.moves, self.tasks, self._stream, self.goal_tolerance, start)
             start, goal = start or task.start, task.goal if goal is None else goal
         if walk is not None:
             start = walk.start(start, given.plan, walk.draw(self._stream))
             self._measures = walk.measures
-        need_step(self.moves, start)
+        if not self.moves.successors(start):
+            raise StanceError(f"no step leaves the start stance {graph.ids(start.stance)}")
         self.goal = goal
         self._enter(start)
         self.steps, self.base_translation = 0, 0.0

@@ -16,7 +16,6 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.errors import SettingError, StanceError, shown
 from mlivr_gym.schema import Choice, Place, Whole
-from mlivr_gym.stances.moves import Moves
 from mlivr_gym.stances.random_states import TRIES, Randomness, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -230,13 +229,3 @@ def _square(vectors: Array) -> Array:
     x, y, z = np.moveaxis(vectors, -1, 0)
     square: Array = x * x + y * y + z * z
     return square
-
-
-def need_step(moves: Moves, start: State) -> None:
-    """Refuse a start that no step leaves.
-
-    Raises:
-        StanceError: naming its stance.
-    """
-    if not moves.successors(start):
-        raise StanceError(f"no step leaves the start stance {moves.graph.ids(start.stance)}")

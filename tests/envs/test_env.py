@@ -9,10 +9,12 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import mlivr_gym
+from mlivr_gym import Box
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.rewards import BaseReward
 from mlivr_gym.errors import GoalError, MlivrError, SettingError, StanceError
 from mlivr_gym.planners import Planner
+from mlivr_gym.stances.moves import TableMoves
 
 
 @pytest.fixture(scope="module")
@@ -48,17 +50,23 @@ def test_made_by_module_name_and_spec_survives_json():
     assert gymnasium.make(spec).unwrapped.reward.reward == BaseReward()
 
 
-def test_a_reset_that_is_refused_draws_no_number(small_map):
-    """What comes next is what would have come, as in the vector environment."""
+@pytest.mark.parametrize("obstacles", [True, False])
+def test_a_reset_that_is_refused_draws_no_number(small_map, obstacles):
+    """What comes next is what would have come; without tables of steps and with them."""
     alike = [gymnasium.make("MLIVR-JEM-v0", map=small_map).unwrapped for _ in range(2)]
     for one in alike:
         one.reset(seed=3)
     graph = alike[0].graph
-    alone = graph.points[0].tolist()
-    graph.occupy(np.setdiff1d(np.arange(len(small_map)), alone).tolist())  # nowhere to step to
+    shut_in = graph.points[0].tolist()
+    graph.occupy(np.setdiff1d(np.arange(len(small_map)), shut_in).tolist())
+    if obstacles:
+        away = graph.base_in_world[0] + [0.9, 0.0, 0.0]
+        graph.add_obstacles([Box.between("box", "obstacle", away - 0.01, away + 0.01)])
+    assert isinstance(alike[0].moves, TableMoves) != obstacles
     with pytest.raises(StanceError):
-        alike[0].reset(options={"start": alone})
+        alike[0].reset(options={"start": shut_in})
     graph.vacate()
+    graph.remove_obstacles()
     assert data_equivalence(*(one.reset() for one in alike))
 
 
