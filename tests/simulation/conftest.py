@@ -9,7 +9,6 @@ from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.simulator import Simulation
 
-
 WALK = (
     ("D2a:4", "D1b:3"), ("D2b:1", "D1b:3"), ("D2b:1", "D3b:7"), ("D4b:8", "D3b:7"),
     ("D4b:8", "A5b:2"), ("A5b:8", "A5b:2"),
