@@ -103,14 +103,13 @@ class PairWorld(NodeWorld):
     def __init__(self, graph: PairGraph) -> None:
         """Begin with what the graph knows."""
         super().__init__(graph, graph.table)
-        # The bits of the table are those without obstacles.
-        self.graph, self.complete = graph, graph.complete and not graph.obstacles
-        if graph.occupied or not self.complete:
+        self.graph, self.complete = graph, graph.table_complete
+        if graph.obstacles or graph.occupied or not self.complete:
             masks = packed(graph.mask)
             released = self.table.released & masks
             bits = self.table.bits.copy()
             self.table = self.table._replace(masks=masks, released=released, bits=bits)
-            if not self.complete:
+            if not self.complete and graph.settings.transitions:
                 self._learn_released(np.flatnonzero(graph.steps.released["known"].all(axis=1)))
 
     def _learn_released(self, rows: IntArray) -> None:

@@ -106,6 +106,11 @@ class PairGraph(StanceGraph):
             self._table_complete = self._free.complete
         return self._table
 
+    @property
+    def table_complete(self) -> bool:
+        """Whether the table holds every step as it is among what stands there now."""
+        return self._table_complete and not (self.obstacles and self.settings.transitions)
+
     def _worked_out(self) -> PairStances:
         """Every stance, no step."""
         postures = self.postures(self.pairs)
@@ -125,8 +130,7 @@ class PairGraph(StanceGraph):
     def kept(self) -> PairStances:
         """All that is known without obstacles and occupied points, for a file."""
         numbers = self.considered, self.reachable, self.no_departure, *self.removed.values()
-        free = self._free
-        checked = self.settings.transitions
+        free, checked = self._free, self.settings.transitions
         return PairStances(
             self.points,
             self.node_postures(slice(None)),
