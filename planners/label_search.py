@@ -1,8 +1,8 @@
 """Label-setting A* over the nodes of a table, for any number of limbs (compiled).
 
 A state is a node and a label: the branches that each limb may still be on. An edge takes from the
-label of each limb that holds the branches that it cannot keep; a label is dropped where another of
-the same node costs no more and has all its branches, which dominates it. Edges that were checked
+label of each limb that holds the branches that it cannot keep; a label is dropped where others of
+the same node that cost no more have all its branches, which dominates it. Edges that were checked
 keep what was found; the others are taken to keep what the table says they keep at most, so that the
 least cost found without the former is a lower bound of the cost of all plans.
 """
@@ -19,7 +19,10 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import (
+    MASK,
+    MOST_LIMBS,
     NO_LIMB,
+    WIDTH,
     all_keep_one,
     beside,
     has_bit,
@@ -362,19 +365,30 @@ def _note(labels: Labels, s: int, masks: np.uint64, cost: float, link: int, bit:
 def _covered(
     labels: Labels, s: int, masks: np.uint64, g: float, item: int, manner: Running
 ) -> bool:
-    """Whether another label of a node dominates a label: costs no more and has all its branches.
+    """Whether other labels of a node dominate a label: cost no more, and have all its branches.
 
-    Also whether the node has its most labels, if `item`, the number of the label, is -1 for a new
-    one. Of two that are equal the earlier one covers the other. Where edges are checked one by one
-    a label counts once that to it was.
+    One of them does that alone, or several together whose branches of one limb make up that limb's,
+    while each has all of the other limbs: what can be done on some branches of a limb does not
+    depend on which others it may be on. Also whether the node has its most labels, if `item`, the
+    number of the label, is -1 for a new one. Of two that are equal the earlier one covers the
+    other. Where edges are checked one by one a label counts once that to it was.
     """
-    other, count = labels.last[s], 0
+    other, count, left = labels.last[s], 0, masks
     while other >= 0:
         if not manner.lazy or labels.checked[other]:
             cost = labels.cost[other]
-            earlier = item < 0 or cost < g or masks != labels.masks[other] or other < item
-            if other != item and cost <= g and masks & ~labels.masks[other] == NO_LIMB and earlier:
-                return True
+            earlier = item < 0 or cost < g or other < item
+            if other != item and cost <= g:
+                missing = masks & ~labels.masks[other]
+                if missing == NO_LIMB and (earlier or masks != labels.masks[other]):
+                    return True
+                if earlier:
+                    for limb in range(MOST_LIMBS):
+                        alone = MASK << (WIDTH * np.uint64(limb))
+                        if missing & ~alone == NO_LIMB:
+                            left &= missing | ~alone
+                            if left & alone == NO_LIMB:
+                                return True
             count += 1
         other = labels.previous[other]
     return item < 0 and count >= manner.most

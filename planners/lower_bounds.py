@@ -100,11 +100,6 @@ class LowerBounds:
             self._kept.popitem(last=False)
         return bounds
 
-    def among_obstacles(self, goal: Goal, starts: IntArray) -> Bounds:
-        """Closer ones, by all that was found of the nodes and edges as the world is now."""
-        table = self.world.table
-        return self._worked_out(table, goal, starts, self._taken() | (table.masks == 0))
-
     def _worked_out(
         self, table: NodeTable, goal: Goal, starts: IntArray, taken: BoolArray
     ) -> Bounds:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_masks import packed, unpacked
+from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.planners.backward_search import LEAST
 from mlivr_gym.planners.costs import Cost, weights_of
 from mlivr_gym.planners.known_steps import KnownSteps
@@ -73,6 +74,9 @@ ABOUT = 200
 PATIENCE = 100
 """Labels expanded before lower bounds are brought closer by what was found of edges; four times as
 many each time."""
+
+BACKWARD = 4
+"""Times as many are expanded backward for them."""
 
 SAME = 1e-9
 """A walk whose cost is less by no more than this share is no better."""
@@ -203,8 +207,35 @@ class _TableSearch:
             late = time.perf_counter() >= search.until
             if late or self.low == np.inf or self.expanded >= search.limit:
                 return
-            guide = self._bounds.among_obstacles(self.goal, self._origins.nodes)
-            self.backward, patience = self.backward + int(guide.exact.sum()), 4 * patience
+            if self._begun[0].states[0].pose is None:
+                guide = self._backward(guide, BACKWARD * patience)
+            patience *= 4
+
+    def _backward(self, guide: Bounds, limit: int) -> Bounds:
+        """Closer bounds, from a search backward from the goal that checks its edges.
+
+        An edge of two limbs keeps the same there and back, so that search is the same one. Where it
+        got to, costs are exact; all else costs at least what it had come to, less what leads there.
+        """
+        world, goal, start = self._world, self.goal, self._origins.nodes[0]
+        base, nodes = world.table.base_position, np.flatnonzero(guide.h == 0.0)
+        away = distances(base, base[start])
+        toward = goal.cost.heuristic("consistent", away, 0.0, self.graph.max_step)
+        toward = np.maximum(toward, LEAST)
+        toward[start] = 0.0
+        origins = NodeOrigins(nodes, world.table.masks[nodes], np.zeros(len(nodes)))
+        steps = world.table, world.known, weights_of(goal.cost)
+        found = cheapest_walk(
+            steps, toward, origins, self._labels, Manner(limit=limit, lazy=True),
+            until=self.search.until, check=world.masks_after,
+        )  # fmt: skip
+        self.backward += found.expanded
+        explored = self._labels.expanded[: found.expanded]
+        exact = np.full(len(base), np.inf)
+        np.minimum.at(exact, self._labels.waiting.node[explored], self._labels.cost[explored])
+        closer = np.maximum(guide.h, np.minimum(exact, found.low - toward))
+        closer[nodes] = 0.0
+        return guide._replace(h=closer)
 
     def walks(self) -> Iterator[Walk]:
         """Walks to the goal, each cheaper than the last, as long as more are found."""

@@ -373,17 +373,17 @@ def test_a_label_is_covered_by_one_that_costs_no_more_and_has_all_its_branches(m
         labels.waiting.empty(0.0, 1.0)
         for item in range(4):
             masks, cost = np.uint64(rng.integers(1, 8)), float(rng.integers(3))
-            covered = any(c <= cost and masks & ~m == 0 for m, c in plain)
+            union = np.bitwise_or.reduce([m for m, c in plain if c <= cost] or [np.uint64(0)])
+            covered = masks & ~union == 0
             expected = covered or len(plain) >= most
             assert called(_covered)(labels, 0, masks, cost, -1, how) == expected
             called(_note)(labels, 0, masks, cost, -1, -1)
             called(put)(labels.waiting, cost, 0)
             plain.append((masks, cost))
             for k, (m, c) in enumerate(plain):
-                beaten = any(
-                    other <= c and m & ~b == 0 and (other < c or b != m or j < k)
-                    for j, (b, other) in enumerate(plain)
-                    if j != k
-                )
+                others = [(b, o, j) for j, (b, o) in enumerate(plain) if j != k and o <= c]
+                before = [b for b, o, j in others if o < c or j < k]
+                beaten = m & ~np.bitwise_or.reduce(before or [np.uint64(0)]) == 0
+                beaten = beaten or any(m & ~b == 0 and b != m for b, *_ in others)
                 assert called(_covered)(labels, 0, m, c, k, how) == beaten
             assert item == len(plain) - 1
