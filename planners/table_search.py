@@ -229,7 +229,7 @@ class _TableSearch:
             steps, toward, origins, self._labels, Manner(limit=limit, lazy=True),
             until=self.search.until, check=world.masks_after,
         )  # fmt: skip
-        self.backward += found.expanded
+        self.backward, self._explored = self.backward + found.expanded, 0
         explored = self._labels.expanded[: found.expanded]
         exact = np.full(len(base), np.inf)
         np.minimum.at(exact, self._labels.waiting.node[explored], self._labels.cost[explored])
