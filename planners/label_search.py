@@ -53,8 +53,8 @@ PAUSE = 1 << 14
 """Labels that are taken before a search looks at the clock."""
 
 NO_LABEL, NO_ROOM, PAUSED, LIMIT, PENDING = -1, -2, -3, -4, -5
-"""How a search ends: with no label waiting, its arrays full, to look at the clock and go on, at its
-limit of expansions, or for the edges to some labels to be checked."""
+"""How a search ends: with no label waiting, its arrays full, to look at the clock, at its limit of
+expansions, or for the edges to some labels to be checked."""
 
 BATCH = 64
 """Most edges that are checked at once."""
@@ -213,7 +213,7 @@ def cheapest_walk(
 ) -> Outcome:
     """A walk to a node of which `h` is 0.
 
-    With weight 1 of the cost and any number of labels it is one of least cost.
+    With weight 1 of the cost and any number of labels it costs the least.
 
     Args:
         steps: The nodes, the steps known of them, and what is minimised.
@@ -285,7 +285,6 @@ def _cheapest(
             return NO_LABEL
         s, cost = int(waiting.node[here]), labels.cost[here]
         if manner.found != NO_LABEL and least_waiting(waiting) >= manner.g * manner.below:
-            # No walk costs less than `below` times the weight.
             return NO_LABEL
         if not cost + h[s] < manner.below:
             continue
@@ -362,20 +361,17 @@ def _note(labels: Labels, s: int, masks: np.uint64, cost: float, link: int, bit:
 
 
 @kernel
-def _covered(
-    labels: Labels, s: int, masks: np.uint64, g: float, item: int, manner: Running
-) -> bool:
+def _covered(labels: Labels, s: int, masks: np.uint64, g: float, item: int, how: Running) -> bool:
     """Whether other labels of a node dominate a label: cost no more, and have all its branches.
 
-    One of them does that alone, or several together whose branches of one limb make up that limb's,
-    while each has all of the other limbs: what can be done on some branches of a limb does not
-    depend on which others it may be on. Also whether the node has its most labels, if `item`, the
-    number of the label, is -1 for a new one. Of two that are equal the earlier one covers the
-    other. Where edges are checked one by one a label counts once that to it was.
+    One does that alone, or several together whose branches of one limb make up that limb's, while
+    each has all of the other limbs. Also whether the node has its most labels, if `item`, the
+    number of the label, is -1 for a new one. Of two equal ones the earlier covers the other. Where
+    edges are checked one by one a label counts once that to it was.
     """
     other, count, left = labels.last[s], 0, masks
     while other >= 0:
-        if not manner.lazy or labels.checked[other]:
+        if not how.lazy or labels.checked[other]:
             cost = labels.cost[other]
             earlier = item < 0 or cost < g or other < item
             if other != item and cost <= g:
@@ -391,7 +387,7 @@ def _covered(
                                 return True
             count += 1
         other = labels.previous[other]
-    return item < 0 and count >= manner.most
+    return item < 0 and count >= how.most
 
 
 @entry
