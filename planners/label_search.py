@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import (
-    MASK,
     MOST_LIMBS,
     NO_LIMB,
-    WIDTH,
     all_keep_one,
     beside,
+    every_branch,
     has_bit,
     held_beside,
     mask_of,
@@ -369,7 +368,7 @@ def _covered(labels: Labels, s: int, masks: np.uint64, g: float, item: int, how:
     number of the label, is -1 for a new one. Of two equal ones the earlier covers the other. Where
     edges are checked one by one a label counts once that to it was.
     """
-    other, count, left = labels.last[s], 0, masks
+    other, count, uncovered = labels.last[s], 0, masks
     while other >= 0:
         if not how.lazy or labels.checked[other]:
             cost = labels.cost[other]
@@ -380,10 +379,10 @@ def _covered(labels: Labels, s: int, masks: np.uint64, g: float, item: int, how:
                     return True
                 if earlier:
                     for limb in range(MOST_LIMBS):
-                        alone = MASK << (WIDTH * np.uint64(limb))
+                        alone = every_branch(limb)
                         if missing & ~alone == NO_LIMB:
-                            left &= missing | ~alone
-                            if left & alone == NO_LIMB:
+                            uncovered &= missing | ~alone
+                            if uncovered & alone == NO_LIMB:
                                 return True
             count += 1
         other = labels.previous[other]

@@ -52,6 +52,12 @@ def mask_of(masks: np.uint64, limb: int) -> np.uint64:
 
 
 @kernel
+def every_branch(limb: int) -> np.uint64:
+    """All branches of one limb, none of the others."""
+    return MASK << (WIDTH * np.uint64(limb))
+
+
+@kernel
 def held_beside(masks: np.uint64, limb: int, limbs: int) -> np.uint64:
     """Masks of the limbs other than `limb`, in turn from the one after it."""
     width = WIDTH * np.uint64(limbs)
