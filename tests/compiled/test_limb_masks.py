@@ -10,6 +10,7 @@ from mlivr_gym.compiled.limb_masks import (
     all_keep_one,
     beside,
     clear_bits,
+    every_branch,
     has_bit,
     held_beside,
     mask_of,
@@ -34,6 +35,7 @@ def test_a_number_holds_the_masks_of_all_limbs(drawn):
     number = packed(np.array([masks]))
     assert unpacked(number, len(masks)).tolist() == [masks]
     assert int(called(mask_of)(number[0], limb)) == masks[limb]
+    assert int(number[0]) & int(called(every_branch)(limb)) == masks[limb] << 16 * limb
 
 
 @given(masks_and_limb())
