@@ -46,6 +46,27 @@ def _cheapest_alone() -> None:
     table_search.ROUNDS = table_search.BLOCKED = table_search.ROUNDS[-2:]
 
 
+def _not_trapped() -> None:
+    table_search.BLOCKED = table_search.BLOCKED[1:]
+
+
+def _not_half() -> None:
+    trapped, _, *others = table_search.BLOCKED
+    table_search.BLOCKED = (trapped, *others)
+
+
+def _not_soon() -> None:
+    for name in ("ROUNDS", "BLOCKED"):
+        rounds = getattr(table_search, name)
+        setattr(table_search, name, tuple(r for r in rounds if r is not table_search.SOON))
+
+
+def _nothing_between() -> None:
+    for name in ("ROUNDS", "BLOCKED"):
+        rounds = getattr(table_search, name)
+        setattr(table_search, name, (*rounds[:-3], *rounds[-2:]))
+
+
 def _no_inflation() -> None:
     _no_table()
     lazy_search.INFLATED = 1.0
@@ -59,6 +80,10 @@ def _by_bound() -> None:
 VARIANTS: dict[str, Callable[[], None]] = {
     "all": lambda: None,
     "rounds for the cheapest walk alone": _cheapest_alone,
+    "no round that tells a start that is shut in": _not_trapped,
+    "no round of half the weight among obstacles": _not_half,
+    "no early round for the cheapest walk": _not_soon,
+    "no round of weight 1 / 1.1": _nothing_between,
     "no table of nodes": _no_table,
     "neither table nor sets of points": _no_sets,
     "no table, entries by promise and bound alone": _no_inflation,

@@ -38,8 +38,8 @@ from mlivr_gym.planners.costs import Cost
 from mlivr_gym.stances.pair_graph import PairGraph
 
 COSTS = ("steps", "base")
-GOALS, STARTS = 20, 5
-"""Goals that are known beforehand, and starts for each."""
+GOALS, STARTS = 16, 5
+"""Goals that are known beforehand, as many as a planner keeps, and starts for each."""
 
 CHANGES = 50
 """Changes of the world after which a plan is made anew, of each kind."""
@@ -76,10 +76,10 @@ def machine() -> dict[str, Any]:
     }
 
 
-def asked(asking: Iterable[tuple[Planner, Task]], cost: str, **options: Any) -> dict[str, Any]:
+def asked(planner: Planner, tasks: Iterable[Task], cost: str, **options: Any) -> dict[str, Any]:
     """Times of `Planner.plan` and of its search alone, and what else a series of queries tells."""
     whole, results = [], []
-    for planner, (start, goal) in asking:
+    for start, goal in tasks:
         seconds, result = timed(partial(planner.plan, start.stance, goal, cost, **options))
         whole.append(seconds)
         results.append(result)
@@ -88,11 +88,6 @@ def asked(asking: Iterable[tuple[Planner, Task]], cost: str, **options: Any) -> 
         "expanded": float(np.median([result.expanded for result in results])),
         "unsolved": sum(result.plan is None for result in results),
     }
-
-
-def unknown(graph: PairGraph, tasks: Iterable[Task]) -> list[tuple[Planner, Task]]:
-    """Tasks with a planner each, which knows no goal."""
-    return [(Planner(graph), task) for task in tasks]
 
 
 def out_of_reach(graph: PairGraph, rng: np.random.Generator) -> Iterator[Task]:
@@ -107,16 +102,14 @@ def out_of_reach(graph: PairGraph, rng: np.random.Generator) -> Iterator[Task]:
 def queries(graph: PairGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
     """New goals, goals that are known and goals that cannot be reached."""
     cut_off = list(islice(out_of_reach(graph, np.random.default_rng(0)), len(tasks) // 2))
-    known, preparing = [], []
-    for _, goal in tasks[:GOALS]:
-        planner = Planner(graph)
-        preparing.append(timed(partial(planner.prepare, goal, cost))[0])
-        known += [(planner, (start, goal)) for start, _ in tasks[-STARTS:]]
-    exact = [timed(partial(Planner(graph).cost_to_go, goal, cost))[0] for _, goal in tasks[:GOALS]]
+    knowing, goals = Planner(graph), [goal for _, goal in tasks[:GOALS]]
+    preparing = [timed(partial(knowing.prepare, goal, cost))[0] for goal in goals]
+    known = [(start, goal) for goal in goals for start, _ in tasks[-STARTS:]]
+    exact = [timed(partial(Planner(graph).cost_to_go, goal, cost))[0] for goal in goals]
     return {
-        "new goal": asked(unknown(graph, tasks), cost),
-        "known goal": asked(known, cost),
-        "unreachable goal": asked(unknown(graph, cut_off), cost),
+        "new goal": asked(Planner(graph), tasks, cost),
+        "known goal": asked(knowing, known, cost),
+        "unreachable goal": asked(Planner(graph), cut_off, cost),
         "exact cost-to-go": spread(exact),
         "prepare": spread(preparing),
     }
@@ -127,7 +120,7 @@ def libraries(graph: PairGraph, tasks: Sequence[Task]) -> dict[str, Any]:
     known = [Planner(graph).plan(start.stance, goal).unwrap() for start, goal in tasks]
     series = {"A*": {}, "A*, consistent": {"heuristic": "consistent"}}
     series["Dijkstra"] = {"method": "dijkstra"}
-    ours = {name: asked(unknown(graph, tasks), "base", **how) for name, how in series.items()}
+    ours = {name: asked(Planner(graph), tasks, "base", **how) for name, how in series.items()}
     out: dict[str, Any] = {"this planner": ours}
     for name, library in LIBRARIES.items():
         before = resident()

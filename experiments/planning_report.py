@@ -158,7 +158,7 @@ measure is left out.
 {targets(data)}
 ## Queries
 
-Each query has a planner that knows no goal, unless the goal is known; goals that cannot be reached
+Each goal is new to the planner, unless it is told to be known; goals that cannot be reached
 are drawn in the cabin. *Search* is the part of the median without start and motion. Changes of the
 world are made beside a plan to a prepared goal. Times in ms.
 
