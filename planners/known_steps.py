@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
-from mlivr_gym.compiled.kernels import entry
+from mlivr_gym.compiled.kernels import entry, kernel
 
 ROOM = 1 << 14
 """Places of the table to begin with, a power of two."""
@@ -63,10 +63,12 @@ class KnownSteps(NamedTuple):
         return kept
 
     def _places(self, bits: IntArray) -> IntArray:
-        return np.array([place_of(self, int(bit)) for bit in bits], dtype=np.int64)
+        places = np.empty(len(bits), dtype=np.int64)
+        _find(self, bits, places)
+        return places
 
 
-@entry
+@kernel
 def place_of(known: KnownSteps, bit: int) -> int:
     """Where a step is, or would be put."""
     last = len(known.keys) - 1
@@ -74,6 +76,13 @@ def place_of(known: KnownSteps, bit: int) -> int:
     while known.keys[place] != EMPTY and known.keys[place] != bit:
         place = (place + 1) & last
     return place
+
+
+@entry
+def _find(known: KnownSteps, bits: IntArray, places: IntArray) -> None:
+    """Where steps are, or would be put, into `places`."""
+    for k in range(len(bits)):
+        places[k] = place_of(known, bits[k])
 
 
 @entry

@@ -80,6 +80,8 @@ class Manner(NamedTuple):
     lazy: bool = False
     """Whether the edge to a label is checked when the label is taken from the queue; otherwise the
     edges of the walk that is found remain to be checked."""
+    equal: bool = False
+    """Whether labels are dominated by equal ones alone, so that every state is come to."""
 
 
 class Running(Record):
@@ -94,6 +96,8 @@ class Running(Record):
     limit: int
     """See `Manner`."""
     lazy: bool
+    """See `Manner`."""
+    equal: bool
     """See `Manner`."""
     below: float
     """Cost that a walk must not reach; once one was found its own: the incumbent."""
@@ -225,7 +229,7 @@ def cheapest_walk(
         check: What checks edges, where they are checked one by one.
     """
     how = Running.row()
-    how["g"], how["most"], how["room"], how["limit"], how["lazy"] = manner
+    how["g"], how["most"], how["room"], how["limit"], how["lazy"], how["equal"] = manner
     how["below"], how["pause"], how["found"] = below, PAUSE, NO_LABEL
     estimates = how["g"] * origins.cost + h[origins.nodes]
     labels.waiting.empty(float(estimates.min(initial=np.inf)), width_for(steps[2]))
@@ -250,11 +254,7 @@ def cheapest_walk(
 
 @entry
 def _cheapest(
-    steps: Steps,
-    h: Array,
-    manner: Running,
-    origins: NodeOrigins,
-    labels: Labels,
+    steps: Steps, h: Array, manner: Running, origins: NodeOrigins, labels: Labels
 ) -> int:
     """Go on until the cheapest label of a node of which `h` is 0 is found, see `cheapest_walk`.
 
@@ -310,13 +310,7 @@ def _cheapest(
 
 
 @kernel
-def _expand(
-    steps: Steps,
-    h: Array,
-    manner: Running,
-    here: int,
-    labels: Labels,
-) -> None:
+def _expand(steps: Steps, h: Array, manner: Running, here: int, labels: Labels) -> None:
     """Note what steps lead to from a label."""
     table, known, weights = steps
     limbs = table.points.shape[1]
@@ -375,9 +369,11 @@ def _covered(labels: Labels, s: int, masks: np.uint64, g: float, item: int, how:
             earlier = item < 0 or cost < g or other < item
             if other != item and cost <= g:
                 missing = masks & ~labels.masks[other]
+                if how.equal:
+                    missing |= labels.masks[other] & ~masks
                 if missing == NO_LIMB and (earlier or masks != labels.masks[other]):
                     return True
-                if earlier:
+                if earlier and not how.equal:
                     for limb in range(MOST_LIMBS):
                         alone = every_branch(limb)
                         if missing & ~alone == NO_LIMB:

@@ -223,9 +223,7 @@ class ManyWorld(NodeWorld):
         graph, kept = self.graph, np.zeros(len(bits), dtype=np.uint64)
         (before, i), (after, j), _ = ends_of(self.table, bits)
         self.look_at(np.concatenate([before, after]))
-        refused = self.known.has(bits)
-        refused[refused] = self.known.of(bits[refused]) == 0
-        some = np.flatnonzero((self.table.masks[after] != 0) & ~refused)
+        some = np.flatnonzero(self.table.masks[after] != 0)
         if not len(some):
             return kept
         before, i, after, j = before[some], i[some], after[some], j[some]

@@ -62,8 +62,8 @@ SOON = Round(Manner(room=500_000), bounds=True)
 ROUNDS = FIRST, SOON, Round(Manner(1.0 / 1.1, 8)), Round(Manner(), bounds=True), Round(Manner())
 """One round after the other."""
 
-TRAPPED = Round(Manner(0.5, limit=300, lazy=True), bounds=True)
-"""What finds out soon that few states can be reached."""
+TRAPPED = Round(Manner(0.5, limit=300, lazy=True, equal=True), bounds=True)
+"""What finds out soon that few states can be reached: it comes to all of them."""
 
 BLOCKED = TRAPPED, Round(Manner(0.5, 8)), *ROUNDS
 """The rounds among obstacles."""

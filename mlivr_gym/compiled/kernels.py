@@ -10,6 +10,7 @@ import logging
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -32,6 +33,9 @@ OPTIONS: dict[str, Any] = {
 `_nrt` is the one private option of the compiler that is used. No kernel makes an array, so nothing
 needs to be counted; with counts, which are atomic, all postures of the JEM take 1.16 times as long.
 """
+
+MOST_THREADS = 8
+"""Most threads that share the items of a call."""
 
 _compile: Any = njit  # it is typed for some of its options
 
@@ -95,7 +99,7 @@ def _writable(folder: str) -> bool:
 
 def workers(count: int, least: int) -> int:
     """Number of threads for some items: one for fewer than `least`."""
-    return min(_cores(), 8) if count >= least else 1
+    return min(_cores(), MOST_THREADS) if count >= least else 1
 
 
 def _cores() -> int:
@@ -126,9 +130,21 @@ def in_parallel(
         return
     kernel(0, 0, *args, room[:1])
     edges = [count * w // used for w in range(used + 1)]
-    with ThreadPoolExecutor(used) as pool:
-        jobs = [
-            pool.submit(kernel, edges[w], edges[w + 1], *args, room[w : w + 1]) for w in range(used)
-        ]
-        for job in jobs:
-            job.result()
+    jobs = [
+        _threads().submit(kernel, edges[w], edges[w + 1], *args, room[w : w + 1])
+        for w in range(1, used)
+    ]
+    kernel(0, edges[1], *args, room[:1])
+    for job in jobs:
+        job.result()
+
+
+@cache
+def _threads() -> ThreadPoolExecutor:
+    """Threads that are kept: to start one takes as long as to check a hundred steps."""
+    return ThreadPoolExecutor(MOST_THREADS)
+
+
+if hasattr(os, "register_at_fork"):
+    # A process that is forked has none of the threads.
+    os.register_at_fork(after_in_child=_threads.cache_clear)

@@ -20,6 +20,9 @@ from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.grasp_map import GraspMap
 
+SAME = 1e-9
+"""By how much poses may differ that are one [m], or an entry of their rotations."""
+
 
 class LazyGraph(StanceGraph):
     """Stance graph of any number of limbs, whose neighbours are worked out when asked for."""
@@ -80,11 +83,32 @@ class LazyGraph(StanceGraph):
                 new.append((row, limb, key))
             else:
                 stances.released[row, limb] = found
-        super()._know_released(
-            stances, np.array([k[:2] for k in new], dtype=np.int64).reshape(-1, 2)
-        )
+        unknown = np.array([k[:2] for k in new], dtype=np.int64).reshape(-1, 2)
+        free = stances
+        if self.obstacles:
+            free = stances._replace(mask=self._free_masks(stances, np.unique(unknown[:, 0])))
+        super()._know_released(free, unknown)
+        rows, limbs = unknown.T
+        stances.released["branches"][rows, limbs] &= stances.mask[rows, limbs]
         for row, limb, key in new:
             self._released[key] = stances.released[row, limb].copy()
+
+    def _free_masks(self, stances: StanceSet, rows: IntArray) -> IntArray:
+        """The masks of stances, of some of them as they are without obstacles, shape (k, N).
+
+        How a limb is released is chosen without obstacles, which only take branches away from that:
+        so they add no step.
+        """
+        masks, points = stances.mask.copy(), stances.points[rows]
+        position, rotation = stances.base["position"][rows], stances.base["rotation"][rows]
+        node = self.solver.solve(points, nodes_only=True)
+        given = (abs(node.base_position - position) > SAME).any(axis=1)
+        given |= (abs(node.base_rotation - rotation) > SAME).any(axis=(1, 2))
+        masks[rows] = node.mask
+        if given.any():
+            where = points[given], position[given], rotation[given]
+            masks[rows[given]] = self.solver.at(*where, thresholds=(0.0, 0.0)).mask
+        return masks
 
     def _obstacles_changed(self) -> None:
         self._released = {}
