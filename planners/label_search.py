@@ -253,9 +253,7 @@ def cheapest_walk(
 
 
 @entry
-def _cheapest(
-    steps: Steps, h: Array, manner: Running, origins: NodeOrigins, labels: Labels
-) -> int:
+def _cheapest(steps: Steps, h: Array, manner: Running, origins: NodeOrigins, labels: Labels) -> int:
     """Go on until the cheapest label of a node of which `h` is 0 is found, see `cheapest_walk`.
 
     Returns:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.kinematics.batches import distances
+from mlivr_gym.kinematics.batches import distances, rows_close
 from mlivr_gym.planners.backward_search import LEAST, costs_to_goal
 from mlivr_gym.planners.costs import Cost, weights_of
 from mlivr_gym.planners.fewest_steps import fewest_steps
@@ -142,9 +142,10 @@ class LowerBounds:
 
     def _goals(self, goal: Goal) -> BoolArray:
         """Nodes that may be at the goal, shape (n,)."""
-        close = distances(self.table.base_position, goal.target) <= goal.tolerance + self._rounded
-        close[close] = goal.held(self.table.points[close].astype(np.int64))
-        return np.asarray(close)
+        reach, goals = goal.tolerance + self._rounded, np.zeros(len(self.table.points), np.bool_)
+        rows = rows_close(self.table.base_position, goal.target, goal.target, reach)
+        goals[rows] = goal.held(self.table.points[rows].astype(np.int64))
+        return goals
 
     def _toward(self, cost: Cost, starts: IntArray, taken: BoolArray) -> Array:
         """Lower bounds of the cost from where walks begin, infinite for what is taken."""

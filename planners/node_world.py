@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_masks import clear_bits, packed, unpacked
 from mlivr_gym.planners.known_steps import KnownSteps
 from mlivr_gym.planners.label_search import NodeWalk
@@ -164,18 +164,9 @@ class ManyWorld(NodeWorld):
         if graph.obstacles:
             masks, released = table.masks.copy(), table.released.copy()
             self.table = table._replace(masks=masks, released=released)
-            self._close = self._close_nodes()
+            reach = graph.robot.extent + graph.settings.clearance
+            self._close = graph.close_to_obstacles(table.base_position, reach)
             self._unseen = self._close.copy()
-
-    def _close_nodes(self) -> BoolArray:
-        """Nodes whose robot may touch an obstacle, shape (n,)."""
-        reach = self.graph.robot.extent + self.graph.settings.clearance
-        positions, close = self._free.base_position, self._unseen
-        for box in self.graph.obstacles:
-            low, high = box.bounds
-            away = positions - np.clip(positions, low, high)
-            close = close | (np.einsum("ij,ij->i", away, away) <= reach**2)
-        return np.asarray(close)
 
     def look_at(self, rows: IntArray, most: int | None = None, about: Array | None = None) -> bool:
         """See `NodeWorld.look_at`."""

@@ -14,7 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
+
+SLACK = 1e-9
+"""What a first look at distances, axis by axis, allows for rounding [m]."""
 
 
 def dots(a: Array, b: Array) -> Array:
@@ -28,6 +31,17 @@ def distances(a: Array, b: Array) -> Array:
     away = a - b
     apart: Array = np.sqrt(dots(away, away))
     return apart
+
+
+def rows_close(points: Array, low: Array, high: Array, reach: float) -> IntArray:
+    """Rows of those of some points, shape (n, 3), within `reach` of a box from `low` to `high`."""
+    rows: IntArray = np.arange(len(points))
+    wide = reach + SLACK
+    for axis in range(3):
+        along = points[rows, axis] if axis else points[:, 0]
+        rows = rows[(along >= low[axis] - wide) & (along <= high[axis] + wide)]
+    inside = distances(points[rows], np.clip(points[rows], low, high)) <= reach
+    return np.asarray(rows[inside])
 
 
 def distance(a: Sequence[float], b: Sequence[float]) -> float:

@@ -101,10 +101,15 @@ class LazyGraph(StanceGraph):
         """
         masks, points = stances.mask.copy(), stances.points[rows]
         position, rotation = stances.base["position"][rows], stances.base["rotation"][rows]
-        node = self.solver.solve(points, nodes_only=True)
-        given = (abs(node.base_position - position) > SAME).any(axis=1)
-        given |= (abs(node.base_rotation - rotation) > SAME).any(axis=(1, 2))
-        masks[rows] = node.mask
+        if self.table is None:
+            found = self.solver.solve(points, nodes_only=True)
+            base, masks[rows], given = found.base_rows, found.mask, np.zeros(len(rows), np.bool_)
+        else:
+            known, turns = self.table.find(points)
+            nodes = node_stances(self.grasp_map, self.robot, self.table, known, -turns)
+            base, masks[rows], given = nodes.base, nodes.mask, known < 0
+        given |= (abs(base["position"] - position) > SAME).any(axis=1)
+        given |= (abs(base["rotation"] - rotation) > SAME).any(axis=(1, 2))
         if given.any():
             where = points[given], position[given], rotation[given]
             masks[rows[given]] = self.solver.at(*where, thresholds=(0.0, 0.0)).mask

@@ -5,9 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
-from mlivr_gym.arrays import IntArray
+import numpy as np
+
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
 from mlivr_gym.errors import SettingError, ShapeError
+from mlivr_gym.kinematics.batches import rows_close
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
@@ -98,6 +101,14 @@ class ChangingWorld(ABC):
     @abstractmethod
     def _obstacles_changed(self) -> None:
         """Forget what no longer holds."""
+
+    def close_to_obstacles(self, positions: Array, reach: float) -> BoolArray:
+        """Which of some positions, shape (n, 3), lie within `reach` [m] of an obstacle."""
+        close = np.zeros(len(positions), dtype=np.bool_)
+        for box in self.obstacles:
+            low, high = box.bounds
+            close[rows_close(positions, low, high, reach)] = True
+        return close
 
     def clear_of_obstacles(self, chosen: IntArray, points: IntArray, postures: Postures) -> None:
         """Take the branches that touch an obstacle out of the masks of some stances.

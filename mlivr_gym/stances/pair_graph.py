@@ -18,7 +18,6 @@ from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
-from mlivr_gym.kinematics.batches import dots
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
@@ -172,30 +171,18 @@ class PairGraph(StanceGraph):
         self._known, self.mask = self._free, self._free.table.mask
         if not (self.obstacles or self.occupied):
             return
-        close = self._close_to_obstacles()
+        # A step may touch an obstacle that is farther from both ends than the robot reaches.
+        around = self.robot.extent + self.settings.clearance
+        close = self.close_to_obstacles(self.base_in_world, around + 0.8 * self.max_step)
         taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
         taken[list(self.occupied)] = True
         gone = taken[self.points[:, 0]] | taken[self.points[:, 1]]
         self.mask = self.mask.copy()
         self.mask[gone] = 0
         if close.any():
-            touching = close & self._within(self.robot.extent + self.settings.clearance)
-            chosen = np.flatnonzero(touching)
+            chosen = np.flatnonzero(self.close_to_obstacles(self.base_in_world, around))
             self.clear_of_obstacles(chosen, self.points, self.node_postures(slice(None)))
         self._known = self._free.among_obstacles(self.mask, gone, close, self.obstacle_grid)
-
-    def _close_to_obstacles(self) -> BoolArray:
-        """Stances whose robot may touch an obstacle on a step from or to them, shape (n,)."""
-        return self._within(self.robot.extent + self.settings.clearance + 0.8 * self.max_step)
-
-    def _within(self, reach: float) -> BoolArray:
-        """Stances whose base lies within `reach` [m] of an obstacle, shape (n,)."""
-        within = np.zeros(len(self), dtype=np.bool_)
-        for box in self.obstacles:
-            low, high = box.bounds
-            away = self.base_in_world - np.clip(self.base_in_world, low, high)
-            within |= dots(away, away) <= reach**2
-        return within
 
     @property
     def releasable(self) -> IntArray:
