@@ -31,6 +31,8 @@ from mlivr_gym.world.boxes import Box
 
 ROBOTS = ("mlivr3", "mlivr4")
 WORLDS = ("free", "box", "box and ten points")
+NONE = ("search exhausted", "goal outside the reachable set")
+"""Reasons that prove that there is no plan."""
 
 
 def _no_table() -> None:
@@ -55,12 +57,6 @@ def _not_half() -> None:
     table_search.BLOCKED = (trapped, *others)
 
 
-def _not_soon() -> None:
-    for name in ("ROUNDS", "BLOCKED"):
-        rounds = getattr(table_search, name)
-        setattr(table_search, name, tuple(r for r in rounds if r is not table_search.SOON))
-
-
 def _nothing_between() -> None:
     for name in ("ROUNDS", "BLOCKED"):
         rounds = getattr(table_search, name)
@@ -82,7 +78,6 @@ VARIANTS: dict[str, Callable[[], None]] = {
     "rounds for the cheapest walk alone": _cheapest_alone,
     "no round that tells a start that is shut in": _not_trapped,
     "no round of half the weight among obstacles": _not_half,
-    "no early round for the cheapest walk": _not_soon,
     "no round of weight 1 / 1.1": _nothing_between,
     "no table of nodes": _no_table,
     "neither table nor sets of points": _no_sets,
@@ -142,26 +137,36 @@ def solved(robot: str, world: str, count: int, seconds: float) -> list[dict[str,
 
 
 def table(rows: dict[str, Any], seconds: float) -> str:
-    """The table of the page."""
-    lines = [
-        f"| robot, world | variant | plan within {seconds:g} s | none exists | undecided | "
-        "first plan, median [s] | proved the fewest |",
-        "|---|---|---|---|---|---|---|",
+    """The page: of each variant how many tasks of each kind are solved."""
+    kinds = [
+        f"{robot}, {world}" for robot in ROBOTS for world in WORLDS if f"{robot}, {world}" in rows
     ]
-    for place, variants in rows.items():
-        for name, found in variants.items():
-            plans = [one for one in found if one["first"] is not None and one["steps"] is not None]
-            none = sum(
-                one["reason"] in ("search exhausted", "goal outside the reachable set")
-                for one in found
-            )
-            first = statistics.median(one["first"] for one in plans) if plans else float("nan")
-            proved = sum(one["bound"] == 1.0 for one in plans)
-            lines.append(
-                f"| {place} | {name} | {len(plans)} | {none} | {len(found) - len(plans) - none} | "
-                f"{first:.2f} | {proved} |"
-            )
-    return "\n".join(lines) + "\n"
+    variants = dict.fromkeys(name for kind in kinds for name in rows[kind])
+    count = len(next(iter(rows[kinds[0]].values())))
+    lines = [
+        "# Ablation",
+        "",
+        "Made by `experiments/ablation.py`. What each device of the search of three and four limbs "
+        f"is worth: random tasks, {count} of each kind, collisions checked, cost of steps, "
+        f"{seconds:g} s each. A task is solved if there is a plan or the proof that there is none; "
+        "in brackets the plans that are proved to have the fewest steps.",
+        "",
+        "| variant | " + " | ".join(kinds) + " | all | first plan, median [s] |",
+        "|---" * (len(kinds) + 3) + "|",
+    ]
+    for name in variants:
+        cells, every = [], []
+        for kind in kinds:
+            found = rows[kind].get(name, [])
+            every += found
+            solved = sum(one["steps"] is not None or one["reason"] in NONE for one in found)
+            proved = sum(one["bound"] == 1.0 for one in found)
+            cells.append(f"{solved} ({proved})" if found else "none")
+        solved = sum(one["steps"] is not None or one["reason"] in NONE for one in every)
+        firsts = [one["first"] for one in every if one["first"] is not None]
+        first = f"{statistics.median(firsts):.2f}" if firsts else "none"
+        lines.append(f"| {name} | {' | '.join(cells)} | {solved} of {len(every)} | {first} |")
+    return "\n".join([*lines, "", *rows.get("remarks", [])]).strip() + "\n"
 
 
 def main() -> None:
@@ -172,10 +177,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=2.0)
     parser.add_argument("--variant", choices=list(VARIANTS))
     parser.add_argument("--name")
+    parser.add_argument("--remark", help="what is to be known of how this variant was measured")
     given = parser.parse_args()
     path = given.out / "ablation.json"
     rows: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
     name = given.name or given.variant
+    if given.remark:
+        rows.setdefault("remarks", []).append(f"* {name}: {given.remark}")
     VARIANTS[given.variant]()
     for robot in ROBOTS:
         solved(robot, WORLDS[0], 1, given.seconds)  # compiles, and unpacks the table

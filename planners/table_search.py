@@ -56,10 +56,7 @@ SOONER = 1.0 / 1.3, 8
 FIRST, AT_ONCE = Round(Manner(*SOONER)), Round(Manner(*SOONER, 100_000))
 """What finds a first walk; and the same where there is another way to look for one."""
 
-SOON = Round(Manner(room=500_000), bounds=True)
-"""What finds the cheapest walk if that is soon."""
-
-ROUNDS = FIRST, SOON, Round(Manner(1.0 / 1.1, 8)), Round(Manner(), bounds=True), Round(Manner())
+ROUNDS = FIRST, Round(Manner(1.0 / 1.1, 8)), Round(Manner(), bounds=True), Round(Manner())
 """One round after the other."""
 
 TRAPPED = Round(Manner(0.5, limit=300, lazy=True, equal=True), bounds=True)
@@ -191,8 +188,6 @@ class _TableSearch:
         if goal.cost.base_weight and not world.exact and not self.found:
             steps = replace(goal, cost=Cost.named("steps"))
             yield self._bounds.known(steps, starts) or self._bounds.to(steps, starts), first
-        if known is not None and self.found:
-            yield known, (SOON,)
         if time.perf_counter() < search.until:
             new = self._bounds.to(goal, starts)
             self.backward += int(new.exact.sum())
