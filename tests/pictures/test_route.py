@@ -76,21 +76,6 @@ def test_a_scene_without_room_is_left_as_it_is(checked_graph, plan):
     assert scene.ngeom == scene.maxgeom
 
 
-def test_stances_and_footholds_are_numbered_alike(checked_graph, plan):
-    labels = Route.of(checked_graph.grasp_map, plan).labels()
-    numbers = [text for _, text, colour in labels if colour == BASE_COLOUR]
-    assert numbers == [str(k) for k in range(len(plan.stances))]
-    for k, step in enumerate(plan.steps, 1):
-        place = checked_graph.grasp_map.positions[checked_graph.grasp_map.index(step.to_point)]
-        (label,) = (
-            text
-            for where, text, colour in labels
-            if colour == LIMB_COLOURS[step.limb] and np.linalg.norm(where - place) < 0.1
-            and text == str(k)
-        )  # fmt: skip
-        assert label == str(k)
-
-
 def test_a_ghost_is_a_pale_copy_of_the_robot_alone(checked_graph, plan):
     with gl_or_skip():
         renderer = SceneRenderer(checked_graph.grasp_map, checked_graph.robot, 160, 90)
