@@ -11,7 +11,7 @@ from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.world.boxes import BOX, scene_name
 
 
-def test_every_box_of_the_module_has_one(jem):
+def test_every_box_of_the_module_has_a_name_in_words(jem):
     boxes = {scene_name(BOX, box.id): box for box in jem.boxes}
     assert all("box/" not in in_words(name, boxes) for name in boxes)
 
