@@ -1,7 +1,6 @@
 """The planner: optimal plans, why there is none, and plans as files."""
 
 import itertools
-import json
 from collections import Counter
 
 import numpy as np
@@ -12,7 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from mlivr_gym import GraspMap, Settings, State, jem_map, stance_graph
-from mlivr_gym.errors import GoalError, MlivrError, PlanError, SettingError, StanceError
+from mlivr_gym.errors import GoalError, MlivrError, PlanError, SettingError
 from mlivr_gym.planners import Plan, Planner
 
 COSTS = [("base", None), ("steps", None), ("weighted", 0.1)]
@@ -149,29 +148,12 @@ def test_a_plan_survives_json(graph, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["plan.json"]
 
 
-def test_faulty_plan_files_are_named(graph, small_map, tmp_path):
+def test_a_plan_of_another_map_is_refused(graph, small_map, tmp_path):
     plan = Planner(graph).plan(("D1a:4", "D1b:4"), (3.0, 0.0, 0.0)).unwrap()
     path = tmp_path / "plan.json"
     plan.save(path)
     with pytest.raises(PlanError, match=r"made on map 'jem'.*not on 'small'"):
         Plan.load(path, small_map)
-    good = json.loads(path.read_text())
-    for change, words in (
-        ({"format": 99}, "99"),
-        ({"motion": good["motion"] | {"w_b": [1.0]}}, "w_b has shape"),
-        ({"motion": good["motion"] | {"steps": []}}, "motion.steps has 0 entries; it must have"),
-        ({"motion": None}, "motion is None; it must be an object"),
-        ({"query": good["query"] | {"goal": "there"}}, "query.goal is 'there'"),
-    ):
-        path.write_text(json.dumps(good | change))
-        with pytest.raises(PlanError, match=words):
-            Plan.load(path)
-    good["motion"].pop("stances")
-    path.write_text(json.dumps(good))
-    with pytest.raises(PlanError, match=r"motion\.stances is missing"):
-        Plan.load(path)
-    with pytest.raises(PlanError, match="cannot read plan"):
-        Plan.load(tmp_path / "none.json")
     with pytest.raises(MlivrError, match="cannot write"):
         plan.save(tmp_path / "no" / "plan.json")
 
@@ -234,19 +216,12 @@ def test_search_exhausted_where_the_only_step_cannot_be_executed(jem, graph):
 def test_bad_arguments_are_named(graph):
     planner, start, goal = Planner(graph), ("D1a:4", "D1b:4"), (6.0, 0.0, 0.42)
     for error, words, change in (
-        (SettingError, "cost is 'fast'.*'steps'", {"cost": "fast"}),
         (SettingError, "regrasp_price", {"cost": "weighted"}),
         (SettingError, "regrasp_price", {"regrasp_price": 0.1}),
         (SettingError, "regrasp_price is -1", {"cost": "weighted", "regrasp_price": -1}),
-        (SettingError, "method is 'rrt'", {"method": "rrt"}),
-        (SettingError, "heuristic is 'best'", {"heuristic": "best"}),
         (SettingError, "greedy", {"method": "greedy", "heuristic": "zero"}),
         (SettingError, "inflation is 0.5", {"inflation": 0.5}),
-        (SettingError, "limit is 0", {"limit": 0}),
-        (SettingError, "goal_tolerance is -1", {"goal_tolerance": -1}),
-        (StanceError, "'Z'", {"start": ("D1a:4", "Z")}),
         (GoalError, "outside the cabin", {"goal": (60.0, 0.0, 0.0)}),
-        (GoalError, "finite", {"goal": (float("nan"), 0.0, 0.0)}),
     ):
         with pytest.raises(error, match=words):
             planner.plan(**({"start": start, "goal": goal} | change))

@@ -87,11 +87,14 @@ def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_grap
 
 
 def test_a_step_is_checked_when_it_is_asked_for_first(by_one_thread, small_map):
-    graph, fresh, kept = by_one_thread, stance_graph(small_map), 0
+    """From either end: each end is asked for in a graph that does not know the step yet."""
+    graph, kept = by_one_thread, 0
+    there, back = (stance_graph(small_map) for _ in range(2))
     for held in range(2):
         for point in np.unique(graph.points[:, held])[::8]:
             for before, after in graph.pairs_of_row(held, int(point)).T[:3].tolist():
-                known = graph._known.table.edges[graph._known.index(held, before, after)]
-                assert fresh._known.step(held, before, after) == known
+                for fresh, ends in ((there, (before, after)), (back, (after, before))):
+                    known = graph._known.table.edges[graph._known.index(held, *ends)]
+                    assert fresh._known.step(held, *ends) == known
                 kept += int(known["kept"] != 0)
     assert kept > 10

@@ -135,13 +135,6 @@ def test_stance_faults_are_named(graph):
             graph.state(stance)
 
 
-@pytest.mark.parametrize("name", ["limb_threshold", "base_threshold", "path_floor"])
-@pytest.mark.parametrize("value", [-0.1, float("nan"), float("inf"), "much"])
-def test_thresholds_below_zero_are_named(name, value):
-    with pytest.raises(SettingError, match=name):
-        Settings(**{name: value})
-
-
 def test_max_step_bounds_every_step_of_three_limbs(jem):
     graph, rng = stance_graph(jem, "mlivr3", NO_COLLISIONS), np.random.default_rng(0)
     for _ in range(3):
