@@ -16,6 +16,7 @@ from shared_graphs import put_back, shared
 from time_limit import MOST, time_limit
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
+from mlivr_gym.planners import Planner
 
 # The same examples in every run; HYPOTHESIS_PROFILE=fresh draws others.
 # No deadline for single ones: the first may compile machine code.
@@ -64,6 +65,20 @@ def graph(jem):
 def checked_graph(jem):
     """Every stance of the module that touches nothing."""
     return shared(stance_graph(jem))
+
+
+@pytest.fixture(scope="session")
+def walk(checked_graph):
+    """The README's plan: four steps from deck to overhead."""
+    start, goal = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+    return Planner(checked_graph).plan(start, goal, "steps").unwrap()
+
+
+@pytest.fixture(scope="session")
+def plan(checked_graph):
+    """A plan of more steps."""
+    start, goal = ("D2a:4", "D1b:3"), (6.3, 0.5, 0.35)
+    return Planner(checked_graph).plan(start, goal, "steps").unwrap()
 
 
 @pytest.fixture(scope="session")

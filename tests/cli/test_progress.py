@@ -85,11 +85,3 @@ def test_what_gives_no_word_of_its_own_is_told_as_well(monkeypatch):
         time.sleep(0.8)
     assert stream.getvalue().startswith(f"{CLEAR}compiling, ")
     assert stream.getvalue().endswith(CLEAR)
-
-
-def test_quiet_tells_nothing(clock, monkeypatch):
-    stream = standard_error(monkeypatch, False)
-    shown = Progress("states", quiet=True)
-    clock[0] = 200.0
-    shown.show(1)
-    assert stream.getvalue() == ""

@@ -13,22 +13,22 @@ PUBLISHED = (
 """What splitmix64 gives from 1234567 on, as many implementations state for a test."""
 
 
-def model(state):
-    """The model's stream from a state on."""
+def plain(state):
+    """The stream of the model of the environments from a state on."""
     stream = SplitMix(0)
     stream.state = state
     return stream
 
 
 def test_the_model_gives_the_published_numbers():
-    stream = model(1234567)
+    stream = plain(1234567)
     assert [stream.bits() for _ in PUBLISHED] == [number >> 11 for number in PUBLISHED]
 
 
 @pytest.mark.parametrize("bound", [1, 2, 331, 8732])
 def test_numbers_below_a_bound(bound):
     """The upper 53 bits as a share of the bound; other streams stay as they are."""
-    streams, stream = np.array([5, 1234567, 2**64 - 1], dtype=np.uint64), model(1234567)
+    streams, stream = np.array([5, 1234567, 2**64 - 1], dtype=np.uint64), plain(1234567)
     with np.errstate(over="ignore"):
         for _ in range(200):
             assert random_below(streams, 1, bound) == stream.below(bound)

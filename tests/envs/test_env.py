@@ -173,9 +173,8 @@ def test_both_checkers_pass_with_dynamics(physical_env):
     sb3_check(physical_env)
 
 
-def test_a_plan_is_replayed_in_simulation(checked_graph):
+def test_a_plan_is_replayed_in_simulation(checked_graph, plan):
     physical_env = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
-    plan = Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
     _, info = physical_env.reset(options={"plan": plan})
     assert info["failure"] is None
     assert info["stance"] == plan.stances[0]

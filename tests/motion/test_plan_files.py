@@ -10,10 +10,9 @@ from mlivr_gym.planners import Plan, Planner
 
 
 @pytest.fixture(scope="module")
-def data(checked_graph):
+def data(walk):
     """A plan of several steps, as plain data."""
-    plan = Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap()
-    return json.loads(json.dumps(plan.to_dict()))
+    return json.loads(json.dumps(walk.to_dict()))
 
 
 def changed(data, path, value):

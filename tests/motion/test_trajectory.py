@@ -24,11 +24,6 @@ from mlivr_gym.simulation.timing import plan_trajectory, step_trajectory
 
 
 @pytest.fixture(scope="module")
-def plan(checked_graph):
-    return Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
-
-
-@pytest.fixture(scope="module")
 def walk(checked_graph, plan):
     return plan_trajectory(checked_graph, plan, Durations(), period=0.01)
 

@@ -4,17 +4,10 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures import plan_figure as module
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.plan_figure import ghost_stances, plan_figure
 from mlivr_gym.pictures.robot_shapes import GHOST_PALENESS
-from mlivr_gym.planners import Planner
-
-
-@pytest.fixture(scope="module")
-def plan(checked_graph) -> Plan:
-    return Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
 
 
 @pytest.fixture

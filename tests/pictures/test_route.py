@@ -12,14 +12,8 @@ from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.rendering import GHOST_OPACITY, SceneRenderer
 from mlivr_gym.pictures.route import PATH_RADIUS, Route, base_line, base_paths
-from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import compiled, rgba, scene_spec
-
-
-@pytest.fixture(scope="module")
-def plan(checked_graph):
-    return Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
 
 
 def geoms(scene, kind):

@@ -10,7 +10,7 @@ from paper import NO_COLLISIONS
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from mlivr_gym import GraspMap, Settings, State, jem_map, stance_graph
+from mlivr_gym import Settings, State, jem_map, stance_graph
 from mlivr_gym.errors import GoalError, MlivrError, PlanError, SettingError
 from mlivr_gym.planners import Plan, Planner
 
@@ -140,14 +140,6 @@ def test_same_input_gives_the_same_plan(jem):
     assert plans[0] == plans[1]
 
 
-def test_a_plan_survives_json(graph, tmp_path):
-    plan = Planner(graph).plan(("D1a:4", "D1b:4"), (6.0, 0.0, 0.42)).unwrap()
-    path = tmp_path / "plan.json"
-    plan.save(path)
-    assert Plan.load(path, graph.grasp_map).to_dict() == plan.to_dict()
-    assert [p.name for p in tmp_path.iterdir()] == ["plan.json"]
-
-
 def test_a_plan_of_another_map_is_refused(graph, small_map, tmp_path):
     plan = Planner(graph).plan(("D1a:4", "D1b:4"), (3.0, 0.0, 0.0)).unwrap()
     path = tmp_path / "plan.json"
@@ -237,11 +229,3 @@ def test_start_inside_the_goal_is_a_plan_without_steps(graph):
     assert plan.steps == ()
     assert plan.statistics.cost == 0.0
     assert plan.base_translation == 0.0
-
-
-def test_a_plan_on_the_map_of_a_user(ladder):
-    graph = stance_graph(ladder, settings=Settings(collisions=False, limb_threshold=0.05))
-    assert isinstance(ladder, GraspMap)
-    s, g = 0, int(np.argmax(np.linalg.norm(graph.base_in_world - graph.base_in_world[0], axis=1)))
-    result = Planner(graph).plan(graph.points[s].tolist(), graph.base_in_world[g])
-    assert result.unwrap().world.map_name == "ladder"

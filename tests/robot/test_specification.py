@@ -63,14 +63,6 @@ def test_lengths_are_refused_below_the_smallest():
         Limb(a2=-0.5 * SMALLEST)
 
 
-def test_a_robot_survives_json(tmp_path):
-    robot = RobotSpec(name="large", limbs=3, limb=Limb(a2=-0.6127, a3=-0.5716), heights=(0.8,))
-    path = tmp_path / "robot.json"
-    path.write_text(json.dumps(robot.to_dict()))
-    assert robot_spec(str(path)) == robot
-    assert robot.fingerprint != robot_spec("mlivr3").fingerprint
-
-
 @pytest.mark.parametrize(
     ("data", "words"),
     [
