@@ -5,10 +5,19 @@ import pytest
 
 from mlivr_gym import State, stance_graph
 from mlivr_gym.compiled import kernels
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_build import fill_rows
 from mlivr_gym.stances.pair_steps import longest_step
 from mlivr_gym.stances.step_tables import step_tables
+
+
+@pytest.fixture(scope="module", autouse=True)
+def no_tables(tmp_path_factory):
+    """A graph of which a table is kept would know every step from the start."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -88,13 +97,16 @@ def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_grap
 
 def test_a_step_is_checked_when_it_is_asked_for_first(by_one_thread, small_map):
     """From either end: each end is asked for in a graph that does not know the step yet."""
-    graph, kept = by_one_thread, 0
+    graph, rng, kept, changing = by_one_thread, np.random.default_rng(0), 0, 0
     there, back = (stance_graph(small_map) for _ in range(2))
+    assert not there.complete
     for held in range(2):
-        for point in np.unique(graph.points[:, held])[::8]:
-            for before, after in graph.pairs_of_row(held, int(point)).T[:3].tolist():
-                for fresh, ends in ((there, (before, after)), (back, (after, before))):
-                    known = graph._known.table.edges[graph._known.index(held, *ends)]
-                    assert fresh._known.step(held, *ends) == known
-                kept += int(known["kept"] != 0)
+        rows = [graph.pairs_of_row(held, int(p)) for p in np.unique(graph.points[:, held])]
+        for before, after in rng.permutation(np.concatenate(rows, axis=1).T)[:300].tolist():
+            for fresh, ends in ((there, (before, after)), (back, (after, before))):
+                known = graph._known.table.edges[graph._known.index(held, *ends)]
+                assert fresh._known.step(held, *ends) == known
+            kept += int(known["kept"] != 0)
+            changing += int(known["pair"] >= 0 and known["pair"] // 8 != known["pair"] % 8)
     assert kept > 10
+    assert changing > 5
