@@ -77,28 +77,6 @@ def test_truncated_by_the_registration():
         assert truncated == (k == 2)
 
 
-@pytest.mark.parametrize(
-    ("robot", "collisions"), [("mlivr2", True), ("mlivr2", False), ("mlivr4", False)]
-)
-def test_equal_seeds_give_equal_episodes(robot, collisions, small_map):
-    world = small_map if collisions else None
-    a, b = (
-        gymnasium.make("MLIVR-JEM-v0", robot=robot, map=world, collisions=collisions)
-        for _ in range(2)
-    )
-    assert data_equivalence(a.reset(seed=5), b.reset(seed=5))
-    rng = np.random.default_rng(0)
-    info = a.reset(seed=5)[1]
-    b.reset(seed=5)
-    for _ in range(5):
-        action = masked(a, info, rng)
-        ours, theirs = a.step(action), b.step(action)
-        assert data_equivalence(ours, theirs)
-        info = ours[-1]
-        if ours[2]:
-            break
-
-
 def test_observations_are_fresh_arrays(env):
     first, info = env.reset(seed=1)
     second, *_ = env.step(int(np.flatnonzero(info["action_mask"])[0]))

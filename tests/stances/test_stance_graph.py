@@ -173,20 +173,6 @@ def test_narrow_joint_limits_take_steps_away_and_agree_with_lazy_neighbours(smal
     assert fewer > 0
 
 
-def test_a_smaller_arm_works_with_its_own_heights(ladder):
-    """UR3e lengths, published by the manufacturer."""
-    arm = Limb(d1=0.15185, a2=-0.24355, a3=-0.2132, d4=0.13105, d5=0.08535, d6=0.0921)
-    robot = replace(
-        robot_spec("mlivr2"), name="small", limb=arm, heights=(0.3, 0.35, 0.4), span=1.4
-    )
-    graph = stance_graph(
-        ladder,
-        robot,
-        Settings(collisions=False, limb_threshold=0.01, base_threshold=0.0, path_floor=0.002),
-    )
-    assert len(graph) > 10
-
-
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
 @pytest.mark.parametrize("apart", [None, 0.05, 2.5])
 def test_a_map_without_two_points_to_hold_at_once_is_refused(robot, apart):
