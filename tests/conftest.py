@@ -16,6 +16,7 @@ from shared_graphs import put_back, shared
 from time_limit import MOST, time_limit
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.planners import Planner
 
 # The same examples in every run; HYPOTHESIS_PROFILE=fresh draws others.
@@ -41,6 +42,14 @@ def shared_graphs_are_left_as_they_were():
 def the_cache_of_the_user_is_left_alone():
     yield
     assert not (KEPT / "user" / "mlivr-gym").exists()
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """An empty cache directory for the tests of a file."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,14 @@ import gymnasium
 import mujoco
 import numpy as np
 import pytest
+from gl_there import gl_or_skip
 from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.passive_env_checker import env_render_passive_checker
 
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.moments import shown
 from mlivr_gym.envs.wrappers import RecordVideo
-from mlivr_gym.errors import RenderError, SettingError
+from mlivr_gym.errors import SettingError
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
 
 SIZE = {"width": 160, "height": 120}
@@ -26,12 +27,8 @@ def made(mode, **settings):
     """An environment that renders small pictures; skips where there is no GL library."""
     environment = gymnasium.make("MLIVR-JEM-v0", render_mode=mode, **SIZE, **settings)
     environment.reset(seed=3)
-    try:
+    with gl_or_skip():
         environment.render()
-    except RenderError as error:
-        if "MUJOCO_GL" not in str(error):
-            raise
-        pytest.skip("no GL library")
     return environment
 
 

@@ -51,6 +51,14 @@ def branch_graph(graph):
     return nodes, np.array(edges), np.array(displacements)
 
 
+def all_cost(expected, planner, query, price):
+    """Plans by every heuristic that is a lower bound cost so much; infinite where there is none."""
+    for heuristic in ("cost_to_go", "consistent", "zero"):
+        plan = planner.plan(*query, regrasp_price=price, heuristic=heuristic).plan
+        found = plan.statistics.cost if plan else np.inf
+        assert found == pytest.approx(expected, abs=1e-9)
+
+
 @pytest.fixture(scope="module")
 def tiny():
     """Few enough stances for an exhaustive search over branches."""
@@ -83,12 +91,7 @@ def test_plans_are_optimal_by_exhaustive_search_of_another_library(
         expected = reached[inside].min(initial=np.inf)
         table = planner.cost_to_go(goal, cost, regrasp_price=price)
         assert table.values[s] == pytest.approx(expected, abs=1e-9)
-        for heuristic in ("cost_to_go", "consistent", "zero"):
-            result = planner.plan(
-                tiny.points[s].tolist(), goal, cost, regrasp_price=price, heuristic=heuristic
-            )
-            found = result.plan.statistics.cost if result.plan else np.inf
-            assert found == pytest.approx(expected, abs=1e-9)
+        all_cost(expected, planner, (tiny.points[s].tolist(), goal, cost), price)
 
 
 @pytest.mark.parametrize(("cost", "price"), COSTS)
@@ -117,12 +120,7 @@ def test_node_only_plans_agree_with_rustworkx(small_map, cost, price, weight):
         expected = (
             0.0 if s in goals else min((reached[t] for t in goals if t in reached), default=np.inf)
         )
-        for heuristic in ("cost_to_go", "consistent", "zero"):
-            result = planner.plan(
-                graph.points[s].tolist(), goal, cost, regrasp_price=price, heuristic=heuristic
-            )
-            found = result.plan.statistics.cost if result.plan else np.inf
-            assert found == pytest.approx(expected, abs=1e-9)
+        all_cost(expected, planner, (graph.points[s].tolist(), goal, cost), price)
 
 
 def test_a_plan_of_another_map_is_refused(graph, small_map, tmp_path):

@@ -4,6 +4,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from gl_there import gl_or_skip
 from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
@@ -202,12 +203,8 @@ def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monke
 
 
 def test_pictures_show_the_robot_or_say_what_is_missing(jem, graph):
-    try:
+    with gl_or_skip():
         renderer = SceneRenderer(jem, graph.robot, 160, 90)
-    except RenderError as error:
-        if "MUJOCO_GL" not in str(error):
-            raise
-        pytest.skip("no GL library")
     states = [graph.state(stance) for stance in (("D1a:4", "D1b:4"), ("D2a:4", "D2a:3"))]
     first, second = (renderer.render(*graph.configuration(state)) for state in states)
     renderer.close()

@@ -5,24 +5,18 @@ import pytest
 
 from mlivr_gym import State, stance_graph
 from mlivr_gym.compiled import kernels
-from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_build import fill_rows
 from mlivr_gym.stances.pair_steps import longest_step
 from mlivr_gym.stances.step_tables import step_tables
 
 
-@pytest.fixture(scope="module", autouse=True)
-def no_tables(tmp_path_factory):
-    """A graph of which a table is kept would know every step from the start."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 @pytest.fixture(scope="module")
-def filled(small_map):
-    """All that is known of a small map when it was worked out in some number of threads."""
+def filled(small_map, cache):
+    """All that is known of a small map when it was worked out in some number of threads.
+
+    With a table in the cache nothing would be worked out.
+    """
 
     def fill(threads):
         with pytest.MonkeyPatch.context() as patch:
