@@ -16,6 +16,8 @@ from shared_graphs import put_back, shared
 from time_limit import MOST, time_limit
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
+from mlivr_gym.planners import Planner
 
 # The same examples in every run; HYPOTHESIS_PROFILE=fresh draws others.
 # No deadline for single ones: the first may compile machine code.
@@ -43,6 +45,14 @@ def the_cache_of_the_user_is_left_alone():
 
 
 @pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """An empty cache directory for the tests of a file."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module")
 def solved_once():
     """Postures of a whole map are solved once for all tests that take this, see `remembered`."""
     with stances_solved_once():
@@ -64,6 +74,20 @@ def graph(jem):
 def checked_graph(jem):
     """Every stance of the module that touches nothing."""
     return shared(stance_graph(jem))
+
+
+@pytest.fixture(scope="session")
+def walk(checked_graph):
+    """The README's plan: four steps from deck to overhead."""
+    start, goal = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+    return Planner(checked_graph).plan(start, goal, "steps").unwrap()
+
+
+@pytest.fixture(scope="session")
+def plan(checked_graph):
+    """A plan of more steps."""
+    start, goal = ("D2a:4", "D1b:3"), (6.3, 0.5, 0.35)
+    return Planner(checked_graph).plan(start, goal, "steps").unwrap()
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,3 @@
-import numpy as np
 import pytest
 
 from mlivr_gym.errors import MlivrError, shown
@@ -16,21 +15,6 @@ def test_what_is_no_number_is_refused_by_name(value):
         numbers(value, (), "width", MlivrError)
     with pytest.raises(MlivrError, match=r"^place[ \[]"):
         numbers(value, (3,), "place", MlivrError)
-
-
-def test_numbers_are_returned_as_they_are():
-    assert numbers(np.float32(0.5), (), "width", MlivrError) == 0.5
-    np.testing.assert_array_equal(
-        numbers([1, 2.5, 10**25], (3,), "place", MlivrError), [1.0, 2.5, 1e25]
-    )
-    with pytest.raises(MlivrError, match=r"has shape \(2,\)"):
-        numbers([1, 2], (3,), "place", MlivrError)
-
-
-def test_lengths_above_the_largest_hint_at_millimetres():
-    assert numbers(-LONGEST, (), "width", MlivrError, LONGEST) == -LONGEST
-    with pytest.raises(MlivrError, match=r"width is 1000\.5, larger than 1000 m; .*millimetres"):
-        numbers(1000.5, (), "width", MlivrError, LONGEST)
 
 
 def test_the_number_that_is_wrong_is_named():

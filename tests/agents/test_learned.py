@@ -160,7 +160,7 @@ def test_a_beam_finds_walks_that_the_policy_alone_does_not(env, policy):
     for seed in range(40):
         env.reset(seed=seed)
         tasks.append((len(planner.plan(env.state.stance, env.goal, "steps").unwrap().steps), seed))
-    for fewest, seed in sorted(tasks)[-4:]:
+    for fewest, seed in sorted(tasks)[-2:]:
         env.reset(seed=seed)
         assert fewest > 2
         assert len(beam_walk(learned, env, len(env.graph))) == fewest

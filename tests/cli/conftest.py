@@ -3,7 +3,6 @@ import shlex
 import pytest
 
 from mlivr_gym.cli.main import main
-from mlivr_gym.planners import Planner
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -31,7 +30,7 @@ def run(capsys):
 
 
 @pytest.fixture(scope="module")
-def plan_file(checked_graph, tmp_path_factory):
+def plan_file(walk, tmp_path_factory):
     path = tmp_path_factory.mktemp("plan") / "plan.json"
-    Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap().save(path)
+    walk.save(path)
     return path

@@ -44,14 +44,6 @@ def test_a_cache_that_cannot_be_written_is_a_failure(run, monkeypatch, tmp_path)
     assert json.loads(out)["compiler"]["cache_can_be_written"] is False
 
 
-@pytest.mark.usefixtures("no_gl")
-@pytest.mark.parametrize("why", ["", "it is of other sources"])
-def test_whether_machine_code_is_ready_made_is_told(run, monkeypatch, why):
-    monkeypatch.setattr(doctor, "why_compiled", lambda digest: why)
-    _, out, _ = run("doctor")
-    assert f"ready made machine code: {f'not used: {why}' if why else 'used'}\n" in out
-
-
 def test_a_backend_that_is_none_is_told_in_one_line():
     fault = doctor.gl_fault("crystal")
     assert "crystal" in fault

@@ -8,25 +8,12 @@ from scipy.sparse.csgraph import connected_components
 from mlivr_gym import stance_graph
 
 
-def test_info_prints_what_it_tells_as_json(run):
-    code, out, _ = run("info")
+def test_the_module_and_its_robots_are_told(run):
     told = json.loads(run("info", "--json")[1])
-    assert code == told["exit_code"] == 0
-    assert (told["map"]["points"], told["map"]["segments"], told["map"]["handrails"]) == (
-        331,
-        46,
-        18,
-    )
+    counts = told["map"]["points"], told["map"]["segments"], told["map"]["handrails"]
+    assert counts == (331, 46, 18)
     assert told["stance_graph"]["pairs_within_span"] == 43540
-    for part in ("map", "robot", "settings", "stance_graph"):
-        assert f"{part.replace('_', ' ')}:\n" in out
-        for name, value in told[part].items():
-            shown = f"  {name.replace('_', ' ')}: "
-            assert shown in out
-            if isinstance(value, str | int):
-                assert f"{shown}{value}\n" in out
-    told = json.loads(run("info", "--robot", "mlivr4", "--json")[1])
-    assert told["robot"]["limbs"] == 4
+    assert "  pairs within span: 43540\n" in run("info")[1]
 
 
 def test_every_count_of_the_stance_graph_is_that_of_its_stances(run, tmp_path, ladder):

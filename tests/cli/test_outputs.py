@@ -59,14 +59,6 @@ def test_a_folder_that_may_not_be_written_is_refused(tmp_path):
         claim(tmp_path / "plan.json")
 
 
-def test_plan_that_cannot_write_its_picture_does_not_write_the_plan(run, tmp_path):
-    out = tmp_path / "plan.json"
-    code, _, err = run("plan", "--out", str(out), "--picture", str(tmp_path / "no" / "x.png"))
-    assert (code, err.count("\n")) == (2, 1)
-    assert "there is no folder" in err
-    assert not files(tmp_path)
-
-
 def test_both_files_of_a_picture_are_claimed(run, tmp_path):
     """The SVG beside the PNG is told before it is replaced, and may not be the plan's file."""
     old, picture = tmp_path / "plan.svg", tmp_path / "plan.png"
@@ -101,19 +93,6 @@ def test_a_scene_that_cannot_be_exported_leaves_no_picture(run, tmp_path, plan_f
     assert code == 2
     assert "cannot build" in err
     assert not files(tmp_path)
-
-
-def test_a_training_whose_checkpoint_cannot_be_written_does_not_begin(run, tmp_path, monkeypatch):
-    pytest.importorskip("sb3_contrib")
-
-    def begin(*_, **__):
-        raise AssertionError
-
-    monkeypatch.setattr("mlivr_gym.agents.training.train", begin)
-    for out in (str(tmp_path / "no" / "policy"), "", "."):
-        code, _, err = run("train", "--out", out)
-        assert code == 2
-        assert err.startswith("mlivr-gym: cannot write ")
 
 
 def test_the_film_and_the_summary_of_an_earlier_walk_are_told(run, tmp_path, plan_file):

@@ -42,26 +42,6 @@ def standard_error(monkeypatch, terminal):
     return stream
 
 
-def test_a_terminal_shows_share_and_remaining_time(clock, monkeypatch):
-    """Ten seconds for a quarter leave thirty for the rest; before two seconds there is nothing."""
-    stream = standard_error(monkeypatch, True)
-    shown = Progress("train", 8)
-    clock[0] = 101.9
-    shown.show(1)
-    assert stream.getvalue() == ""
-    clock[0] = 110.0
-    shown.show(2, "loss 1")
-    clock[0] = 110.1
-    shown.show(3)  # too soon to be drawn
-    clock[0] = 112.0
-    shown.show(8)
-    assert stream.getvalue().split(CLEAR) == [
-        "",
-        f"train [{'#' * 6}{'.' * 18}] 2/8, 10 s, 30 s remain; loss 1",
-        f"train [{'#' * 24}] 8/8, 12 s, 0 s remain",
-    ]
-
-
 def test_a_log_gets_a_line_now_and_then(clock, monkeypatch):
     """After 2 s, then each time the time has doubled, and once a minute in the end."""
     stream = standard_error(monkeypatch, False)
@@ -85,11 +65,3 @@ def test_what_gives_no_word_of_its_own_is_told_as_well(monkeypatch):
         time.sleep(0.8)
     assert stream.getvalue().startswith(f"{CLEAR}compiling, ")
     assert stream.getvalue().endswith(CLEAR)
-
-
-def test_quiet_tells_nothing(clock, monkeypatch):
-    stream = standard_error(monkeypatch, False)
-    shown = Progress("states", quiet=True)
-    clock[0] = 200.0
-    shown.show(1)
-    assert stream.getvalue() == ""

@@ -13,6 +13,7 @@ plan --limb-threshold -1                      : limb_threshold
 plan --robot robocop                          : 'robocop'
 plan --map nowhere.json                       : nowhere.json
 plan --out no/such/folder/plan.json           : cannot write
+plan --out plan.json --picture no/plan.png    : there is no folder
 plan --clearance 1e300                        : clearance is 1e+300, larger than 100 m
 plan --cost weighted --regrasp-price 1e300    : regrasp_price is 1e+300
 plan --box 3200 -1000 -1000 3500 1000 300     : millimetres
@@ -43,6 +44,7 @@ evaluate --beam 0                             : --beam is 0
 evaluate --split same --episodes 3            : --episodes has no effect
 evaluate --policy astar --beam 3              : --beam has no effect
 train --seed 999999999999999999999            : --seed is 999
+train --out no/policy                         : cannot write
 train --method bc --shaping                   : --shaping has no effect
 dataset --episodes -3                         : --episodes is -3
 view --plan a --plan b --plan c               : --plan is given 3 times

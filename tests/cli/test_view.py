@@ -25,14 +25,6 @@ needs_viewer = pytest.mark.skipif(
 
 
 @needs_viewer
-def test_view_writes_a_page_of_a_plan(run, plan_file, tmp_path):
-    out = tmp_path / "walk.html"
-    code, told, _ = run("view", "--plan", str(plan_file), "--out", str(out))
-    assert (code, out.stat().st_size < 2_000_000) == (0, True)
-    assert re.search(r"page: .*walk\.html, [01]\.\d\d MB", told)
-
-
-@needs_viewer
 def test_view_plans_first_if_it_is_given_a_query(run, tmp_path):
     out = tmp_path / "walk.html"
     query = ("--start", "D2a:4", "D2b:4", "--goal", "6.0", "0", "0.42", "--cost", "steps")

@@ -1,17 +1,16 @@
 """Graphs and plans among obstacles and occupied points, and with shapes of a user."""
 
 import json
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from coal_ruler import Ruler, grasps_of
 
-from mlivr_gym import Box, Capsule, RobotSpec, Settings, robot_spec, stance_graph
+from mlivr_gym import Box, Capsule, Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.errors import RobotError, SettingError, ShapeError, StanceError
+from mlivr_gym.errors import SettingError, ShapeError, StanceError
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -21,24 +20,6 @@ START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
 
 ROBOT = robot_spec("mlivr2")
-
-
-def test_plans_among_obstacles_are_optimal(small_checked_graph):
-    """The exact table, made by another search, and Dijkstra agree with A*.
-
-    A* learns what is blocked as it goes.
-    """
-    graph, rng = small_checked_graph, np.random.default_rng(6)
-    start, goal = sample_task(graph, rng, 0.3)
-    planner = Planner(graph)
-    for boxes in ((), (Box.between("crate", "obstacle", (1.4, -0.3, -0.9), (1.7, 0.3, -0.4)),)):
-        graph.add_obstacles(boxes)
-        costs = [
-            planner.plan(start.stance, goal, method=method).plan for method in ("astar", "dijkstra")
-        ]
-        exact = planner.cost_to_go(goal).value(graph.state(start.stance))
-        assert all(plan.statistics.cost == pytest.approx(exact) for plan in costs)
-    graph.remove_obstacles()
 
 
 def test_a_larger_clearance_leaves_fewer_stances(small_map):
@@ -92,50 +73,7 @@ def test_occupied_points_are_not_grasped(jem, checked_graph, robot):
     assert Planner(graph).plan(start.stance, goal, **cost).unwrap().stances == plan.stances
 
 
-SAME = ("known", "kept", "on_arc", "fold_on_line", "fold_on_arc")
-"""What is known of a step in either direction alike."""
-
-
-def known_step(graph, held, before, after):
-    """What a graph knows of a step: what does not depend on its direction, and its branches."""
-    row = graph._known.step(held, int(before), int(after)).copy()
-    pair = None if row["pair"] < 0 else divmod(int(row["pair"]), 8)
-    return tuple(int(row[name]) for name in SAME), pair
-
-
-def test_a_robot_whose_shapes_leave_no_stance_is_refused(ladder):
-    """Its forearms are twice as thick; it is read from a file."""
-    plain = stance_graph(ladder, settings=Settings(limb_threshold=0.05))
-    thick = tuple(
-        replace(c, radius=2.0 * c.radius) if c.link == "forearm" else c for c in ROBOT.shapes
-    )
-    robot = RobotSpec.from_dict(json.loads(json.dumps(replace(ROBOT, capsules=thick).to_dict())))
-    assert robot.shapes == thick
-    with pytest.raises(RobotError, match=f"{len(plain)} touch the robot itself"):
-        stance_graph(ladder, robot, Settings(limb_threshold=0.05))
-
-
 CLEARANCE = 0.02
-
-
-def test_a_step_is_the_same_in_both_directions(small_map):
-    """Asked for in one graph forwards, and in another, that does not know it yet, backwards."""
-    first, second = stance_graph(small_map), stance_graph(small_map)
-    rng, found = np.random.default_rng(0), Counter()
-    for _ in range(800):
-        s, held = int(rng.integers(len(first))), int(rng.integers(2))
-        other = int(rng.choice(first.row(held, s)))
-        forth, pair = known_step(first, held, s, other)
-        back, turned = known_step(second, held, other, s)
-        found["possible" if forth[SAME.index("kept")] else "blocked"] += 1
-        assert forth == back
-        assert (pair is None) == (turned is None)
-        if pair is not None:
-            # The branches before and after the swing change places.
-            assert turned == pair[::-1]
-            found["swapped"] += pair[0] != pair[1]
-    assert min(found.values()) > 5
-    assert len(found) == 3
 
 
 def test_whole_graph_and_lazy_graph_agree(small_map, small_checked_graph):

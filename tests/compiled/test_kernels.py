@@ -149,9 +149,3 @@ def test_an_entry_leaves_the_cache_folder_of_numba_alone(monkeypatch, tmp_path):
         monkeypatch.setattr(config, "CACHE_DIR", given)
         entry(lambda x: x)
         assert given == config.CACHE_DIR
-
-
-def test_only_entries_are_kept_on_disk_and_can_be_called_from_python():
-    assert "cache" not in kernels.OPTIONS
-    assert kernels.kernel(lambda x: x).targetoptions["no_cpython_wrapper"]
-    assert kernels.part(lambda x: x).targetoptions["inline"] == "always"

@@ -100,22 +100,6 @@ def test_compiled_code_has_the_same_layout_and_knows_that_it_is_aligned(record):
         assert numba.np.numpy_support.as_dtype(found.typeof(name)) == record.dtype[name]
 
 
-def test_rows_are_zeros_of_any_shape():
-    assert Pack.rows(2, 3).shape == (2, 3)
-    for rows in (Pack.rows(4), Pack.row()):
-        assert not np.frombuffer(rows.tobytes(), dtype=np.uint8).any()
-
-
-def test_a_row_can_be_written_to_and_keeps_what_is_written():
-    row = Pack.row()
-    row["ball"]["centre"][1] = 2.0
-    row["balls"]["radius"][1, 0] = 3.0
-    row["counts"][2] = -1
-    assert row["ball"]["centre"].tolist() == [0.0, 2.0, 0.0]
-    assert row["balls"][1, 0]["radius"] == 3.0
-    assert row["counts"].tolist() == [0, 0, -1]
-
-
 @kernel
 def fill(pack: Pack, first: float) -> float:
     """Write a number into every field; returns the number after the last."""

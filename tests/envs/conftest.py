@@ -3,21 +3,12 @@
 import gymnasium
 import pytest
 
-from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.envs.env import MlivrEnv
 
 
 @pytest.fixture(scope="module", autouse=True)
 def stances(solved_once):
     """A graph of the whole module for each environment would take a second each."""
-
-
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    """An empty cache directory for the tests of a file."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -229,26 +229,3 @@ class TestEnvironments(EnvironmentsAgree.TestCase):
 @pytest.mark.usefixtures("cache")
 class TestEnvironmentsLonger(EnvironmentsAgree.TestCase):
     settings = examples(60)
-
-
-@pytest.mark.usefixtures("cache")
-def test_a_copy_goes_as_a_single_environment_with_its_seed():
-    """Episodes one after the other, tasks and failures drawn; nothing is given but the seed."""
-    arguments = {"map": tiny_map(), "collisions": False, "grasp_failure": 0.3}
-    copies = MlivrVectorEnv(5, 7, **arguments)
-    observations, infos = copies.reset(seed=20)
-    singles = [TimeLimit(MlivrEnv(**arguments), 7) for _ in range(5)]
-    shown = [env.reset(seed=20 + k)[0] for k, env in enumerate(singles)]
-    over, rng, failed, begun = np.zeros(5, dtype=bool), np.random.default_rng(0), 0, 0
-    for _ in range(60):
-        for k in range(5):
-            for name, value in shown[k].items():
-                np.testing.assert_array_equal(observations[name][k], value)
-        actions = [int(rng.choice(np.flatnonzero(mask))) for mask in infos["action_mask"]]
-        observations, _, ended, cut, infos = copies.step(actions)
-        for k, env in enumerate(singles):
-            shown[k] = env.reset()[0] if over[k] else env.step(actions[k])[0]
-        over, failed = ended | cut, failed + infos["grasp_failed"].sum()
-        begun += over.sum()
-    assert failed > 20
-    assert begun > 20

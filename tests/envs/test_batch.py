@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from env_model import SplitMix
 
 from mlivr_gym.envs.batch import random_below
 
@@ -13,28 +14,22 @@ PUBLISHED = (
 
 
 def plain(state):
-    """The next state and number of splitmix64."""
-    limit = 2**64
-    state = (state + 0x9E3779B97F4A7C15) % limit
-    z = (state ^ state >> 30) * 0xBF58476D1CE4E5B9 % limit
-    z = (z ^ z >> 27) * 0x94D049BB133111EB % limit
-    return state, z ^ z >> 31
+    """The stream of the model of the environments from a state on."""
+    stream = SplitMix(0)
+    stream.state = state
+    return stream
 
 
-def test_the_plain_definition_gives_the_published_numbers():
-    state, found = 1234567, []
-    for _ in PUBLISHED:
-        state, number = plain(state)
-        found.append(number)
-    assert tuple(found) == PUBLISHED
+def test_the_model_gives_the_published_numbers():
+    stream = plain(1234567)
+    assert [stream.bits() for _ in PUBLISHED] == [number >> 11 for number in PUBLISHED]
 
 
 @pytest.mark.parametrize("bound", [1, 2, 331, 8732])
 def test_numbers_below_a_bound(bound):
     """The upper 53 bits as a share of the bound; other streams stay as they are."""
-    streams, state = np.array([5, 1234567, 2**64 - 1], dtype=np.uint64), 1234567
+    streams, stream = np.array([5, 1234567, 2**64 - 1], dtype=np.uint64), plain(1234567)
     with np.errstate(over="ignore"):
         for _ in range(200):
-            state, number = plain(state)
-            assert random_below(streams, 1, bound) == int((number >> 11) / 2**53 * bound)
-    assert streams.tolist() == [5, state, 2**64 - 1]
+            assert random_below(streams, 1, bound) == stream.below(bound)
+    assert streams.tolist() == [5, stream.state, 2**64 - 1]

@@ -81,12 +81,6 @@ def test_a_fixed_task_takes_no_number_of_the_stream(small_map):
     np.testing.assert_array_equal(first.goal, second.goal)
 
 
-@pytest.mark.parametrize("number", [-1, 1_000_000, 1.5, "first", [0]])
-def test_a_number_without_a_task_is_one_clear_error(env, number):
-    with pytest.raises(SettingError, match=r"options\.task is .*0.*999999"):
-        env.reset(options={"task": number})
-
-
 def test_a_task_is_given_alone(env):
     env.reset(seed=0)
     before = env.state, env.goal

@@ -5,14 +5,12 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
-import pytest
 from gymnasium.envs.registration import EnvSpec
 
-from mlivr_gym import GraspMap, Limb, RobotSpec
+from mlivr_gym import Limb, RobotSpec
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.plain_spec import plain
 from mlivr_gym.envs.wrappers import ActionMaskObservation
-from mlivr_gym.errors import MapError, MlivrError, SettingError
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
 
@@ -89,44 +87,3 @@ def test_the_spec_does_not_change_with_its_environment(ladder):
     assert arguments["map"] is ladder
     assert env.unwrapped.spec.kwargs["map"] == plain(ladder.to_dict())
     assert MlivrEnv(**arguments).spec is None
-
-
-@pytest.mark.parametrize(
-    ("words", "change"),
-    [
-        ("cabin is missing", {"cabin": None}),
-        ("unknown field 'points'", {"points": []}),
-        ("ids is 'abc'; it must be a list", {"ids": "abc"}),
-        (r"ids\[0\] is 1; it must be a text", {"ids": [1, 2]}),
-        (r"faces\[2\] is ..", {"faces": ["deck", "x", ""]}),
-        ("positions is .* must be numbers", {"positions": [[1, 2], [3]]}),
-        ("positions is .* must be numbers", {"positions": [[10**400, 0, 0]]}),
-        ("shape", {"rotations": [[1.0]]}),
-        ("faces are 1, of 15 points", {"faces": ["roof"]}),
-        ("boxes is 3; it must be a list", {"boxes": 3}),
-        (r"segments\[0\] is 3", {"segments": [3]}),
-    ],
-)
-def test_faulty_plain_maps_are_named(ladder, words, change):
-    data = {k: v for k, v in (ladder.to_dict() | change).items() if v is not None}
-    with pytest.raises(MlivrError, match=words):
-        GraspMap.from_dict(data)
-
-
-def test_faulty_plain_arguments_are_named(ladder):
-    with pytest.raises(MapError):
-        MlivrEnv(map={})
-    with pytest.raises(MlivrError, match="unknown field 'arms'"):
-        MlivrEnv(robot={"arms": 2})
-    physical = {"map": ladder, "collisions": False, "dynamics": "mujoco"}
-    with pytest.raises(SettingError, match=r"physics has an unknown field 'gain'.*hold_force"):
-        MlivrEnv(physics={"gain": 2.0}, **physical)
-    with pytest.raises(SettingError, match="hold_force is 'high'"):
-        MlivrEnv(physics={"hold_force": "high"}, **physical)
-    for name in ("limits", "controller", "disturbances"):
-        with pytest.raises(SettingError, match=f"{name} is 'quick'; valid choices are '"):
-            MlivrEnv(**{name: "quick"}, **physical)
-        with pytest.raises(SettingError, match=f"{name} has an unknown field 'gain'"):
-            MlivrEnv(**{name: {"gain": 1.0}}, **physical)
-    with pytest.raises(SettingError, match="physics is 3; it must be an object"):
-        MlivrEnv(physics=3, **physical)

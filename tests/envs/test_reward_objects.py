@@ -10,7 +10,6 @@ from gymnasium.envs.registration import EnvSpec
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.rewards import BaseReward, StepReward
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
-from mlivr_gym.errors import SettingError
 
 pytestmark = pytest.mark.usefixtures("cache")
 
@@ -121,13 +120,3 @@ def test_copies_and_specs_keep_the_reward(small_map, given):
         rewards.append(env.step(int(np.flatnonzero(env.action_masks())[-1]))[1])
     assert rewards[0] == rewards[1] == rewards[2] != -1.0
     assert type(again.unwrapped.reward.reward) is type(made.unwrapped.reward.reward)
-
-
-@pytest.mark.parametrize(
-    "faulty", ["distance", "", 3, None, {}, {"kind": "distance"}, BaseReward, Toll]
-)
-def test_a_faulty_reward_is_one_clear_error(small_map, faulty):
-    for kind in (MlivrEnv, MlivrVectorEnv):
-        with pytest.raises(SettingError, match=r"reward is .*'steps'.*'base'") as caught:
-            kind(map=small_map, collisions=False, reward=faulty)
-        assert "\n" not in str(caught.value)

@@ -65,18 +65,6 @@ def actions(graph, plan):
     ]
 
 
-def test_an_action_that_is_not_possible_costs_the_largest_step(make):
-    env = make(reward="base")
-    _, info = env.reset(seed=0)
-    _, reward, _, _, info = env.step(int(np.argmin(info["action_mask"])))
-    assert info["invalid_action"]
-    assert reward == -env.graph.max_step
-    assert info["base_translation"] == 0.0
-    with_steps = make(reward="steps")
-    _, info = with_steps.reset(seed=0)
-    assert with_steps.step(int(np.argmin(info["action_mask"])))[1] == -1.0
-
-
 @pytest.mark.parametrize("discount", [0.9, 1.0])
 def test_shaping_keeps_the_discounted_return_but_for_the_start(make, plan, discount):
     """The discounted sum of shaped rewards is the plain one plus the distance at the start."""

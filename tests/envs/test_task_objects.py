@@ -134,14 +134,6 @@ def test_a_spec_keeps_the_object(small_map, shuttle):
     np.testing.assert_array_equal(again.goal, shuttle.goal)
 
 
-@pytest.mark.parametrize("faulty", ["run", "", 3, None, {}, {"kind": "run"}, WalkTasks, len])
-def test_what_draws_no_tasks_is_one_clear_error(small_map, faulty):
-    for kind in (MlivrEnv, MlivrVectorEnv):
-        with pytest.raises(SettingError, match=r"tasks is .*'walk'") as caught:
-            kind(map=small_map, collisions=False, tasks=faulty)
-        assert "\n" not in str(caught.value)
-
-
 def test_faulty_tasks_are_refused(small_map, shuttle):
     """A goal outside the cabin, and a start that is no stance: no environment moves to them."""
     env = MlivrEnv(map=small_map, collisions=False, tasks=shuttle)

@@ -28,13 +28,3 @@ def test_sums_and_least_values_are_those_of_its_parts(plan):
     assert plan.cost == pytest.approx(moved, abs=1e-9)
     assert plan.w_m_min == min(value for row in plan.motion.w_m for value in row)
     assert plan.actions == tuple((step.limb, step.to_point) for step in plan.steps)
-
-
-def test_a_plan_and_its_map_are_shown_in_a_line(plan, graph):
-    """A notebook that ends a cell with one does not print pages."""
-    moved = f"{len(plan.steps)} steps, {plan.base_translation:.3f} m"
-    start, end = map(" ".join, (plan.stances[0], plan.stances[-1]))
-    assert repr(plan) == f"<Plan of 'mlivr2' on 'jem': {start} to {end}, {moved}>"
-    shown = repr(graph.grasp_map)
-    assert shown == "<GraspMap 'jem': 331 points, 46 segments, 18 handrails, 151 boxes>"
-    assert len(repr(plan.motion)) < 80

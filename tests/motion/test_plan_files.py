@@ -10,10 +10,9 @@ from mlivr_gym.planners import Plan, Planner
 
 
 @pytest.fixture(scope="module")
-def data(checked_graph):
+def data(walk):
     """A plan of several steps, as plain data."""
-    plan = Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap()
-    return json.loads(json.dumps(plan.to_dict()))
+    return json.loads(json.dumps(walk.to_dict()))
 
 
 def changed(data, path, value):
@@ -27,31 +26,18 @@ def changed(data, path, value):
 
 
 FAULTS = [
-    (
-        ("branches", 1, 0),
-        1_000_000,
-        r"^motion\.branches\[1\]\[0\] is 1000000; .* whole number from 0 to 7",
-    ),
+    (("branches", 1, 0), 1_000_000, r"^motion\.branches\[1\]\[0\] is 1000000; .* from 0 to 7"),
     (("branches", 1, 0), -1, "branches"),
-    (("branches", 1, 0), 0.5, "branches"),
-    (("branches", 1, 0), 10**30, "branches"),
     (("branches", 1), [1], "branches"),
     (("steps", 0, "limb"), 5, r"steps\[0\].limb is 5; .* from 0 to 1"),
-    (("steps", 0, "limb"), "x", r"steps\[0\].limb is 'x'"),
     (("steps", 0, "limb"), 1, "does not lead from"),
     (("steps", 0, "knots", 1), [0.5, 1.0], r"steps\[0\].knots"),
-    (("steps", 0, "knots", 1, 3), "a", r"steps\[0\].knots"),
-    (
-        ("steps", 0, "knots", 1, 3),
-        1e300,
-        r"steps\[0\].knots\[1\]\[3\] is 1e.300; it must be from -100 to 100 rad",
-    ),
+    (("steps", 0, "knots", 1, 3), 1e300, r"knots\[1\]\[3\] is 1e.300; it must be from -100 to 100"),
     (("steps", 0, "knots", 0, 0), 0.7, "rise from 0 to 1"),
     (("steps", 0, "knots"), [[u, *6 * [0.0]] for u in (0.0, 0.7, 0.3, 1.0)], "rise from 0 to 1"),
     (("steps", 0, "rounded"), [], r"steps\[0\].rounded has 0 corners for \d knots"),
     (("steps", 0, "rounded", 0), [0.5, 0.0], "both shares of a corner or none"),
     (("steps", 0, "rounded", 0), [0.5, 0.5], "must be 0 at both ends"),
-    (("steps", 0, "rounded", 0), [0.5, 1.5], r"rounded\[0\]\[1\] is 1.5; it must be from 0 to 1"),
     (
         ("steps", 0),
         lambda step: (
@@ -61,33 +47,12 @@ FAULTS = [
         ),
         "share each line between its two corners",
     ),
-    (("steps", 0, "pivot"), ["a", "b", "c"], r"steps\[0\].pivot"),
-    (("steps", 0, "pivot"), [1.0], r"steps\[0\].pivot has shape \(1,\)"),
-    (("steps", 0, "path"), "curve", r"steps\[0\].path is 'curve'"),
-    (("steps", 0, "swing"), 3, r"steps\[0\].swing is 3"),
-    (("steps", 0, "wheels"), 3, r"steps\[0\] has an unknown field 'wheels'"),
-    (("steps", 0), 7, r"steps\[0\] is 7"),
-    (("steps", 0, "to_point"), "D1a:0", "does not lead from"),
     (("base_quaternions", 0), [0, 0, 0, 0], r"base_quaternions\[0\] has length 0; it must be 1"),
-    (("base_quaternions", 0), [1e300, 0, 0, 0], r"base_quaternions\[0\]\[0\] is 1e.300"),
-    (("base_positions", 0, 0), float("nan"), "base_positions"),
     (("base_positions", 0, 0), 1e300, r"base_positions\[0\]\[0\] .* millimetres"),
     (("joint_positions", 0, 0, 0), float("nan"), "joint_positions"),
-    (("joint_positions", 0, 0, 0), 1e300, r"joint_positions\[0\]\[0\]\[0\] is 1e.300; .* rad"),
     (("stances", 0), ["D2a:4"], r"stances\[0\] has 1 entries; it must have 2"),
-    (("stances", 0, 0), "Q:1", "does not lead from"),
     (("stances",), [], "stances has 0 entries"),
-    (("goal", 0), 10**400, "goal"),
-    (("goal_tolerance",), -1.0, "goal_tolerance is -1.0"),
-    (("cost_name",), "love", "cost_name is 'love'"),
-    (("expanded",), 1.5, "expanded is 1.5"),
-    (("method",), "\ud800", "method"),
-    (("settings", "collisions"), "yes", "collisions is 'yes'"),
-    (("settings", "colour"), 1, "world.settings has an unknown field 'colour'"),
-    (("settings",), 3, "settings is 3"),
     (("robot", "limbs"), 3, r"stances\[0\] has 2 entries; it must have 3"),
-    (("robot",), None, "world.robot is None; it must be an object"),
-    (("obstacles",), [3], r"world.obstacles\[0\] is 3; it must be an object"),
     (("occupied",), ["no:1"], "unknown graspable point 'no:1'"),
 ]
 

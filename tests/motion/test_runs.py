@@ -16,7 +16,6 @@ from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.runs import Run
 from mlivr_gym.motion.swings import SwingFinder
-from mlivr_gym.planners import Planner
 
 CLEARANCE = 0.02
 
@@ -55,9 +54,8 @@ def test_a_run_rounds_the_corner_that_the_sweep_checks():
 
 
 @pytest.fixture(scope="module")
-def rounded_step(checked_graph):
+def rounded_step(checked_graph, plan):
     """A step whose swing goes through a fold, its corner as large as it may be."""
-    plan = Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
     steps = [planned_regrasp(checked_graph, plan, k) for k in range(len(plan.steps))]
     return next(step for step in steps if len(step.knots) == 3 and step.rounded[1].max() == 1.0)
 

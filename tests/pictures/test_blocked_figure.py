@@ -32,21 +32,6 @@ def drawn(jem, monkeypatch, tmp_path):
     return kept[0], found[0]
 
 
-def words(figure):
-    return [text.get_text() for text in (*figure.texts, *(t for a in figure.axes for t in a.texts))]
-
-
-def test_shapes_are_called_in_words(drawn):
-    figure, contact = drawn
-    said = "\n".join([*words(figure), *(a.get_title(loc="left") for a in figure.axes)])
-    assert "forearm of limb 0" in said
-    assert "obstacle cargo" in said
-    assert "limb0/" not in said
-    assert "box/" not in said
-    assert "the clearance of 20 mm" in said
-    assert f"{1e3 * contact.distance:.0f} mm apart" in said
-
-
 def test_the_contact_is_marked_in_both_views(drawn):
     figure, contact = drawn
     overview, close_up = figure.axes

@@ -11,25 +11,7 @@ from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.world.boxes import BOX, scene_name
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("body", "body"),
-        ("limb1/upper_arm/0", "upper arm of limb 1"),
-        ("limb0/base/0", "mount of limb 0"),
-        ("box/HR09/post1", "post of handrail HR09"),
-        ("box/F1", "rack F1"),
-        ("box/D2a", "seat track D2a"),
-        ("box/forward/shell", "forward wall"),
-        ("box/deck/aft/closeout", "deck corner closeout"),
-    ],
-)
-def test_a_shape_has_a_name_in_words(jem, name, words):
-    boxes = {scene_name(BOX, box.id): box for box in jem.boxes}
-    assert in_words(name, boxes) == words
-
-
-def test_every_box_of_the_module_has_one(jem):
+def test_every_box_of_the_module_has_a_name_in_words(jem):
     boxes = {scene_name(BOX, box.id): box for box in jem.boxes}
     assert all("box/" not in in_words(name, boxes) for name in boxes)
 

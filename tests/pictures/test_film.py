@@ -10,10 +10,8 @@ from recordings import resting
 
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.motion.regrasp import PHASES
-from mlivr_gym.pictures.captions import strip_height, with_caption, with_labels
+from mlivr_gym.pictures.captions import strip_height
 from mlivr_gym.pictures.film import (
-    caption,
     film,
     film_cameras,
     film_samples,
@@ -72,20 +70,6 @@ def test_every_shape_of_the_robot_is_in_every_picture(checked_graph, walk):
         assert camera.lookat == (base[0], *cameras[0].lookat[1:])
 
 
-def test_a_caption_tells_time_step_phase_and_limb(walk):
-    plan, recording = walk
-    told = set()
-    for k in range(0, len(recording.times), 5):
-        line = caption(recording, k, plan, 4.0)
-        step = plan.steps[recording.step[k]]
-        assert line.startswith(f"{recording.times[k]:.0f} s of {recording.times[-1]:.0f} s (x4), ")
-        assert f"step {recording.step[k] + 1} of {len(plan.steps)}: " in line
-        assert PHASES[recording.phase[k]] in line
-        assert f"limb {step.limb} from {step.from_point} to {step.to_point}" in line
-        told.add(PHASES[recording.phase[k]])
-    assert told == set(PHASES)
-
-
 def test_a_film_runs_as_much_faster_than_the_clock_as_it_says(walk):
     recording = walk[1]
     usual, duration = usual_speed(recording), float(recording.times[-1])
@@ -97,25 +81,6 @@ def test_a_film_runs_as_much_faster_than_the_clock_as_it_says(walk):
         # Samples are half a second apart here, so that one is shown that much late at most.
         wanted = np.arange(len(shown_at) - 1) * speed / 25
         assert (np.abs(shown_at[:-1] - wanted) <= 0.5).all()
-
-
-def test_words_stand_in_a_strip_below_the_picture():
-    picture = np.full((160 - strip_height(160), 320, 3), 90, dtype=np.uint8)
-    one = with_caption(picture, "10 s of 252 s, step 1 of 5: swing", 160)
-    other = with_caption(picture, "10 s of 252 s, step 1 of 5: approach", 160)
-    assert one.shape == (160, 320, 3)
-    np.testing.assert_array_equal(one[: len(picture)], picture)
-    assert (one[len(picture) :] < 80).any()
-    assert (one != other).any()
-    small = np.zeros((40, 80, 3), dtype=np.uint8)
-    assert with_caption(small, "unreadable", 40) is small
-    labelled = with_labels(picture, np.array([[100.0, 60.0]]), [("7", "#ff0000")])
-    outside = np.array([[-5.0, 60.0], [400.0, 60.0], [np.nan, np.nan]])
-    unlabelled = with_labels(picture, outside, [("7", "#ff0000")] * 3)
-    np.testing.assert_array_equal(unlabelled, picture)
-    rows, columns = np.nonzero((labelled != picture).any(axis=2))
-    assert abs(columns.mean() - 100) < 4
-    assert abs(rows.mean() - 60) < 4
 
 
 def test_a_film_has_the_size_asked_for_and_the_path_in_it(checked_graph, walk, tmp_path):

@@ -4,18 +4,10 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures import plan_figure as module
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
-from mlivr_gym.pictures.flat_views import CROWDED, number
 from mlivr_gym.pictures.plan_figure import ghost_stances, plan_figure
 from mlivr_gym.pictures.robot_shapes import GHOST_PALENESS
-from mlivr_gym.planners import Planner
-
-
-@pytest.fixture(scope="module")
-def plan(checked_graph) -> Plan:
-    return Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
 
 
 @pytest.fixture
@@ -52,26 +44,3 @@ def test_the_robot_stands_pale_at_the_start_the_goal_and_between(drawn, plan):
               and colours[:, :3].min() > GHOST_PALENESS - 0.01]  # fmt: skip
     assert ghost_stances(plan) == [0, len(plan.stances) // 2, len(plan.stances) - 1]
     assert len(ghosts) == 3
-
-
-def test_a_picture_says_how_much_of_the_search_it_shows(drawn, plan):
-    said = " ".join(text.get_text() for text in drawn.texts)
-    count = len(range(0, 7000, -(-7000 // module.MOST_EXPLORED)))
-    assert f"({count} of 7000 drawn)" in said
-    assert count <= module.MOST_EXPLORED
-
-
-def test_numbers_of_stances_that_are_close_stand_apart():
-    class Axes:
-        def __init__(self):
-            self.at = []
-
-        def text(self, *place, **_):
-            self.at.append(place[1])
-
-    axes = Axes()
-    number(axes, np.array([[0.0, 0.0], [0.1, 0.05], [1.0, 0.0]]))
-    assert axes.at[0] < 0.0
-    assert axes.at[1] > 0.05
-    assert axes.at[2] > 0.0
-    assert CROWDED > 0.11

@@ -4,20 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from mlivr_gym.pictures.robot_shapes import (
-    GHOST_PALENESS,
     JOINT_RADIUS,
-    TOUCHING_COLOUR,
     capsule_faces,
-    draw_ghost,
-    draw_robot,
     outline,
-    pale,
     robot_parts,
 )
-from mlivr_gym.robot.specification import LIMB_COLOURS, robot_spec
+from mlivr_gym.robot.specification import robot_spec
 
 
 def configurations(limbs, count=4):
@@ -100,24 +94,3 @@ def test_a_limb_hangs_together_from_the_body_to_the_gripper():
             root = parts[rods[0]].axes[0]
             assert np.linalg.norm(root[0] - configuration[0]) <= robot.mount_radius + 1e-9
             assert axis_distances(root[1:], parts[links[0]].axes[0])[0] < 0.01
-
-
-def test_what_touches_is_orange_and_a_ghost_is_pale():
-    robot = robot_spec("mlivr2")
-    parts = robot_parts(robot, next(configurations(2)))
-    axes = Figure().add_subplot(projection="3d")
-    draw_robot(axes, parts, {"limb0/forearm/0"})
-    draw_ghost(axes, parts)
-    solid, ghost = (c.get_facecolor() for c in axes.collections)
-    (forearm,) = (part for part in parts if part.name == "limb0/forearm/0")
-    orange = np.array([int(TOUCHING_COLOUR[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
-
-    def hue(colours):
-        return colours[:, :3] / colours[:, :3].max(axis=1, keepdims=True)
-
-    off = np.abs(hue(solid) - orange / orange.max()).max(axis=1)
-    assert (off < 0.02).sum() == len(forearm.faces)
-    assert ((off > 0.1) | (off < 0.02)).all()
-    assert ghost[:, :3].min() > GHOST_PALENESS - 0.01
-    assert pale(LIMB_COLOURS[0], 0.0) == LIMB_COLOURS[0]
-    assert pale("#000000", 1.0) == "#ffffff"

@@ -12,14 +12,8 @@ from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.rendering import GHOST_OPACITY, SceneRenderer
 from mlivr_gym.pictures.route import PATH_RADIUS, Route, base_line, base_paths
-from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import compiled, rgba, scene_spec
-
-
-@pytest.fixture(scope="module")
-def plan(checked_graph):
-    return Planner(checked_graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
 
 
 def geoms(scene, kind):
@@ -74,21 +68,6 @@ def test_a_scene_without_room_is_left_as_it_is(checked_graph, plan):
     scene = scene_of(checked_graph, 3)
     Route.of(checked_graph.grasp_map, plan).add_to(scene)
     assert scene.ngeom == scene.maxgeom
-
-
-def test_stances_and_footholds_are_numbered_alike(checked_graph, plan):
-    labels = Route.of(checked_graph.grasp_map, plan).labels()
-    numbers = [text for _, text, colour in labels if colour == BASE_COLOUR]
-    assert numbers == [str(k) for k in range(len(plan.stances))]
-    for k, step in enumerate(plan.steps, 1):
-        place = checked_graph.grasp_map.positions[checked_graph.grasp_map.index(step.to_point)]
-        (label,) = (
-            text
-            for where, text, colour in labels
-            if colour == LIMB_COLOURS[step.limb] and np.linalg.norm(where - place) < 0.1
-            and text == str(k)
-        )  # fmt: skip
-        assert label == str(k)
 
 
 def test_a_ghost_is_a_pale_copy_of_the_robot_alone(checked_graph, plan):

@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
 
 from mlivr_gym import Box
 from mlivr_gym.pictures import walk_figure as module
-from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE
 from mlivr_gym.pictures.route import base_line
-from mlivr_gym.pictures.walk_figure import PLAN_COLOURS, Leg, Walk, hides, least_distance
+from mlivr_gym.pictures.walk_figure import Leg, Walk, hides, least_distance
 from mlivr_gym.planners import Planner
 
 BOX = Box.between("cargo", "obstacle", (3.0, -0.2, -0.2), (3.4, 0.2, 0.2))
@@ -52,18 +50,6 @@ def drawn(graph, monkeypatch, tmp_path):
     monkeypatch.setattr(module, "save_figure", lambda figure, path: kept.append(figure))
     module.walk_figure(graph.grasp_map, legs, tmp_path / "walk.png")
     return kept[0], legs
-
-
-def test_walked_and_given_up_have_colours_of_their_own(drawn):
-    figure, _ = drawn
-    assert len({BASE_COLOUR, *PLAN_COLOURS}) == len(PLAN_COLOURS) + 1
-    for axes in figure.axes:
-        colours = {to_hex(one.get_color()): one for one in axes.lines}
-        assert {BASE_COLOUR, PLAN_COLOURS[0]} <= set(colours)
-        assert PLAN_COLOURS[1] not in colours
-        assert colours[PLAN_COLOURS[0]].get_linestyle() == "--"
-    names = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert {"base path walked", "plan 1, given up", "plan given up here", "goal"} <= set(names)
 
 
 def test_a_walk_is_what_was_walked(drawn):

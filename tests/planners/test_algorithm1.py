@@ -10,9 +10,8 @@ from remembered import remembered
 from scipy.spatial.distance import pdist
 
 from mlivr_gym import Settings, State, stance_graph
-from mlivr_gym.cli.main import main
 from mlivr_gym.errors import SettingError
-from mlivr_gym.planners import Cost, Plan, Planner
+from mlivr_gym.planners import Cost, Planner
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import EXHAUSTED, FOUND, LIMIT
@@ -228,11 +227,3 @@ def test_the_table_of_costs_to_go_is_not_for_it(small_graph):
     how = {"method": "algorithm1", "heuristic": "cost_to_go"}
     with pytest.raises(SettingError, match="algorithm1"):
         Planner(small_graph).plan((0, 1), (1.0, 0.0, 0.0), **how)
-
-
-def test_the_command_line_offers_it(tmp_path, jem, capsys):
-    out = tmp_path / "plan.json"
-    world = ["--no-collisions", "--no-transitions", "--cost", "steps"]
-    assert main(["plan", *world, "--method", "algorithm1", "--out", str(out)]) == 0
-    assert "states explored" in capsys.readouterr().out
-    assert Plan.load(out, jem).query.method == "algorithm1"

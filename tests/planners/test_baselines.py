@@ -10,9 +10,6 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners.baselines import (
     CORRIDORS,
     FINDERS,
-    _Node,
-    _simulate,
-    _Task,
     find_walk,
 )
 from mlivr_gym.planners.walks import edges_along
@@ -53,22 +50,6 @@ def test_random_steps_are_as_likely_as_the_others(env):
         counts[limb * len(env.graph.grasp_map) + point] += 1
     assert len(possible) > 5
     assert chisquare(list(counts.values())).pvalue > 1e-3
-
-
-def test_tree_search_looks_most_where_the_value_is_best(env):
-    """That is what its bound is for: visits of the first steps go up with their mean value."""
-    for seed in range(4):
-        env.reset(seed=seed)
-        task = _Task(env.moves, env.state, env.goal, 0.2, 40)
-        root, rng = _Node(task, env.state), np.random.default_rng(0)
-        for _ in range(300):
-            _simulate(task, root, rng, 0.5)
-        visits = np.array([child.visits for child in root.children])
-        values = np.array([child.total / child.visits for child in root.children])
-        assert visits.sum() == 300
-        short = values.max() - values[visits.argmax()]
-        assert short < 0.1 * (values.max() - values.min())
-        assert np.corrcoef(visits, values)[0, 1] > 0.5
 
 
 def test_local_choice_does_not_go_back(env):

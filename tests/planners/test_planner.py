@@ -1,7 +1,6 @@
 """The planner: optimal plans, why there is none, and plans as files."""
 
 import itertools
-import json
 from collections import Counter
 
 import numpy as np
@@ -11,8 +10,8 @@ from paper import NO_COLLISIONS
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from mlivr_gym import GraspMap, Settings, State, jem_map, stance_graph
-from mlivr_gym.errors import GoalError, MlivrError, PlanError, SettingError, StanceError
+from mlivr_gym import Settings, State, jem_map, stance_graph
+from mlivr_gym.errors import GoalError, MlivrError, PlanError, SettingError
 from mlivr_gym.planners import Plan, Planner
 
 COSTS = [("base", None), ("steps", None), ("weighted", 0.1)]
@@ -52,6 +51,14 @@ def branch_graph(graph):
     return nodes, np.array(edges), np.array(displacements)
 
 
+def all_cost(expected, planner, query, price):
+    """Plans by every heuristic that is a lower bound cost so much; infinite where there is none."""
+    for heuristic in ("cost_to_go", "consistent", "zero"):
+        plan = planner.plan(*query, regrasp_price=price, heuristic=heuristic).plan
+        found = plan.statistics.cost if plan else np.inf
+        assert found == pytest.approx(expected, abs=1e-9)
+
+
 @pytest.fixture(scope="module")
 def tiny():
     """Few enough stances for an exhaustive search over branches."""
@@ -84,12 +91,7 @@ def test_plans_are_optimal_by_exhaustive_search_of_another_library(
         expected = reached[inside].min(initial=np.inf)
         table = planner.cost_to_go(goal, cost, regrasp_price=price)
         assert table.values[s] == pytest.approx(expected, abs=1e-9)
-        for heuristic in ("cost_to_go", "consistent", "zero"):
-            result = planner.plan(
-                tiny.points[s].tolist(), goal, cost, regrasp_price=price, heuristic=heuristic
-            )
-            found = result.plan.statistics.cost if result.plan else np.inf
-            assert found == pytest.approx(expected, abs=1e-9)
+        all_cost(expected, planner, (tiny.points[s].tolist(), goal, cost), price)
 
 
 @pytest.mark.parametrize(("cost", "price"), COSTS)
@@ -118,60 +120,15 @@ def test_node_only_plans_agree_with_rustworkx(small_map, cost, price, weight):
         expected = (
             0.0 if s in goals else min((reached[t] for t in goals if t in reached), default=np.inf)
         )
-        for heuristic in ("cost_to_go", "consistent", "zero"):
-            result = planner.plan(
-                graph.points[s].tolist(), goal, cost, regrasp_price=price, heuristic=heuristic
-            )
-            found = result.plan.statistics.cost if result.plan else np.inf
-            assert found == pytest.approx(expected, abs=1e-9)
+        all_cost(expected, planner, (graph.points[s].tolist(), goal, cost), price)
 
 
-def test_same_input_gives_the_same_plan(jem):
-    plans = [
-        Planner(stance_graph(jem, settings=NO_COLLISIONS))
-        .plan(("D1a:4", "D1b:4"), (6.0, 0.0, 0.42), cost)
-        .unwrap()
-        .to_dict()
-        for cost in ("steps", "steps")
-    ]
-    for plan in plans:
-        for name in ("search_time", "feasibility_time"):
-            plan["statistics"].pop(name)
-        del plan["checksum"]
-    assert plans[0] == plans[1]
-
-
-def test_a_plan_survives_json(graph, tmp_path):
-    plan = Planner(graph).plan(("D1a:4", "D1b:4"), (6.0, 0.0, 0.42)).unwrap()
-    path = tmp_path / "plan.json"
-    plan.save(path)
-    assert Plan.load(path, graph.grasp_map).to_dict() == plan.to_dict()
-    assert [p.name for p in tmp_path.iterdir()] == ["plan.json"]
-
-
-def test_faulty_plan_files_are_named(graph, small_map, tmp_path):
+def test_a_plan_of_another_map_is_refused(graph, small_map, tmp_path):
     plan = Planner(graph).plan(("D1a:4", "D1b:4"), (3.0, 0.0, 0.0)).unwrap()
     path = tmp_path / "plan.json"
     plan.save(path)
     with pytest.raises(PlanError, match=r"made on map 'jem'.*not on 'small'"):
         Plan.load(path, small_map)
-    good = json.loads(path.read_text())
-    for change, words in (
-        ({"format": 99}, "99"),
-        ({"motion": good["motion"] | {"w_b": [1.0]}}, "w_b has shape"),
-        ({"motion": good["motion"] | {"steps": []}}, "motion.steps has 0 entries; it must have"),
-        ({"motion": None}, "motion is None; it must be an object"),
-        ({"query": good["query"] | {"goal": "there"}}, "query.goal is 'there'"),
-    ):
-        path.write_text(json.dumps(good | change))
-        with pytest.raises(PlanError, match=words):
-            Plan.load(path)
-    good["motion"].pop("stances")
-    path.write_text(json.dumps(good))
-    with pytest.raises(PlanError, match=r"motion\.stances is missing"):
-        Plan.load(path)
-    with pytest.raises(PlanError, match="cannot read plan"):
-        Plan.load(tmp_path / "none.json")
     with pytest.raises(MlivrError, match="cannot write"):
         plan.save(tmp_path / "no" / "plan.json")
 
@@ -234,19 +191,12 @@ def test_search_exhausted_where_the_only_step_cannot_be_executed(jem, graph):
 def test_bad_arguments_are_named(graph):
     planner, start, goal = Planner(graph), ("D1a:4", "D1b:4"), (6.0, 0.0, 0.42)
     for error, words, change in (
-        (SettingError, "cost is 'fast'.*'steps'", {"cost": "fast"}),
         (SettingError, "regrasp_price", {"cost": "weighted"}),
         (SettingError, "regrasp_price", {"regrasp_price": 0.1}),
         (SettingError, "regrasp_price is -1", {"cost": "weighted", "regrasp_price": -1}),
-        (SettingError, "method is 'rrt'", {"method": "rrt"}),
-        (SettingError, "heuristic is 'best'", {"heuristic": "best"}),
         (SettingError, "greedy", {"method": "greedy", "heuristic": "zero"}),
         (SettingError, "inflation is 0.5", {"inflation": 0.5}),
-        (SettingError, "limit is 0", {"limit": 0}),
-        (SettingError, "goal_tolerance is -1", {"goal_tolerance": -1}),
-        (StanceError, "'Z'", {"start": ("D1a:4", "Z")}),
         (GoalError, "outside the cabin", {"goal": (60.0, 0.0, 0.0)}),
-        (GoalError, "finite", {"goal": (float("nan"), 0.0, 0.0)}),
     ):
         with pytest.raises(error, match=words):
             planner.plan(**({"start": start, "goal": goal} | change))
@@ -262,11 +212,3 @@ def test_start_inside_the_goal_is_a_plan_without_steps(graph):
     assert plan.steps == ()
     assert plan.statistics.cost == 0.0
     assert plan.base_translation == 0.0
-
-
-def test_a_plan_on_the_map_of_a_user(ladder):
-    graph = stance_graph(ladder, settings=Settings(collisions=False, limb_threshold=0.05))
-    assert isinstance(ladder, GraspMap)
-    s, g = 0, int(np.argmax(np.linalg.norm(graph.base_in_world - graph.base_in_world[0], axis=1)))
-    result = Planner(graph).plan(graph.points[s].tolist(), graph.base_in_world[g])
-    assert result.unwrap().world.map_name == "ladder"

@@ -63,50 +63,22 @@ def test_lengths_are_refused_below_the_smallest():
         Limb(a2=-0.5 * SMALLEST)
 
 
-def test_a_robot_survives_json(tmp_path):
-    robot = RobotSpec(name="large", limbs=3, limb=Limb(a2=-0.6127, a3=-0.5716), heights=(0.8,))
-    path = tmp_path / "robot.json"
-    path.write_text(json.dumps(robot.to_dict()))
-    assert robot_spec(str(path)) == robot
-    assert robot.fingerprint != robot_spec("mlivr3").fingerprint
-
-
 @pytest.mark.parametrize(
     ("data", "words"),
     [
         ({"limbs": 1}, "limbs is 1"),
-        ({"limbs": 2.5}, "limbs is 2.5"),
-        ({"wheels": 4}, "unknown field 'wheels'; valid fields are name, limbs"),
-        ({"limb": {"a7": 1}}, "'a7'"),
         ({"limb": {"a2": 0.0}}, "a2"),
         ({"limb": {"joint_limits": [[1, 0]] * 6}}, "joint_limits"),
+        ({"limb": {"joint_limits": [[-1e18, 1e18]] * 6}}, "joint_limits"),
         ({"mount_radius": -0.1}, "mount_radius"),
         ({"span": 0.05}, "span"),
         ({"heights": []}, "heights"),
-        ({"body_mass": "heavy"}, "body_mass is 'heavy'"),
         ({"body_mass": 1e-300}, "^body_mass is 1e-300; it must be from 0.001 to .* kg"),
-        ({"body_size": 10**400}, "body_size is"),
-        (
-            {"limb": {"d1": 162.5, "a2": -425.0}},
-            "^limb.d1 is 162.5, larger than 100 m; .*millimetres",
-        ),
-        ({"tool_length": 150.0}, "^tool_length is 150, .*metres"),
-        ({"heights": [0.6] * 1000}, "heights has 1000 entries"),
-        ({"heights": [600.0]}, r"^heights\[0\] is 600, .*millimetres"),
+        ({"limb": {"d1": 162.5, "a2": -425.0}}, "^limb.d1 is 162.5, larger .*; .*millimetres"),
         ({"folds": [[0, 0]]}, "folds"),
-        ({"limb": {"joint_limits": [[-1e18, 1e18]] * 6}}, "joint_limits"),
-        ({"limb": 3}, "limb is 3; it must be an object"),
-        ({"name": "\ud800"}, "^name is"),
         ({"capsules": []}, "capsules has none on a link that moves"),
         ({"capsules": [CAPSULE | {"link": "base"}]}, "capsules has none on a link that moves"),
         ({"capsules": [CAPSULE] * 65}, "capsules has 65 entries; it must have 0 to 64"),
-        ({"capsules": [3]}, r"capsules\[0\] is 3; it must be an object"),
-        ({"capsules": [{"link": "forearm"}]}, r"capsules\[0\].start is missing"),
-        (
-            {"capsules": [CAPSULE | {"end": [0, 0, 1e19]}]},
-            r"capsules\[0\].end\[2\] is .*larger than 100 m",
-        ),
-        ({"capsules": [CAPSULE | {"radius": 1e-300}]}, r"capsules\[0\].radius is 1e-300"),
         ([], r"the data is \[\]; it must be an object"),
     ],
 )
@@ -127,14 +99,11 @@ def test_a_faulty_robot_file_is_named(tmp_path):
     path.write_text(json.dumps({"capsules": []}))
     with pytest.raises(RobotError, match=r"robot '.*arm\.json': capsules"):
         robot_spec(str(path))
-    path.write_text(json.dumps({"capsulse": []}))
-    with pytest.raises(RobotError, match=r"robot '.*arm\.json': .*did you mean 'capsules'"):
-        robot_spec(str(path))
     path.write_text("<robot/>")
     with pytest.raises(RobotError, match=r"cannot read robot '.*arm\.json': it is not JSON"):
         robot_spec(str(path))
-    with pytest.raises(RobotError, match="unknown robot"):
-        robot_spec("x" * 5000)
+    with pytest.raises(RobotError, match=r"'mlivr9'.*mlivr2"):
+        robot_spec("mlivr9")
 
 
 def test_a_robot_without_a_name_is_called_like_its_file(tmp_path):
@@ -144,15 +113,6 @@ def test_a_robot_without_a_name_is_called_like_its_file(tmp_path):
     assert RobotSpec.from_dict({"limbs": 3}).name == RobotSpec(limbs=3).name == "robot"
     path.write_text(json.dumps({"name": "given"}))
     assert robot_spec(str(path)).name == "given"
-
-
-def test_unknown_names_and_files_are_named(tmp_path):
-    with pytest.raises(RobotError, match=r"'mlivr9'.*mlivr2"):
-        robot_spec("mlivr9")
-    broken = tmp_path / "robot.json"
-    broken.write_text("[")
-    with pytest.raises(RobotError, match="cannot read robot"):
-        robot_spec(str(broken))
 
 
 def test_mounts_that_cannot_reach_are_named(ladder):

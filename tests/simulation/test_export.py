@@ -50,7 +50,7 @@ def test_a_plan_is_replayed_by_mujoco_alone(files, checked_graph, plan):
     np.testing.assert_allclose(data.qpos[:3], walk["base_positions"][-1], atol=0.02)
 
 
-def test_the_exported_model_has_motors_grasps_keyframe_and_camera(files, checked_graph, plan):
+def test_the_exported_model_begins_at_rest_on_its_grasps(files, checked_graph, plan):
     model = mujoco.MjModel.from_xml_path(str(files / "model.xml"))
     data = mujoco.MjData(model)
     assert model.nkey == 1
@@ -64,14 +64,5 @@ def test_the_exported_model_has_motors_grasps_keyframe_and_camera(files, checked
         np.testing.assert_allclose(model.body(f"limb{limb}/anchor").pos, held, atol=1e-5)
         grasps = [data.sensor(f"limb{limb}/grasp/{axis}").data[0] for axis in ("x", "y", "z")]
         assert np.abs(grasps).max() < 0.5
-    names = [f"limb{i}/joint{k}" for i in range(2) for k in range(1, 7)]
-    limits = [model.actuator(name).forcerange[1] for name in names]
-    assert limits == [150.0, 150.0, 150.0, 28.0, 28.0, 28.0] * 2
-    ranges = np.array([model.joint(name).range for name in names])
-    np.testing.assert_allclose(np.abs(ranges[[0, 2]]), [[2 * np.pi] * 2, [np.pi] * 2], rtol=1e-5)
-    assert model.dof_armature[6:].min() == pytest.approx(0.1)
     assert not model.opt.gravity.any()
     assert model.camera("cabin").id >= 0
-    inertia = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, inertia)
-    assert np.linalg.eigvalsh(inertia)[0] > 0.0

@@ -58,7 +58,7 @@ def test_the_environment_steps_and_does_not_render(folder):
     assert done.stdout.startswith("SettingError MUJOCO_GL is 'foo'; valid choices are 'egl'")
 
 
-@pytest.mark.parametrize("backend", ["", "egl", " EGL ", "disable", "glfw"])
+@pytest.mark.parametrize("backend", ["", " EGL ", "glfw"])
 def test_what_mujoco_knows_is_taken(folder, backend):
     """As MuJoCo itself takes it, or a library that is missing is told."""
     assert {backend.lower().strip()} <= ALIASES | set(BACKENDS)

@@ -9,7 +9,6 @@ from mlivr_gym.errors import TimingError
 from mlivr_gym.motion.clocks import Durations, duration_of, quintic, stretched
 from mlivr_gym.motion.pieces import path_pieces
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
-from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
@@ -17,12 +16,6 @@ from mlivr_gym.simulation.path_dynamics import TIMES, piece_rows
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.time_optimal import fastest_clock, fastest_squares
 from mlivr_gym.simulation.timing import step_trajectory, timed_path
-
-
-@pytest.fixture(scope="module")
-def walk(checked_graph):
-    """The README's plan."""
-    return Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap()
 
 
 @pytest.fixture(scope="module")

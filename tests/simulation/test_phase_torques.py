@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recordings import resting
 
-from mlivr_gym.pictures.simulation_figure import cut_spikes, simulation_figure
+from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.simulation.phase_torques import (
     PARTS,
     after_captures,
@@ -81,41 +81,6 @@ def test_a_step_without_capture_has_no_such_part(walk):
     recording, captures = walk
     found = phase_torques(recording, captures[:1])
     assert [entry.part for entry in found if entry.step == 1] == list(PARTS[:3])
-
-
-class Panel:
-    """What of matplotlib's axes a cut needs."""
-
-    def __init__(self):
-        self.texts = []
-
-    def set_ylim(self, low, high):
-        self.limits = low, high
-
-    def annotate(self, text, *_, **__):
-        self.texts.append(text)
-
-
-def test_a_spike_at_a_capture_is_cut_and_told(walk):
-    recording, captures = walk
-    values = np.ones(len(recording.times))
-    values[round(50.0 / PERIOD)] = 40.0
-    panel = Panel()
-    cut_spikes(panel, recording.times, values, after_captures(recording, captures), captures)
-    assert panel.limits[1] < 2.0
-    assert panel.texts == ["\u2191 40"]
-
-
-def test_what_is_no_spike_is_shown_whole(walk):
-    """Neither a small one at a capture, nor a large one elsewhere."""
-    recording, captures = walk
-    values = np.ones(len(recording.times))
-    values[round(50.0 / PERIOD)] = 1.9
-    values[round(30.0 / PERIOD)] = 40.0
-    panel = Panel()
-    cut_spikes(panel, recording.times, values, after_captures(recording, captures), captures)
-    assert panel.limits[1] >= 40.0
-    assert panel.texts == []
 
 
 def test_the_figure_is_drawn(walk, tmp_path):

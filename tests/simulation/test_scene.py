@@ -4,6 +4,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from gl_there import gl_or_skip
 from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
@@ -13,7 +14,7 @@ from mlivr_gym.errors import RenderError, SceneError, ShapeError
 from mlivr_gym.kinematics.ur import forward_kinematics
 from mlivr_gym.pictures.rendering import SceneRenderer, SceneWindow
 from mlivr_gym.simulation.dynamics import dynamics_spec
-from mlivr_gym.simulation.scene import compiled, rgba, scene_spec, set_configuration
+from mlivr_gym.simulation.scene import compiled, scene_spec, set_configuration
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -35,18 +36,6 @@ def test_scene_holds_tracks_handrails_points_and_robot(jem, model):
     assert rails.sum() == 18
     assert model.nv == 6 + 12
     assert (model.opt.gravity == 0.0).all()
-
-
-def test_a_colour_is_read_as_three_numbers_of_two_hexadecimal_digits():
-    """0x33 = 51 = 0.2 * 255."""
-    np.testing.assert_allclose(rgba("#3366ff"), (0.2, 0.4, 1.0, 1.0))
-
-
-def test_every_light_is_white(model):
-    lights = np.array([model.vis.headlight.ambient, model.vis.headlight.diffuse])
-    lights = np.concatenate([lights, model.light_diffuse])
-    assert (lights == lights[:, :1]).all()
-    assert lights.min() > 0.0
 
 
 def test_masses_are_the_published_ones(model):
@@ -214,12 +203,8 @@ def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monke
 
 
 def test_pictures_show_the_robot_or_say_what_is_missing(jem, graph):
-    try:
+    with gl_or_skip():
         renderer = SceneRenderer(jem, graph.robot, 160, 90)
-    except RenderError as error:
-        if "MUJOCO_GL" not in str(error):
-            raise
-        pytest.skip("no GL library")
     states = [graph.state(stance) for stance in (("D1a:4", "D1b:4"), ("D2a:4", "D2a:3"))]
     first, second = (renderer.render(*graph.configuration(state)) for state in states)
     renderer.close()

@@ -8,20 +8,25 @@ from small_tables import small_map, small_table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled import kernels
-from mlivr_gym.compiled.cache import CACHE_VARIABLE
+from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
 from mlivr_gym.stances import node_files, node_table_build
 from mlivr_gym.stances.node_estimate import estimate_nodes
 from mlivr_gym.stances.node_files import unpacked_path
 from mlivr_gym.stances.stance_sets import key_of
 from mlivr_gym.stances.table_build import build_table
 
+KERNELS = kernel_root()
+
 
 @pytest.fixture(autouse=True)
 def cache(monkeypatch, tmp_path):
-    """An empty cache folder, nothing in memory, and small blocks."""
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    """A cache folder without tables, and nothing in memory."""
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    (folder / "kernels").symlink_to(KERNELS)  # each process would compile for half a minute
+    monkeypatch.setenv(CACHE_VARIABLE, str(folder))
     monkeypatch.setattr(node_files, "_kept", type(node_files._kept)())
-    return tmp_path / "cache"
+    return folder
 
 
 @pytest.fixture
@@ -113,7 +118,6 @@ def test_time_and_size_are_told_beforehand(limbs):
 def test_an_unpacked_table_of_another_graph_is_passed_over(caplog):
     graph = stance_graph(small_map(), "mlivr3")
     path, (_, table) = unpacked_path(key_of(graph)), small_table(3)
-    path.parent.mkdir()
     other = stance_graph(small_map(), "mlivr4")
     node_files.write_unpacked(table, other, path)
     assert node_files.node_table(graph) is None

@@ -12,8 +12,11 @@ from mlivr_gym.stances.step_tables import step_tables
 
 
 @pytest.fixture(scope="module")
-def filled(small_map):
-    """All that is known of a small map when it was worked out in some number of threads."""
+def filled(small_map, cache):
+    """All that is known of a small map when it was worked out in some number of threads.
+
+    With a table in the cache nothing would be worked out.
+    """
 
     def fill(threads):
         with pytest.MonkeyPatch.context() as patch:
@@ -87,11 +90,17 @@ def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_grap
 
 
 def test_a_step_is_checked_when_it_is_asked_for_first(by_one_thread, small_map):
-    graph, fresh, kept = by_one_thread, stance_graph(small_map), 0
+    """From either end: each end is asked for in a graph that does not know the step yet."""
+    graph, rng, kept, changing = by_one_thread, np.random.default_rng(0), 0, 0
+    there, back = (stance_graph(small_map) for _ in range(2))
+    assert not there.complete
     for held in range(2):
-        for point in np.unique(graph.points[:, held])[::8]:
-            for before, after in graph.pairs_of_row(held, int(point)).T[:3].tolist():
-                known = graph._known.table.edges[graph._known.index(held, before, after)]
-                assert fresh._known.step(held, before, after) == known
-                kept += int(known["kept"] != 0)
+        rows = [graph.pairs_of_row(held, int(p)) for p in np.unique(graph.points[:, held])]
+        for before, after in rng.permutation(np.concatenate(rows, axis=1).T)[:300].tolist():
+            for fresh, ends in ((there, (before, after)), (back, (after, before))):
+                known = graph._known.table.edges[graph._known.index(held, *ends)]
+                assert fresh._known.step(held, *ends) == known
+            kept += int(known["kept"] != 0)
+            changing += int(known["pair"] >= 0 and known["pair"] // 8 != known["pair"] % 8)
     assert kept > 10
+    assert changing > 5

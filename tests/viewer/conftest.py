@@ -1,15 +1,6 @@
 import pytest
 
-from mlivr_gym.planners import Planner
 from mlivr_gym.viewer.live_plan import Asked, LivePlan
-
-START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
-
-
-@pytest.fixture(scope="session")
-def walk(checked_graph):
-    """The plan that the tests of the viewer show: four steps from deck to overhead."""
-    return Planner(checked_graph).plan(START, GOAL, "steps").unwrap()
 
 
 @pytest.fixture

@@ -9,15 +9,12 @@ from chromium import chromium, opened
 
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.rendering import MARGIN
-from mlivr_gym.planners import Planner
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer.export import write_html
-from mlivr_gym.viewer.frames import plan_frames
-from mlivr_gym.viewer.panel import add_panel
-from mlivr_gym.viewer.viewer import ASPECT, Viewer
+from mlivr_gym.viewer.viewer import ASPECT
 
 pytestmark = pytest.mark.browser
 
@@ -92,20 +89,6 @@ def test_a_plan_plays_and_pauses(shown, viewer):
     assert scrubber(shown) == paused == pytest.approx(viewer.time, abs=0.02)
 
 
-def test_steps_and_the_scrubber_move_the_robot(shown, viewer, walk):
-    shown.get_by_role("button", name="step ▶").click()
-    until(lambda: scrubber(shown) == 5.0)
-    shown.get_by_role("slider").first.focus()
-    shown.keyboard.press("End")
-    until(lambda: shown.get_by_text("stance 4 of 4").count() == 1)
-    place = viewer.page.nodes["robot/base"].position
-    np.testing.assert_allclose(place, walk.motion.base_positions[4], atol=1e-6)
-
-
-def test_the_browsers_tab_has_the_name_of_the_page(shown):
-    until(lambda: shown.title() == "test")
-
-
 def test_a_blocked_point_is_planned_round(shown, viewer, walk):
     """The numbers on the page change, and the plan does not use the point any more."""
     point = walk.steps[0].to_point
@@ -139,21 +122,6 @@ def test_a_goal_that_is_dragged_is_planned_to(shown, viewer):
     shown.get_by_text(f"({viewer.live.asked.goal[0]:.2f}, 0.00, 0.42)").wait_for()
 
 
-def test_another_cost_and_a_box_are_planned_with(shown, viewer):
-    choose(shown, "cost", "base")
-    until(lambda: shown.get_by_text("base cost").count() == 1)
-    until(lambda: viewer.live.plan is not None and viewer.live.plan.query.cost_name == "base")
-    shown.get_by_role("button", name="Add a box").click()
-    until(lambda: len(viewer.live.graph.obstacles) == 1)
-    shown.get_by_role("button", name="Remove boxes").click()
-    until(lambda: not viewer.live.graph.obstacles)
-
-
-def test_colours_tell_what_can_be_stepped_to(shown):
-    choose(shown, "colours tell", "reach of the stance")
-    shown.get_by_text("several limbs: ").wait_for()
-
-
 def test_a_file_plays_without_a_server(browser, checked_graph, walk, tmp_path):
     write_html(tmp_path / "walk.html", checked_graph, walk)
     page, errors = opened(browser, (tmp_path / "walk.html").as_uri())
@@ -163,18 +131,4 @@ def test_a_file_plays_without_a_server(browser, checked_graph, walk, tmp_path):
     until(lambda: float(times.input_value()) > first + 0.5)
     assert page.title().startswith("mlivr2: plan, 4 steps")
     page.close()
-    assert errors == []
-
-
-def test_two_plans_are_compared(browser, page, live, checked_graph):
-    other = Planner(checked_graph).plan(live.plan.stances[0], live.asked.goal, "base").unwrap()
-    viewer = Viewer(page, live)
-    viewer.compare(other, plan_frames(checked_graph, other))
-    add_panel(viewer)
-    viewer.refresh()
-    seen, errors = opened(browser, page.address)
-    seen.get_by_role("cell", name=f"{other.base_translation:.3f}").wait_for()
-    choose(seen, "shown", "in a module below")
-    until(lambda: "second/module" in page)
-    seen.close()
     assert errors == []

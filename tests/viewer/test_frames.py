@@ -31,16 +31,6 @@ def test_a_plan_is_played_from_stance_to_stance(checked_graph, walk):
         np.testing.assert_allclose(shown[2], planned[2], atol=1e-6)
 
 
-def test_frames_are_told_in_words(checked_graph, walk):
-    frames = plan_frames(checked_graph, walk)
-    first = walk.steps[0]
-    assert frames.told(0, walk) == "stance 0 of 4"
-    assert frames.told(frames.at(0.5 * STEP_TIME), walk) == (
-        f"step 1 of 4: limb {first.limb} {first.from_point} → {first.to_point}, swing"
-    )
-    assert frames.told(len(frames) - 1, walk) == "stance 4 of 4"
-
-
 def test_a_plan_that_cannot_be_followed_shows_its_stances(checked_graph, walk, monkeypatch):
     def refuse(*_):
         raise PlanError("no swing")

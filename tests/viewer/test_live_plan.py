@@ -28,22 +28,6 @@ def test_a_given_start_pose_is_asked_for_again(checked_graph):
     assert again.plan.cost == plan.cost
 
 
-def test_a_blocked_point_is_not_used_and_can_be_freed(live, walk):
-    point = walk.steps[0].to_point
-    live.block(point)
-    assert point not in {step.to_point for step in live.plan.steps}
-    assert live.plan.cost >= walk.cost
-    assert live.before is walk
-    live.block(point)
-    assert live.plan.stances == walk.stances
-    assert not live.graph.occupied
-
-
-def test_a_limb_starts_where_it_is_put(live):
-    live.hold(0, "D2a:3")
-    assert live.plan.stances[0] == ("D2a:3", "D2b:4")
-
-
 def test_what_cannot_be_held_is_said_and_the_plan_before_is_shown(live, walk):
     live.hold(0, "D2b:4")
     assert live.plan is None
@@ -84,12 +68,3 @@ def test_a_box_is_walked_round_and_can_be_moved(live, walk):
     assert moved.half == pytest.approx(box.half)
     live.clear()
     assert live.plan.stances == walk.stances
-
-
-def test_a_cause_is_told_where_there_is_no_plan(live):
-    """The points half-way are blocked: the obstacles are the cause."""
-    x = live.graph.grasp_map.positions[:, 0]
-    live.graph.occupy(np.flatnonzero((x > 2.9) & (x < 4.6)).tolist())
-    live.replan()
-    assert live.plan is None
-    assert "obstacles and occupied points" in live.cause()

@@ -51,30 +51,6 @@ def test_a_legend_counts_every_point_once(checked_graph, state):
     assert sum(counts) == len(checked_graph.grasp_map)
 
 
-def test_occupied_points_are_dark(checked_graph, state):
-    before = marks.plain(checked_graph)
-    checked_graph.occupy(["D3b:7"])
-    point = checked_graph.grasp_map.index("D3b:7")
-    found = marks.plain(checked_graph)
-    assert found.colours[point].tolist() == rgb(marks.OCCUPIED_COLOUR)
-    others = np.arange(len(found.colours)) != point
-    np.testing.assert_array_equal(found.colours[others], before.colours[others])
-
-
-def test_the_likelier_a_point_the_stronger_its_colour(checked_graph):
-    chance = np.zeros((2, len(checked_graph.grasp_map)))
-    chance[0, 3], chance[1, 5], chance[1, 7] = 0.1, 0.6, 0.3
-    found = marks.chances(checked_graph, chance)
-    blue = np.array(rgb(LIMB_COLOURS[1]))
-    off = [np.abs(found.colours[p] - blue).sum() for p in (5, 7)]
-    assert off[0] < off[1]
-    assert [words for _, words in found.legend][:2] == [
-        f"limb 1 → {checked_graph.grasp_map.ids[5]}: 60%",
-        f"limb 1 → {checked_graph.grasp_map.ids[7]}: 30%",
-    ]
-    assert set(found.points) == {3, 5, 7}
-
-
 def test_states_follow_a_plan(checked_graph, walk):
     states = marks.states_of(checked_graph, walk)
     assert [checked_graph.ids(state.stance) for state in states] == list(walk.stances)

@@ -186,13 +186,6 @@ def test_switches_stay_as_they_are_when_it_is_planned_anew(viewer):
     assert not node(viewer, "plan").visible
 
 
-def test_collision_shapes_alone_leave_the_rods_out(viewer):
-    viewer.show_checked(True)
-    paths = drawing._paths("robot", viewer.scene)
-    for k, solid in enumerate(viewer.scene.robot):
-        assert node(viewer, f"{paths[solid.link]}/shape{k}").visible == solid.checked
-
-
 def test_an_execution_is_played_until_it_is_planned_anew(page, live, walk):
     recording = recording_of(walk)
     viewer = viewers.Viewer(page, live, recording)

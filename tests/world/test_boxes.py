@@ -77,35 +77,9 @@ def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn,
             {"id": "a", "min": [0, 0, 0], "max": [0, 1, 1]},
             "box 'a' has its min .* not below its max",
         ),
-        (
-            {"id": "a", "min": [0, 0, 0], "max": ["x", 1, 1]},
-            r"^max is \['x', 1, 1\]; it must be numbers",
-        ),
-        (
-            {"id": "a", "centre": [0, 0, 0], "half": [1, -1, 1]},
-            r"^half\[1\] is -1.0; it must be from 1e-09 to 1000 m",
-        ),
-        (
-            {
-                "id": "a",
-                "centre": [0, 0, 0],
-                "half": [1, 1, 1],
-                "rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]],
-            },
-            "rotation",
-        ),
+        ({"id": "a", "centre": [0, 0, 0], "half": [1, -1, 1]}, r"^half\[1\] is -1.0; .* to 1000 m"),
         ({"id": "a", "centre": [0, 0, 0]}, "^half is missing"),
-        (
-            {"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "colour": 1},
-            "unknown field 'colour'; valid fields are id, min, max, kind, face",
-        ),
-        (
-            {"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "kind": "cloud"},
-            "kind is 'cloud'; valid choices are 'panel', ",
-        ),
-        ({"min": [0, 0, 0], "max": [1, 1, 1]}, "id is missing"),
         ({"id": "a"}, "needs 'min' and 'max', or 'centre' and 'half'"),
-        ({"id": "a", "max": [1, 1, 1]}, "^min is missing"),
         (
             {"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "half": [1, 1, 1]},
             "unknown field 'min'",

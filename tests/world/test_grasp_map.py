@@ -82,27 +82,13 @@ def test_rounding_does_not_make_another_map(jem):
     ("data", "words"),
     [
         ({}, "no graspable point"),
-        ([], r"the data is \[\]; it must be an object with"),
-        ({"points": {}}, "points is {}; it must be a list"),
         ({"points": [POINT, POINT]}, "'P' appears more than once"),
         ({"points": [POINT], "cabin": {"min": [0, 0, 0], "max": [0, 1, 1]}}, "min below max"),
-        ({"points": [POINT], "cabin": 3}, "cabin"),
-        (
-            {"segments": [{"id": "S", "face": "deck", "start": [0, 0, 0]}]},
-            r"^segments\[0\].end is missing",
-        ),
-        ({"points": [POINT], "spacing": "wide"}, "spacing is 'wide'"),
-        ({"points": [POINT], "spacing": 10**400}, "spacing is"),
-        ({"points": [POINT | {"position": [10**400, 0, 0]}]}, r"points\[0\].position"),
-        ({"points": [POINT | {"position": [True, True, True]}]}, r"points\[0\].position"),
         ({"points": [POINT | {"id": "\ud800"}]}, r"points\[0\].id is '.ud800'; .*printable"),
-        ({"points": [POINT], "name": "\ud800"}, "^name is"),
-        ({"points": [POINT], "name": 7}, "^name is 7"),
         (
             {"points": [POINT], "handrails": [RAIL | {"axis": "w"}]},
             r"handrails\[0\].axis is 'w'; valid choices are 'x', 'y', 'z'",
         ),
-        ({"segments": [SEGMENT | {"width": "wide"}]}, r"segments\[0\].width is 'wide'"),
         ({"segments": [SEGMENT | {"width": -0.1}]}, r"segments\[0\].width is -0.1; .*from 1e-09"),
         (
             {"points": [POINT], "boxes": [BOX], "handrails": [RAIL | {"id": "B"}]},
@@ -110,12 +96,6 @@ def test_rounding_does_not_make_another_map(jem):
         ),
         ({"segments": [SEGMENT], "boxes": [BOX | {"id": "S"}]}, "box 'S' appears more than once"),
         ({"points": [POINT], "boxes": [BOX, BOX]}, "boxes: box 'B' appears more than once"),
-        (
-            {"points": [POINT], "boxes": [BOX | {"max": [0, 0, 0]}]},
-            r"^boxes\[0\]: box 'B' has its min",
-        ),
-        ({"points": [POINT], "point": []}, "unknown field 'point'; .*did you mean 'points'"),
-        ({"points": [POINT], "handrails": [RAIL | {"bar_min": [4, 0, 0]}]}, "one of bar_min and"),
     ],
 )
 def test_a_fault_of_a_map_is_named(data, words):
@@ -127,17 +107,8 @@ def test_a_fault_of_a_map_is_named(data, words):
     ("data", "words"),
     [
         ({"points": [POINT | {"position": [0, 0, 5230.0]}]}, r"points\[0\].position\[2\]"),
-        ({"points": [POINT | {"position": [0, 0, 1e308]}]}, r"points\[0\].position\[2\]"),
         ({"segments": [SEGMENT | {"end": [0, 1, 1752.6]}]}, r"segments\[0\].end\[2\]"),
         ({"points": [POINT], "boxes": [BOX | {"max": [1900.0, 1, 1]}]}, r"boxes\[0\].max\[0\]"),
-        (
-            {"points": [POINT], "boxes": [{"id": "B", "centre": [0, 0, 0], "half": [1, 1, 1e200]}]},
-            r"boxes\[0\].half\[2\]",
-        ),
-        (
-            {"points": [POINT], "handrails": [RAIL | {"min": [-1e19, 0, 0]}]},
-            r"handrails\[0\].min\[0\]",
-        ),
         ({"points": [POINT], "cabin": {"min": [0, 0, 0], "max": [9593, 1, 1]}}, r"cabin.max\[0\]"),
     ],
 )
@@ -167,13 +138,7 @@ def test_a_face_may_have_any_name_and_handrails_keep_points_of_theirs_away():
     assert GraspMap.from_dict({"points": [POINT, other]}).faces == ("deck", "lab wall")
 
 
-def test_missing_and_broken_files_are_named(tmp_path):
-    with pytest.raises(MapError, match="nowhere"):
-        GraspMap.load(tmp_path / "nowhere.json")
-    broken = tmp_path / "broken.json"
-    broken.write_text("{")
-    with pytest.raises(MapError, match=r"broken\.json"):
-        GraspMap.load(broken)
+def test_a_faulty_file_is_named(tmp_path):
     faulty = tmp_path / "faulty.json"
     faulty.write_text(json.dumps({"points": [POINT | {"face": 7}]}))
     with pytest.raises(MapError, match=r"map '.*faulty\.json': points\[0\]\.face is 7;"):
