@@ -165,6 +165,10 @@ class PostureRoom(Record):
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
     """`K^-1` of each branch of each limb."""
     work: Annotated[Array, (2, 6, 6)]
+    sums: Annotated[Array, (MOST_LIMBS, 6, 6)]
+    """Sum of `K^-1` of each limb and those after it, on the branches `trial`."""
+    roots: Annotated[Array, (MOST_LIMBS,)]
+    """Lower bounds of the sixth roots of the determinants that the limbs before each add."""
     trial: Limbs
     """Branch of each limb that is looked at."""
     option_count: Limbs
