@@ -181,6 +181,9 @@ class PostureRoom(Record):
     """What a limb touches on a branch, other limbs apart, -1 where unknown."""
     pairs: Annotated[IntArray, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES), np.int64]
     """What two limbs on their branches do to each other, -1 where unknown."""
+    gaps: Annotated[Array, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES)]
+    """Least distance of two limbs on their branches, and of a limb to itself and the body [m]; of
+    one that is too small any number below it, infinite where unknown."""
     in_body: Annotated[Rows[Shapes], (MOST_LIMBS, BRANCHES)]
     """Each limb on each branch in the body frame, where its status is known."""
     in_world: Shapes

@@ -155,18 +155,24 @@ def _begin(count: int, room: PostureRoom) -> None:
 
 @kernel
 def _next_hopeful(
-    search: Search, tried: Tried, least: tuple[float, float], depth: int, room: PostureRoom
+    search: Search,
+    tried: Tried,
+    least: tuple[float, float],
+    near: float,
+    depth: int,
+    room: PostureRoom,
 ) -> bool:
     """Set `trial` to the next combination of `options` that may serve; whether there is one.
 
     Limb 0 runs fastest. Combinations are passed over together that share a branch whose `w_m` is
-    below a margin or that is known to touch something, two branches that are known to touch, or
-    some with which `w_b` stays below a margin whatever the others are.
+    below a margin or that is known to touch something, two branches that are known to touch or to be
+    near each other, or some with which `w_b` stays below a margin whatever the others are.
 
     Args:
         search: What is searched.
         tried: The base pose that is looked at.
         least: The margins of `w_m` and of `w_b`.
+        near: Distance up to which branches are near each other [m].
         depth: The limb whose branch changes: the last to begin with, 0 after a combination.
         room: Scratch.
     """
@@ -182,7 +188,8 @@ def _next_hopeful(
             continue
         room.trial[i], apart = b, True
         for j in range(i + 1, limbs):
-            apart = apart and room.pairs[i, b, j, room.trial[j]] <= CLEAR
+            c = room.trial[j]
+            apart = apart and room.pairs[i, b, j, c] <= CLEAR and room.gaps[i, b, j, c] > near
         if not apart or not _may_reach(search, i, least[1], room):
             continue
         if i == 0:
@@ -218,7 +225,10 @@ def _largest_margin(search: Search, floor: float, look: bool, room: PostureRoom)
             # The first round takes those whose least `w_m` is the largest there is.
             least, depth = top * (1.0 - TIE) if turn == 0 else 0.0, limbs - 1
             _begin(limbs, room)
-            while _next_hopeful(search, tried, (max(least, margin), margin), depth, room):
+            while margin < top:
+                floors = max(least, margin), margin
+                if not _next_hopeful(search, tried, floors, -np.inf, depth, room):
+                    break
                 depth = 0
                 bound = _trial_bound(search, tried, room)
                 if bound > margin and bound >= least:
@@ -242,9 +252,13 @@ def _choose(search: Search, margin: float, room: PostureRoom, branch: Limbs) -> 
         tried = room.tried[c]
         if tried.bound < least or not enter(search, c, least * (1.0 - TIE), look, room):
             continue
-        depth = limbs - 1
+        depth, near = limbs - 1, -np.inf
         _begin(limbs, room)
-        while _next_hopeful(search, tried, (least, least), depth, room):
+        while True:
+            if chosen >= 0:
+                near = gap + CLEARANCE_TIE
+            if not _next_hopeful(search, tried, (least, least), near, depth, room):
+                break
             depth = 0
             w_b = combined(limbs, room)
             if w_b / search.rule.scale_b >= least and touches_nothing(search, c, room):
