@@ -176,27 +176,42 @@ def _next_hopeful(
         depth: The limb whose branch changes: the last to begin with, 0 after a combination.
         room: Scratch.
     """
-    limbs, scale = search.robot.limb_count, search.rule.scale_m
-    i = depth
+    limbs, i = search.robot.limb_count, depth
+    if depth == 0:
+        # What was found out of the last combination may rule out more than that.
+        for k in range(1, limbs):
+            if not _serves(search, tried, k, least[0], near, room):
+                i = k
     while i < limbs:
         room.digits[i] += 1
         if room.digits[i] >= room.option_count[i]:
             i += 1
             continue
-        b = room.options[i, room.digits[i]]
-        if tried.limbs[i].w[class_of(b)] < least[0] * scale or room.status[i, b] > CLEAR:
+        room.trial[i] = room.options[i, room.digits[i]]
+        if not _serves(search, tried, i, least[0], near, room):
             continue
-        room.trial[i], apart = b, True
-        for j in range(i + 1, limbs):
-            c = room.trial[j]
-            apart = apart and room.pairs[i, b, j, c] <= CLEAR and room.gaps[i, b, j, c] > near
-        if not apart or not _may_reach(search, i, least[1], room):
+        if not _may_reach(search, i, least[1], room):
             continue
         if i == 0:
             return True
         i -= 1
         room.digits[i] = -1
     return False
+
+
+@kernel
+def _serves(
+    search: Search, tried: Tried, i: int, least: float, near: float, room: PostureRoom
+) -> bool:
+    """Whether the branch `trial` of limb `i` may serve with those of the limbs after it."""
+    b = room.trial[i]
+    if tried.limbs[i].w[class_of(b)] < least * search.rule.scale_m or room.status[i, b] > CLEAR:
+        return False
+    for j in range(i + 1, search.robot.limb_count):
+        c = room.trial[j]
+        if room.pairs[i, b, j, c] > CLEAR or room.gaps[i, b, j, c] <= near:
+            return False
+    return room.gaps[i, b, i, b] > near
 
 
 @kernel
