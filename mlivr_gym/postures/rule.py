@@ -165,7 +165,7 @@ def _next_hopeful(
     """Set `trial` to the next combination of `options` that may serve; whether there is one.
 
     Limb 0 runs fastest. Combinations are passed over together that share a branch whose `w_m` is
-    below a margin or that is known to touch something, two branches that are known to touch or to be
+    below a margin or that is known to touch something, two branches that are known to touch or be
     near each other, or some with which `w_b` stays below a margin whatever the others are.
 
     Args:
