@@ -211,7 +211,8 @@ def _serves(
         c = room.trial[j]
         if room.pairs[i, b, j, c] > CLEAR or room.gaps[i, b, j, c] <= near:
             return False
-    return room.gaps[i, b, i, b] > near
+    own: float = room.gaps[i, b, i, b]
+    return own > near
 
 
 @kernel
