@@ -110,15 +110,21 @@ def _may_reach(search: Search, i: int, least: float, room: PostureRoom) -> bool:
     """Whether `w_b` may reach a margin with the branches `trial` of limb `i` and those after it.
 
     Sixth roots of determinants of sums are no less than the sums of the roots (Minkowski), and
-    `K^-1` of one limb has the determinant `w_m^-2`.
+    `K^-1` of one limb has the determinant `w_m^-2`. Of one limb alone that says little, and of all
+    `w_b` itself is formed.
     """
-    sums, work, more = room.sums[i], room.work, i + 1 < search.robot.limb_count
+    last = search.robot.limb_count - 1
+    if i == 0:
+        return True
+    sums, work = room.sums[i], room.work
     for row in range(6):
         for col in range(row + 1):
             total = room.information[i, room.trial[i], row, col]
-            if more:
+            if i < last:
                 total += room.sums[i + 1, row, col]
             sums[row, col] = work[0, row, col] = total
+    if i == last:
+        return True
     own = inverse_root_determinant(work)
     if own == 0.0:
         return False
