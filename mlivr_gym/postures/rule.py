@@ -125,10 +125,10 @@ def _may_reach(search: Search, i: int, least: float, room: PostureRoom) -> bool:
             sums[row, col] = work[0, row, col] = total
     if i == last:
         return True
-    own = inverse_root_determinant(work)
-    if own == 0.0:
-        return False
-    bound: float = (own ** (-1.0 / 3.0) + room.roots[i]) ** -3.0
+    w_b = inverse_root_determinant(work)
+    if w_b == 0.0:  # too near a singularity to tell
+        return True
+    bound: float = (w_b ** (-1.0 / 3.0) + room.roots[i]) ** -3.0
     return bound * (1.0 + SLACK) >= least * search.rule.scale_b
 
 
@@ -164,7 +164,7 @@ def _next_hopeful(
     search: Search,
     tried: Tried,
     least: tuple[float, float],
-    near: float,
+    least_gap: float,
     depth: int,
     room: PostureRoom,
 ) -> bool:
@@ -178,7 +178,7 @@ def _next_hopeful(
         search: What is searched.
         tried: The base pose that is looked at.
         least: The margins of `w_m` and of `w_b`.
-        near: Distance up to which branches are near each other [m].
+        least_gap: Distance up to which branches are near each other [m].
         depth: The limb whose branch changes: the last to begin with, 0 after a combination.
         room: Scratch.
     """
@@ -186,7 +186,7 @@ def _next_hopeful(
     if depth == 0:
         # What was found out of the last combination may rule out more than that.
         for k in range(1, limbs):
-            if not _serves(search, tried, k, least[0], near, room):
+            if not _serves(search, tried, k, least[0], least_gap, room):
                 i = k
     while i < limbs:
         room.digits[i] += 1
@@ -194,7 +194,7 @@ def _next_hopeful(
             i += 1
             continue
         room.trial[i] = room.options[i, room.digits[i]]
-        if not _serves(search, tried, i, least[0], near, room):
+        if not _serves(search, tried, i, least[0], least_gap, room):
             continue
         if not _may_reach(search, i, least[1], room):
             continue
@@ -207,7 +207,7 @@ def _next_hopeful(
 
 @kernel
 def _serves(
-    search: Search, tried: Tried, i: int, least: float, near: float, room: PostureRoom
+    search: Search, tried: Tried, i: int, least: float, least_gap: float, room: PostureRoom
 ) -> bool:
     """Whether the branch `trial` of limb `i` may serve with those of the limbs after it."""
     b = room.trial[i]
@@ -215,10 +215,10 @@ def _serves(
         return False
     for j in range(i + 1, search.robot.limb_count):
         c = room.trial[j]
-        if room.pairs[i, b, j, c] > CLEAR or room.gaps[i, b, j, c] <= near:
+        if room.pairs[i, b, j, c] > CLEAR or room.gaps[i, b, j, c] <= least_gap:
             return False
-    own: float = room.gaps[i, b, i, b]
-    return own > near
+    to_itself: float = room.gaps[i, b, i, b]
+    return to_itself > least_gap
 
 
 @kernel
@@ -274,12 +274,12 @@ def _choose(search: Search, margin: float, room: PostureRoom, branch: Limbs) -> 
         tried = room.tried[c]
         if tried.bound < least or not enter(search, c, least * (1.0 - TIE), look, room):
             continue
-        depth, near = limbs - 1, -np.inf
+        depth, least_gap = limbs - 1, -np.inf
         _begin(limbs, room)
         while True:
             if chosen >= 0:
-                near = gap + CLEARANCE_TIE
-            if not _next_hopeful(search, tried, (least, least), near, depth, room):
+                least_gap = gap + CLEARANCE_TIE
+            if not _next_hopeful(search, tried, (least, least), least_gap, depth, room):
                 break
             depth = 0
             w_b = combined(limbs, room)
