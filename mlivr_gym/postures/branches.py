@@ -64,6 +64,7 @@ def forget(count: int, room: PostureRoom) -> None:
             for j in range(count):
                 for c in range(BRANCHES):
                     room.pairs[i, b, j, c] = -1
+                    room.gaps[i, b, j, c] = np.inf
 
 
 @kernel
@@ -185,17 +186,33 @@ def self_clearance(robot: Robot, least: float, room: PostureRoom) -> float:
     """
     gap = np.inf
     for i in range(robot.limb_count):
-        limb, shapes = robot.limbs[i], room.in_body[i, room.trial[i]]
-        gap = min(gap, _link_gaps(robot, limb, shapes, least))
-        for j in range(i):
-            other, others = robot.limbs[j], room.in_body[j, room.trial[j]]
-            for a in range(limb.capsule_count):
-                if gap < least:
-                    return gap
-                axis = axis_of(shapes.ends, a)
-                for b in range(other.capsule_count):
-                    radii = limb.capsules[a].radius + other.capsules[b].radius
-                    gap = min(gap, _axes_gap(axis, axis_of(others.ends, b), radii, gap))
+        for j in range(i + 1):
+            if gap < least:
+                return gap
+            b, c = room.trial[i], room.trial[j]
+            if room.gaps[i, b, j, c] == np.inf:
+                first, shapes = robot.limbs[i], room.in_body[i, b]
+                if j == i:
+                    found = _link_gaps(robot, first, shapes, least)
+                else:
+                    others = room.in_body[j, c]
+                    found = _limb_gap(first, shapes, robot.limbs[j], others, least)
+                room.gaps[i, b, j, c] = room.gaps[j, c, i, b] = found
+            gap = min(gap, room.gaps[i, b, j, c])
+    return gap
+
+
+@kernel
+def _limb_gap(limb: Limb, shapes: Shapes, other: Limb, others: Shapes, least: float) -> float:
+    """Least distance of the shapes of two limbs [m]; any number below `least` for one below it."""
+    gap = np.inf
+    for a in range(limb.capsule_count):
+        axis = axis_of(shapes.ends, a)
+        for b in range(other.capsule_count):
+            if gap < least:
+                return gap
+            radii = limb.capsules[a].radius + other.capsules[b].radius
+            gap = min(gap, _axes_gap(axis, axis_of(others.ends, b), radii, gap))
     return gap
 
 

@@ -165,6 +165,10 @@ class PostureRoom(Record):
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
     """`K^-1` of each branch of each limb."""
     work: Annotated[Array, (2, 6, 6)]
+    sums: Annotated[Array, (MOST_LIMBS, 6, 6)]
+    """Sum of `K^-1` of each limb and those after it, on the branches `trial`."""
+    roots: Annotated[Array, (MOST_LIMBS,)]
+    """Lower bounds of the sixth roots of the determinants that the limbs before each add."""
     trial: Limbs
     """Branch of each limb that is looked at."""
     option_count: Limbs
@@ -177,6 +181,9 @@ class PostureRoom(Record):
     """What a limb touches on a branch, other limbs apart, -1 where unknown."""
     pairs: Annotated[IntArray, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES), np.int64]
     """What two limbs on their branches do to each other, -1 where unknown."""
+    gaps: Annotated[Array, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES)]
+    """Least distance of two limbs on their branches, and of a limb to itself and the body [m]; of
+    one that is too small any number below it, infinite where unknown."""
     in_body: Annotated[Rows[Shapes], (MOST_LIMBS, BRANCHES)]
     """Each limb on each branch in the body frame, where its status is known."""
     in_world: Shapes

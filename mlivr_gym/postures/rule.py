@@ -11,7 +11,7 @@ from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, class_of
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.arm import FlangeAxis
-from mlivr_gym.kinematics.manipulability import limb_information
+from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.branches import (
     apart,
@@ -24,6 +24,9 @@ from mlivr_gym.postures.records import Limbs, PostureRoom, Search, Tried
 
 TIE = 1e-9
 """Margins that differ by this share or less count as equal."""
+
+SLACK = 1e-9
+"""Share by which bounds may fall short: they are worked out in another order."""
 
 CLEARANCE_TIE = 1e-9
 """Clearances of the robot to itself that differ by this or less count as equal [m]."""
@@ -87,7 +90,46 @@ def enter(search: Search, c: int, floor: float, look: bool, room: PostureRoom) -
                     room.inversion,
                     room.information[i, b],
                 )
+    _bound_roots(tried, count, room)
     return True
+
+
+@kernel
+def _bound_roots(tried: Tried, count: int, room: PostureRoom) -> None:
+    """Lower bounds of the sixth roots of the determinants that limbs add, into `room.roots`."""
+    total = 0.0
+    for i in range(count):
+        room.roots[i], best = total, 0.0
+        for k in range(room.option_count[i]):
+            best = max(best, tried.limbs[i].w[class_of(room.options[i, k])])
+        total += np.inf if best == 0.0 else best ** (-1.0 / 3.0)
+
+
+@kernel
+def _may_reach(search: Search, i: int, least: float, room: PostureRoom) -> bool:
+    """Whether `w_b` may reach a margin with the branches `trial` of limb `i` and those after it.
+
+    Sixth roots of determinants of sums are no less than the sums of the roots (Minkowski), and
+    `K^-1` of one limb has the determinant `w_m^-2`. Of one limb alone that says little, and of all
+    `w_b` itself is formed.
+    """
+    last = search.robot.limb_count - 1
+    if i == 0:
+        return True
+    sums, work = room.sums[i], room.work
+    for row in range(6):
+        for col in range(row + 1):
+            total = room.information[i, room.trial[i], row, col]
+            if i < last:
+                total += room.sums[i + 1, row, col]
+            sums[row, col] = work[0, row, col] = total
+    if i == last:
+        return True
+    w_b = inverse_root_determinant(work)
+    if w_b == 0.0:  # too near a singularity to tell
+        return True
+    bound: float = (w_b ** (-1.0 / 3.0) + room.roots[i]) ** -3.0
+    return bound * (1.0 + SLACK) >= least * search.rule.scale_b
 
 
 @kernel
@@ -119,40 +161,64 @@ def _begin(count: int, room: PostureRoom) -> None:
 
 @kernel
 def _next_hopeful(
-    search: Search, tried: Tried, least: float, depth: int, room: PostureRoom
+    search: Search,
+    tried: Tried,
+    least: tuple[float, float],
+    least_gap: float,
+    depth: int,
+    room: PostureRoom,
 ) -> bool:
     """Set `trial` to the next combination of `options` that may serve; whether there is one.
 
     Limb 0 runs fastest. Combinations are passed over together that share a branch whose `w_m` is
-    below a margin or that is known to touch something, or two branches that are known to touch.
+    below a margin or that is known to touch something, two branches that are known to touch or be
+    near each other, or some with which `w_b` stays below a margin whatever the others are.
 
     Args:
         search: What is searched.
         tried: The base pose that is looked at.
-        least: The margin.
+        least: The margins of `w_m` and of `w_b`.
+        least_gap: Distance up to which branches are near each other [m].
         depth: The limb whose branch changes: the last to begin with, 0 after a combination.
         room: Scratch.
     """
-    limbs, scale = search.robot.limb_count, search.rule.scale_m
-    i = depth
+    limbs, i = search.robot.limb_count, depth
+    if depth == 0:
+        # What was found out of the last combination may rule out more than that.
+        for k in range(1, limbs):
+            if not _serves(search, tried, k, least[0], least_gap, room):
+                i = k
     while i < limbs:
         room.digits[i] += 1
         if room.digits[i] >= room.option_count[i]:
             i += 1
             continue
-        b = room.options[i, room.digits[i]]
-        if tried.limbs[i].w[class_of(b)] < least * scale or room.status[i, b] > CLEAR:
+        room.trial[i] = room.options[i, room.digits[i]]
+        if not _serves(search, tried, i, least[0], least_gap, room):
             continue
-        room.trial[i], apart = b, True
-        for j in range(i + 1, limbs):
-            apart = apart and room.pairs[i, b, j, room.trial[j]] <= CLEAR
-        if not apart:
+        if not _may_reach(search, i, least[1], room):
             continue
         if i == 0:
             return True
         i -= 1
         room.digits[i] = -1
     return False
+
+
+@kernel
+def _serves(
+    search: Search, tried: Tried, i: int, least: float, least_gap: float, room: PostureRoom
+) -> bool:
+    """Whether the branch `trial` of limb `i` may serve with those of the limbs after it."""
+    b = room.trial[i]
+    if tried.limbs[i].w[class_of(b)] < least * search.rule.scale_m or room.status[i, b] > CLEAR:
+        return False
+    for j in range(i + 1, search.robot.limb_count):
+        c = room.trial[j]
+        if room.pairs[i, b, j, c] > CLEAR or room.gaps[i, b, j, c] <= least_gap:
+            return False
+    to_itself: float = room.gaps[i, b, i, b]
+    return to_itself > least_gap
 
 
 @kernel
@@ -181,7 +247,10 @@ def _largest_margin(search: Search, floor: float, look: bool, room: PostureRoom)
             # The first round takes those whose least `w_m` is the largest there is.
             least, depth = top * (1.0 - TIE) if turn == 0 else 0.0, limbs - 1
             _begin(limbs, room)
-            while _next_hopeful(search, tried, max(least, margin), depth, room):
+            while margin < top:
+                floors = max(least, margin), margin
+                if not _next_hopeful(search, tried, floors, -np.inf, depth, room):
+                    break
                 depth = 0
                 bound = _trial_bound(search, tried, room)
                 if bound > margin and bound >= least:
@@ -205,9 +274,13 @@ def _choose(search: Search, margin: float, room: PostureRoom, branch: Limbs) -> 
         tried = room.tried[c]
         if tried.bound < least or not enter(search, c, least * (1.0 - TIE), look, room):
             continue
-        depth = limbs - 1
+        depth, least_gap = limbs - 1, -np.inf
         _begin(limbs, room)
-        while _next_hopeful(search, tried, least, depth, room):
+        while True:
+            if chosen >= 0:
+                least_gap = gap + CLEARANCE_TIE
+            if not _next_hopeful(search, tried, (least, least), least_gap, depth, room):
+                break
             depth = 0
             w_b = combined(limbs, room)
             if w_b / search.rule.scale_b >= least and touches_nothing(search, c, room):

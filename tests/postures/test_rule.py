@@ -20,6 +20,8 @@ from mlivr_gym.kinematics.poses import pose as pose_row
 from mlivr_gym.planners import Planner
 from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.limb_dynamics import arm_limb
+from mlivr_gym.stances.random_states import random_stance
 
 TIE = 1e-9
 
@@ -121,6 +123,38 @@ def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
         assert tuple(here.branch[s]) == labels
         ties.append(tied)
     assert max(ties) > 4  # mirror postures and elbows
+
+
+def test_no_combination_of_branches_of_six_limbs_has_a_larger_margin(jem):
+    """Combinations are passed over together by bounds of `w_b`: some of all, by the definition."""
+    robot = replace(
+        robot_spec("mlivr2"), limb=arm_limb("ur10e"), limbs=6, mount_radius=0.21, body_size=0.36,
+        heights=(0.8, 0.9), rolls=(0.0,), span=3.0,
+    )  # fmt: skip
+    graph, rng = stance_graph(jem, robot, Settings(collisions=False)), np.random.default_rng(0)
+    state = next(filter(None, (random_stance(graph, rng) for _ in range(100))))
+    found, whole, seen = graph.posture_of(state), Settings().thresholds(6)[1], 0
+    ours = min(found.w_m.min() / 0.1, found.w_b[0] / whole)
+    for position, rotation in zip(*graph.solver.poses_tried(state.stance), strict=True):
+        limbs = choices(graph, state.stance, position, rotation)
+        held = (jem.positions[list(state.stance)] - position) @ rotation
+        drawn = [[one[rng.integers(len(one))] for one in limbs] for _ in range(60) if all(limbs)]
+        chosen = np.abs(position - found.base_position[0]).max() < 1e-6
+        if chosen:
+            drawn += [[next(o for o in one if o[0] == b)
+                       for one, b in zip(limbs, found.branch[0], strict=True)]]  # fmt: skip
+        for some in drawn:
+            jacobians = np.array([one[3] for one in some])
+            w_b = base_manipulability(jacobians, held, robot.characteristic_length)
+            margin = min(min(one[2] for one in some) / 0.1, w_b / whole)
+            if margin > ours * (1.0 + 1e-6):
+                turn = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+                pose = position, turn, np.array([one[1] for one in some])
+                assert contacts(robot, (), pose, 0.0)  # the robot penetrates itself
+            seen += 1
+        if chosen:
+            assert margin == pytest.approx(ours, rel=1e-6)
+    assert seen > 60
 
 
 def test_the_base_pose_of_three_limbs_is_the_one_of_the_rule(jem):
