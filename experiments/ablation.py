@@ -49,12 +49,12 @@ def _cheapest_alone() -> None:
 
 
 def _not_trapped() -> None:
-    table_search.BLOCKED = table_search.BLOCKED[1:]
+    table_search.BLOCKED = table_search.BLOCKED[2:]
 
 
 def _not_half() -> None:
-    trapped, _, *others = table_search.BLOCKED
-    table_search.BLOCKED = (trapped, *others)
+    trapped, shut_in, _, *others = table_search.BLOCKED
+    table_search.BLOCKED = (trapped, shut_in, *others)
 
 
 def _nothing_between() -> None:

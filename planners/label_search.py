@@ -81,7 +81,7 @@ class Manner(NamedTuple):
     """Whether the edge to a label is checked when the label is taken from the queue; otherwise the
     edges of the walk that is found remain to be checked."""
     equal: bool = False
-    """Whether labels are dominated by equal ones alone, so that every state is come to."""
+    """Whether labels are dominated by equal ones alone, both checked: every state is come to."""
 
 
 class Running(Record):
@@ -286,7 +286,7 @@ def _cheapest(steps: Steps, h: Array, manner: Running, origins: NodeOrigins, lab
         if not cost + h[s] < manner.below:
             continue
         if manner.lazy and not labels.checked[here]:
-            if not _covered(labels, s, labels.masks[here], cost, here, manner):
+            if manner.equal or not _covered(labels, s, labels.masks[here], cost, here, manner):
                 labels.pending[manner.pending] = here
                 manner.pending += 1
                 if manner.pending == BATCH:
@@ -336,7 +336,7 @@ def _expand(steps: Steps, h: Array, manner: Running, here: int, labels: Labels) 
             if not cost + h[other] < manner.below:
                 continue
             after = beside(kept, mask_of(table.released[other], moved), moved, limbs)
-            if not _covered(labels, other, after, cost, -1, manner):
+            if manner.equal or not _covered(labels, other, after, cost, -1, manner):
                 _note(labels, other, after, cost, here, row + k)
                 put(labels.waiting, manner.g * cost + h[other], other)
 

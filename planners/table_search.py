@@ -26,6 +26,7 @@ from mlivr_gym.planners.costs import Cost, weights_of
 from mlivr_gym.planners.known_steps import KnownSteps
 from mlivr_gym.planners.label_search import (
     NO_LABEL,
+    PAUSED,
     ROOM,
     Manner,
     NodeOrigins,
@@ -48,6 +49,8 @@ class Round(NamedTuple):
     """How each is."""
     bounds: bool = False
     """Whether edges keep what they may at most, so that no plan costs less than the walk."""
+    confirms: bool = False
+    """Whether it follows only where the round before came to an end without a walk."""
 
 
 SOONER = 1.0 / 1.3, 8
@@ -59,10 +62,13 @@ FIRST, AT_ONCE = Round(Manner(*SOONER)), Round(Manner(*SOONER, 100_000))
 ROUNDS = FIRST, Round(Manner(1.0 / 1.1, 8)), Round(Manner(), bounds=True), Round(Manner())
 """One round after the other."""
 
-TRAPPED = Round(Manner(0.5, limit=300, lazy=True, equal=True), bounds=True)
-"""What finds out soon that few states can be reached: it comes to all of them."""
+TRAPPED = Round(Manner(0.5, limit=300, lazy=True), bounds=True)
+"""What finds out soon that few states can be reached."""
 
-BLOCKED = TRAPPED, Round(Manner(0.5, 8)), *ROUNDS
+SHUT_IN = Round(Manner(0.5, limit=300, lazy=True, equal=True), bounds=True, confirms=True)
+"""What comes to all of them, and so proves it."""
+
+BLOCKED = TRAPPED, SHUT_IN, Round(Manner(0.5, 8)), *ROUNDS
 """The rounds among obstacles."""
 
 ABOUT = 200
@@ -130,6 +136,7 @@ class _TableSearch:
         self._bounds, self._world = bounds, bounds.world
         self.low, self.found = 0.0, False
         self.expanded = self.generated = self.backward = self._explored = 0
+        self._end = PAUSED
         self._labels = bounds.labels
         self._nothing = KnownSteps.none(len(bounds.table.points))
         position = self.graph.posture_of(start).base_position
@@ -175,7 +182,7 @@ class _TableSearch:
                 yield self._bounds.by_distance(search), rounds
                 return
         elif self.graph.obstacles:
-            rounds, first = BLOCKED, BLOCKED[:2]
+            rounds, first = BLOCKED, BLOCKED[:3]
         known = self._bounds.known(goal, starts)
         if world.exact and not world.complete:
             yield from self._learning(known or self._bounds.to(goal, starts))
@@ -260,6 +267,8 @@ class _TableSearch:
     def _next(self, guide: Bounds, how: Round, below: float) -> Walk | None:
         """A walk that costs less than the last; None if a round finds none."""
         most, world, search = below * (1.0 - SAME), self._world, self.search
+        if how.confirms and self._end != NO_LABEL:
+            return None
         while time.perf_counter() < search.until and self.low < most:
             room = min(how.manner.limit, search.limit - self.expanded)
             known = self._nothing if how.bounds and not world.exact else world.known
@@ -269,9 +278,11 @@ class _TableSearch:
                 check=world.masks_after,
             )  # fmt: skip
             walk = found.walk
+            self._end = found.end if walk is None else PAUSED
             self.expanded, self._explored = self.expanded + found.expanded, found.expanded
             self.generated += self._labels.used
             over = walk is None and found.end == NO_LABEL and how.manner.most == ROOM
+            over &= world.exact or how.manner.equal or not how.manner.lazy
             if how.bounds and (over or how.manner.g == 1.0) and search.heuristic != "paper":
                 self.low = max(self.low, found.low)
             if walk is None:
