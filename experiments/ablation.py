@@ -136,7 +136,7 @@ def solved(robot: str, world: str, count: int, seconds: float) -> list[dict[str,
     return out
 
 
-def table(rows: dict[str, Any], seconds: float) -> str:
+def table(rows: dict[str, Any]) -> str:
     """The page: of each variant how many tasks of each kind are solved."""
     kinds = [
         f"{robot}, {world}" for robot in ROBOTS for world in WORLDS if f"{robot}, {world}" in rows
@@ -148,8 +148,8 @@ def table(rows: dict[str, Any], seconds: float) -> str:
         "",
         "Made by `experiments/ablation.py`. What each device of the search of three and four limbs "
         f"is worth: random tasks, {count} of each kind, collisions checked, cost of steps, "
-        f"{seconds:g} s each. A task is solved if there is a plan or the proof that there is none; "
-        "in brackets the plans that are proved to have the fewest steps.",
+        f"{rows['seconds']:g} s each. A task is solved if there is a plan or the proof that there "
+        "is none; in brackets the plans that are proved to have the fewest steps.",
         "",
         "| variant | " + " | ".join(kinds) + " | all | first plan, median [s] |",
         "|---" * (len(kinds) + 3) + "|",
@@ -181,7 +181,7 @@ def main() -> None:
     given = parser.parse_args()
     path = given.out / "ablation.json"
     rows: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
-    name = given.name or given.variant
+    name, rows["seconds"] = given.name or given.variant, given.seconds
     if given.remark:
         rows.setdefault("remarks", []).append(f"* {name}: {given.remark}")
     VARIANTS[given.variant]()
@@ -191,7 +191,7 @@ def main() -> None:
             found = solved(robot, world, given.tasks, given.seconds)
             rows.setdefault(f"{robot}, {world}", {})[name] = found
             write_whole(path, json.dumps(rows))
-            write_whole(given.out / "ablation.md", table(rows, given.seconds))
+            write_whole(given.out / "ablation.md", table(rows))
             print(robot, world, name, sum(o["first"] is not None for o in found), flush=True)
 
 

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import ablation
 import benchmark_env
 import comparison_report
 import connectivity
@@ -176,6 +177,18 @@ def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]
     return planning_report.table("what | settings | measured | version 0.1.0", rows)
 
 
+def at_first(planning: dict[str, Any], paths: dict[str, Any]) -> str:
+    """How soon a new user has the first answers, in one sentence."""
+    wall = {name: f"{paths[name]['ready-made']['wall']:.1f}" for name in ("plan", "environment")}
+    new = planning["collisions on"]["steps"]["new goal"]["median"]
+    return (
+        "On two cores, nothing cached, the first of them takes "
+        f"{wall['plan']} s without the picture;\nimport, `make`, `reset` and 100 steps of the "
+        f"environment take {wall['environment']} s. In a program a plan to a\nnew goal takes "
+        f"{new:.1f} ms (fewest steps, median).\n"
+    )
+
+
 def parts(results: Path) -> dict[str, str]:
     """What stands between the marks of pages, by the names of the marks."""
 
@@ -188,6 +201,7 @@ def parts(results: Path) -> dict[str, str]:
         "speed": speed(
             data("benchmark_planning"), data("benchmark_env"), data("start_up")["paths"]
         ),
+        "at_first": at_first(data("benchmark_planning"), data("start_up")["paths"]),
         "table1": table1(data("table1")),
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
@@ -233,6 +247,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "time_cost": time_cost.markdown,
     "connectivity": connectivity.markdown,
     "many_limbs": many_limbs.markdown,
+    "ablation": ablation.table,
     "start_up": start_up.report,
     "benchmark_env": benchmark_env.report,
     "benchmark_planning": planning_report.report,
