@@ -5,10 +5,13 @@ from functools import cache
 import numpy as np
 
 from mlivr_gym import jem_map, stance_graph
-from mlivr_gym.planners.query import Search, SearchOptions
+from mlivr_gym.planners.query import Goal, Search, SearchOptions
 from mlivr_gym.planners.table_search import _TableSearch
 from mlivr_gym.stances.node_table_build import build
 from mlivr_gym.stances.pair_build import fill_rows
+
+COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
+"""Costs by name and price of a regrasp [m]."""
 
 
 def small_map():
@@ -49,3 +52,8 @@ def every_pair(table):
                     a, b = (divmod(int(table.members[begin + x]), table.limbs) for x in (k, m))
                     rows.append((*a, *b, bit))
     return np.array(rows)
+
+
+def goal_at(graph, table, row, cost, tolerance=0.05):
+    """A goal at a node of a table; the cost is one of `COSTS`."""
+    return Goal.checked(graph, table.base_position[row].astype(float), *cost, tolerance)
