@@ -1,6 +1,7 @@
 """Searches over the table of all nodes against the plain search of the stance graph."""
 
 import itertools
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from small_tables import COSTS, every_pair, goal_at, searching, small_table
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.errors import StanceError
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import FOUND
@@ -144,6 +145,31 @@ def test_obstacles_add_no_step_to_those_of_the_table(known):
         steps += len(found.limb)
         graph.remove_obstacles()
     assert steps > 50
+
+
+def test_a_robot_that_is_told_to_be_shut_in_is(known, monkeypatch):
+    """By the two rounds alone that look for that."""
+    first, table = known
+    if table.limbs == 2:
+        pytest.skip("the one round of two limbs comes to all that can be reached")
+    monkeypatch.setattr(table_search, "BLOCKED", table_search.BLOCKED[:2])
+    graph, rng, proved = again(first, table), np.random.default_rng(3), 0
+    for _ in range(60):
+        row, end = rng.integers(len(table.points), size=2)
+        half = rng.uniform(0.05, 0.2, 3)
+        centre = table.base_position[row] + rng.uniform(-0.5, 0.5, 3)
+        goal = goal_at(graph, table, int(end), COSTS[0], 0.08)
+        graph.add_obstacles([Box.between("box", "obstacle", centre - half, centre + half)])
+        state = None
+        with suppress(StanceError):
+            state = graph.state(table.points[row].tolist())
+        if state is not None:
+            search = searching(LowerBounds(graph), goal, state)
+            if not search.arrived and not list(search.walks()) and search.low == np.inf:
+                assert optimum(graph, goal, state) == np.inf
+                proved += search.expanded > 1
+        graph.remove_obstacles()
+    assert proved > 5
 
 
 def test_bounds_rest_on_what_steps_may_keep_at_most(known):
