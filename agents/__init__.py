@@ -9,7 +9,7 @@ from __future__ import annotations
 if __name__ == "agents":
     raise ImportError("import mlivr_gym.agents: the bare folder is not a package of its own")
 
-from mlivr_gym.agents.evaluation import Evaluation, Task, evaluate
+from mlivr_gym.agents.evaluation import Evaluation, EvaluationTask, evaluate
 from mlivr_gym.agents.policies import (
     ExpertPolicy,
     PlanPolicy,
@@ -21,11 +21,11 @@ from mlivr_gym.agents.policies import (
 
 __all__ = [
     "Evaluation",
+    "EvaluationTask",
     "ExpertPolicy",
     "PlanPolicy",
     "Policy",
     "RandomPolicy",
-    "Task",
     "baseline_policy",
     "evaluate",
     "planner_policy",

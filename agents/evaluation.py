@@ -17,7 +17,7 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.transitions.state import State
 
 
-class Task(NamedTuple):
+class EvaluationTask(NamedTuple):
     """Where an episode starts and where it shall lead."""
 
     start: tuple[str, ...]
@@ -61,7 +61,7 @@ class Evaluation:
 def evaluate(
     env: MlivrEnv,
     policy: Policy,
-    episodes: int | Sequence[Task],
+    episodes: int | Sequence[EvaluationTask],
     seed: int = 0,
     max_steps: int = 100,
     *,
@@ -111,7 +111,7 @@ def _occupy(env: MlivrEnv, points: Sequence[str]) -> None:
 def _episode(
     env: MlivrEnv,
     policy: Policy,
-    task: Task | None,
+    task: EvaluationTask | None,
     seed: int,
     max_steps: int,
     execute: Callable[[MlivrEnv, tuple[State, ...]], bool | None] | None,

@@ -12,7 +12,7 @@ from typing import Any
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError, choice
 from mlivr_gym.files import load
-from mlivr_gym.schema import Fields, Flag, Kind, Listed, Maybe, Place, Record, Tuples, Whole
+from mlivr_gym.schema import FieldPath, Fields, Flag, Kind, Listed, Maybe, Struct, Tuples, Whole
 
 METHODS = ("bc", "dagger", "ppo", "finetune")
 """Names of the training methods; `finetune` is PPO in small steps from a checkpoint."""
@@ -59,7 +59,7 @@ class ImitationSettings:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        IMITATION.check(self, Place("imitation", SettingError))
+        IMITATION.check(self, FieldPath("imitation", SettingError))
 
 
 COUNT = Whole(1, 1 << 40)
@@ -71,7 +71,7 @@ WIDTH = Whole(1, 1 << 14)
 SHARE = Tuples((), 0.0, 1.0)
 WEIGHT = Tuples((), 0.0)
 
-IMITATION = Record(
+IMITATION = Struct(
     ImitationSettings,
     {
         **dict.fromkeys(
@@ -122,7 +122,7 @@ PARTS: dict[str, Kind[Any]] = {
 """What a method does: imitation, PPO in copies of the environment, or one after the other."""
 
 
-def checked(settings: Any, path: str = "settings") -> dict[str, Any]:
+def checked_settings(settings: Any, path: str = "settings") -> dict[str, Any]:
     """Hyperparameters of one method, with the sizes of the networks.
 
     Args:
@@ -132,7 +132,7 @@ def checked(settings: Any, path: str = "settings") -> dict[str, Any]:
     Raises:
         SettingError: naming a field that is missing, unknown or faulty.
     """
-    place = Place(path, SettingError)
+    place = FieldPath(path, SettingError)
     found = Fields({"networks": SIZES}, PARTS).read(settings, place)
     if not {"imitation", "ppo"} & found.keys():
         raise place.fault("has neither imitation nor ppo, so that nothing would be learned")
@@ -154,8 +154,8 @@ def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, An
     def build(data: dict[str, Any]) -> dict[str, Any]:
         every: dict[str, Kind[Any]] = dict.fromkeys(METHODS, Fields({}, PARTS))
         found = Fields({method: every.pop(method), "networks": SIZES}, every).read(
-            data, Place("", SettingError)
+            data, FieldPath("", SettingError)
         )
-        return checked({**found[method], "networks": found["networks"]}, method)
+        return checked_settings({**found[method], "networks": found["networks"]}, method)
 
     return load(file, "hyperparameters", SettingError, build)

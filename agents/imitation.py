@@ -25,7 +25,7 @@ from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import Looks, PlaceTable
+from mlivr_gym.envs.observations import ObservationArrays, PlaceTable
 from mlivr_gym.envs.rewards import StepReward
 from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.planners.table_values import TableValues, stances_at
@@ -275,7 +275,9 @@ class Imitation:
         )
         legal = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
         if self.plain:
-            looks = Looks.of(self._places, samples.stances, samples.masks, samples.goals)
+            looks = ObservationArrays.of(
+                self._places, samples.stances, samples.masks, samples.goals
+            )
             return as_tensors(self.policy, looks.observation()), legal
         return as_tensors(self.policy, seen), legal
 

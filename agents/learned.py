@@ -18,9 +18,9 @@ from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, observation_space
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import MlivrError, SettingError, shown
+from mlivr_gym.errors import MlivrError, SettingError, shortened
 from mlivr_gym.files import checksum, load, write_whole
-from mlivr_gym.schema import NAME, Anything, Choice, Fields, Place
+from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Fields
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.transitions.state import State
 
@@ -268,18 +268,18 @@ def _configuration(data: dict[str, Any], weights: bytes) -> dict[str, Any]:
     """
     if data.get("format") != FORMAT:
         raise CheckpointError(
-            f"it has format {shown(data.get('format', 1))}, and this version reads format "
+            f"it has format {shortened(data.get('format', 1))}, and this version reads format "
             f"{FORMAT}, whose files carry a checksum: train it anew"
         )
     check_rules("it", data.get("rules"), "train it anew", CheckpointError)
-    config = CHECKPOINT.read(data, Place("", CheckpointError))
+    config = CHECKPOINT.read(data, FieldPath("", CheckpointError))
     network = config["network"]
-    sizes = SIZES.read({network: config["sizes"]}, Place("sizes", CheckpointError))
+    sizes = SIZES.read({network: config["sizes"]}, FieldPath("sizes", CheckpointError))
     found = checksum({k: value for k, value in data.items() if k != "checksum"}, weights)
     if data.get("checksum") != found:
         raise CheckpointError(
-            f"its checksum is {shown(data.get('checksum'))}, and that of the configuration and the "
-            f"weights is {found!r}: a file was altered, or belongs to another; copy or train both "
-            "anew"
+            f"its checksum is {shortened(data.get('checksum'))}, and that of the configuration "
+            f"and the weights is {found!r}: a file was altered, or belongs to another; "
+            "copy or train both anew"
         )
     return config | {"sizes": sizes[network]}

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlivr_gym.agents.evaluation import Task
+from mlivr_gym.agents.evaluation import EvaluationTask
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
@@ -16,7 +16,7 @@ from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import MOST_LIMBS
-from mlivr_gym.schema import NAME, Anything, Choice, Fields, Listed, Maybe, Place, Tuples, Whole
+from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Fields, Listed, Maybe, Tuples, Whole
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.values import LONGEST, MOST_POINTS
@@ -62,7 +62,7 @@ TEST_SET = Fields(
 """A file of a test set."""
 
 
-class World(NamedTuple):
+class HeldOutWorld(NamedTuple):
     """Tasks on one map."""
 
     split: str
@@ -70,7 +70,7 @@ class World(NamedTuple):
     """Spacing of the points [m]."""
     sparse_seed: int | None
     """Seed of `GraspMap.sparse`, if half of the points are taken out."""
-    tasks: tuple[Task, ...]
+    tasks: tuple[EvaluationTask, ...]
 
     def map(self) -> GraspMap:
         """The map."""
@@ -78,7 +78,7 @@ class World(NamedTuple):
         return whole if self.sparse_seed is None else whole.sparse(self.sparse_seed)
 
 
-def load_test_set(path: str | Path | None = None) -> list[World]:
+def load_test_set(path: str | Path | None = None) -> list[HeldOutWorld]:
     """The worlds of the test set that ships with the package, or of another file.
 
     Raises:
@@ -87,11 +87,13 @@ def load_test_set(path: str | Path | None = None) -> list[World]:
     """
     file = asset_path("test_set.json") if path is None else Path(path)
 
-    def build(data: dict[str, Any]) -> list[World]:
+    def build(data: dict[str, Any]) -> list[HeldOutWorld]:
         check_rules("it", data.get("rules"), "draw it anew with freeze_test_set")
         return [
-            World(**{**world, "tasks": tuple(Task(**task) for task in world["tasks"])})
-            for world in TEST_SET.read(data, Place("", MlivrError))["worlds"]
+            HeldOutWorld(
+                **{**world, "tasks": tuple(EvaluationTask(**task) for task in world["tasks"])}
+            )
+            for world in TEST_SET.read(data, FieldPath("", MlivrError))["worlds"]
         ]
 
     return load(file, "test set", MlivrError, build)
@@ -102,7 +104,7 @@ def held_out_goals() -> Array:
     return np.array([task.goal for world in load_test_set() for task in world.tasks])
 
 
-def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[World]:
+def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[HeldOutWorld]:
     """Draw a test set and write it.
 
     Args:
@@ -111,11 +113,11 @@ def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[
         sizes: Number of tasks in each split.
     """
     rng = np.random.default_rng(seed)
-    worlds = [_draw(World("same", 0.2, None, ()), sizes["same"], rng)]
+    worlds = [_draw(HeldOutWorld("same", 0.2, None, ()), sizes["same"], rng)]
     for k in range(4):
-        worlds.append(_draw(World("half", 0.2, seed + k, ()), sizes["half"] // 4, rng))
-    worlds.append(_draw(World("dense", 0.1, None, ()), sizes["dense"], rng))
-    worlds.append(_draw(World("occupied", 0.2, None, ()), sizes["occupied"], rng, groups=10))
+        worlds.append(_draw(HeldOutWorld("half", 0.2, seed + k, ()), sizes["half"] // 4, rng))
+    worlds.append(_draw(HeldOutWorld("dense", 0.1, None, ()), sizes["dense"], rng))
+    worlds.append(_draw(HeldOutWorld("occupied", 0.2, None, ()), sizes["occupied"], rng, groups=10))
     data: dict[str, Any] = {"seed": seed, "rules": GRAPH_RULES, "worlds": []}
     for world in worlds:
         data["worlds"].append(world._asdict() | {"tasks": [task._asdict() for task in world.tasks]})
@@ -123,10 +125,10 @@ def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[
     return worlds
 
 
-def _draw(world: World, count: int, rng: np.random.Generator, groups: int = 0) -> World:
+def _draw(world: HeldOutWorld, count: int, rng: np.random.Generator, groups: int = 0) -> HeldOutWorld:
     """Fill a world with tasks; with `groups`, other points are occupied in each group of tasks."""
     env = MlivrEnv(map=world.map())
-    tasks: list[Task] = []
+    tasks: list[EvaluationTask] = []
     for group in range(max(groups, 1)):
         occupied: tuple[str, ...] = ()
         if groups:
@@ -147,5 +149,7 @@ def _draw(world: World, count: int, rng: np.random.Generator, groups: int = 0) -
                 continue
             asked = first.stance, goal.tolist(), "steps"
             if planner.plan(*asked, goal_tolerance=env.goal_tolerance):
-                tasks.append(Task(env.graph.ids(first.stance), tuple(goal.tolist()), occupied))
+                tasks.append(
+                    EvaluationTask(env.graph.ids(first.stance), tuple(goal.tolist()), occupied)
+                )
     return world._replace(tasks=tuple(tasks))

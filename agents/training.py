@@ -14,7 +14,12 @@ import numpy as np
 import torch
 
 from mlivr_gym import __version__
-from mlivr_gym.agents.hyperparameters import METHODS, ImitationSettings, checked, hyperparameters
+from mlivr_gym.agents.hyperparameters import (
+    METHODS,
+    ImitationSettings,
+    checked_settings,
+    hyperparameters,
+)
 from mlivr_gym.agents.imitation import Imitation
 from mlivr_gym.agents.learned import LearnedPolicy, load_policy, made_for, save_policy
 from mlivr_gym.agents.networks import make_policy, policy_class
@@ -62,7 +67,7 @@ def train(
         KeyboardInterrupt: If it is interrupted; `out` then holds what was learned so far.
     """
     choice("method", method, METHODS)
-    settings = hyperparameters(method) if settings is None else checked(settings)
+    settings = hyperparameters(method) if settings is None else checked_settings(settings)
     if method == "finetune" and init is None:
         raise SettingError("method 'finetune' needs a checkpoint to start from")
     request = _Request(method, network, seed, dict(env_arguments or {}), settings, init, command)

@@ -45,7 +45,7 @@ def _no_sets() -> None:
 
 
 def _cheapest_alone() -> None:
-    table_search.ROUNDS = table_search.BLOCKED = table_search.ROUNDS[-2:]
+    table_search.STAGES = table_search.BLOCKED = table_search.STAGES[-2:]
 
 
 def _not_trapped() -> None:
@@ -58,7 +58,7 @@ def _not_half() -> None:
 
 
 def _nothing_between() -> None:
-    for name in ("ROUNDS", "BLOCKED"):
+    for name in ("STAGES", "BLOCKED"):
         rounds = getattr(table_search, name)
         setattr(table_search, name, (*rounds[:-3], *rounds[-2:]))
 

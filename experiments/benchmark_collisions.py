@@ -16,7 +16,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import Behind, against_boxes, base_against_boxes
 from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.placing import Placed, place_by_angles, to_world
+from mlivr_gym.collisions.placement import Placed, place_by_angles, to_world
 from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.kinematics.path_following import poses
 from mlivr_gym.planners import Planner
@@ -31,7 +31,7 @@ def check_all(
     robots: Any,
     grid: BoxGrid,
     clearance: float,
-    rooms: tuple[Any, Any],
+    scratch_rows: tuple[Any, Any],
     out: IntArray,
 ) -> None:
     """Whether each of many configurations of a two-limb robot touches something.
@@ -44,10 +44,10 @@ def check_all(
         robots: A row of `Robot`, shape (1,).
         grid: The boxes.
         clearance: Least distance [m].
-        rooms: Rows of `Placed`, shape (2,), and of `Behind`, shape (1,), of zeros.
+        scratch_rows: Rows of `Placed`, shape (2,), and of `Behind`, shape (1,), of zeros.
         out: Filled with the kind of contact of each, 0 where there is none, shape (k,).
     """
-    robot, placed, nothing = robots[0], rooms[0], rooms[1][0]
+    robot, placed, nothing = robots[0], scratch_rows[0], scratch_rows[1][0]
     for k in range(len(bases)):
         base = bases[k]
         found = base_against_boxes(robot, base, (0.0, 0.0), grid, clearance, nothing)
@@ -98,9 +98,9 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
     positions, rotations, joints = configurations(graph, count)
     robot, solver = graph.robot, graph.solver
     out = np.empty(count, dtype=np.int64)
-    clearance, rooms = graph.settings.clearance, (Placed.rows(2), Behind.rows(1))
+    clearance, scratch_rows = graph.settings.clearance, (Placed.rows(2), Behind.rows(1))
     bases, robots = poses(positions, rotations), solver.shapes.rows
-    given = (bases, joints, robots, solver.boxes, clearance, rooms, out)
+    given = (bases, joints, robots, solver.boxes, clearance, scratch_rows, out)
     check_all(*given)
     began = time.perf_counter()
     check_all(*given)

@@ -16,7 +16,7 @@ import numpy as np
 from processes import Processes
 
 from mlivr_gym.agents.evaluation import Evaluation
-from mlivr_gym.agents.test_set import World, load_test_set
+from mlivr_gym.agents.test_set import HeldOutWorld, load_test_set
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import PlanError
 from mlivr_gym.planners.refinement import refined
@@ -58,7 +58,7 @@ class Walks:
 
 
 @cache
-def same_map() -> tuple[MlivrEnv, World]:
+def same_map() -> tuple[MlivrEnv, HeldOutWorld]:
     """The environment and the tasks of the same map."""
     world = next(w for w in load_test_set() if w.split == "same")
     return MlivrEnv(map=world.map(), precompute=True), world

@@ -23,7 +23,7 @@ from tqdm import tqdm
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import TimingError
 from mlivr_gym.motion.clocks import Durations, duration_of
-from mlivr_gym.motion.pieces import Piece, path_pieces
+from mlivr_gym.motion.path_segments import PathSegment, path_segments
 from mlivr_gym.motion.regrasp import Regrasp, RegraspPath, planned_regrasp
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner
@@ -163,9 +163,9 @@ def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
     sharp = [replace(step, rounded=np.zeros_like(step.rounded)) for step in steps]
     corners = np.concatenate([step.rounded[1:-1, 0] for step in steps])
 
-    def pieces_of(steps: Sequence[Regrasp]) -> list[tuple[RegraspPath, tuple[Piece, ...]]]:
+    def pieces_of(steps: Sequence[Regrasp]) -> list[tuple[RegraspPath, tuple[PathSegment, ...]]]:
         paths = [RegraspPath(graph, step) for step in steps]
-        return [(path, path_pieces(path)) for path in paths]
+        return [(path, path_segments(path)) for path in paths]
 
     pieces = pieces_of(steps)
 

@@ -22,8 +22,8 @@ from mlivr_gym.schema import (
     Listed,
     Maybe,
     Numbers,
-    Record,
     Rotation,
+    Struct,
     Text,
     Whole,
 )
@@ -97,7 +97,7 @@ def kind_in_words(kind: Any) -> str:
             return "list of boxes"
         case Listed():
             return _listed(kind)
-        case Record():
+        case Struct():
             return "object"
         case Fields():
             return "object with " + ", ".join(f"`{name}`" for name in kind.required)
@@ -127,7 +127,7 @@ def _listed(kind: Listed[Any]) -> str:
     exact = kind.least == kind.most
     count = f"{SYMBOLS.get(kind.most, kind.most)} " if exact else ""
     inner = kind.kind
-    what = {Record: "objects", Fields: "objects", Text: "texts"}.get(type(inner))
+    what = {Struct: "objects", Fields: "objects", Text: "texts"}.get(type(inner))
     return f"list of {count}{what or kind_in_words(inner)}"
 
 
@@ -145,7 +145,7 @@ def attributes(made: type) -> dict[str, str]:
 
 def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
     """A row of the table for each field of an object."""
-    parts = kind.fields if isinstance(kind, Record) else kind
+    parts = kind.fields if isinstance(kind, Struct) else kind
     for part, needed in ((parts.required, "yes"), (parts.optional, "")):
         for name, inner in part.items():
             told = meanings[name].replace("|", "\\|")
@@ -154,7 +154,7 @@ def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
 
 def fields(kind: Any, made: type | None = None, title: str = "") -> str:
     """The fields of an object as a table, with a title above it."""
-    made = kind.made if made is None and isinstance(kind, Record) else made
+    made = kind.made if made is None and isinstance(kind, Struct) else made
     meanings = MEANINGS | (attributes(made) if made is not None else {})
     head = f"{title}\n\n" if title else ""
     return head + table("field | needed | value | meaning", rows(kind, meanings))

@@ -41,7 +41,7 @@ from mlivr_gym.agents import (
 )
 from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.learned import beam_policy, load_policy
-from mlivr_gym.agents.test_set import World, freeze_test_set, load_test_set
+from mlivr_gym.agents.test_set import HeldOutWorld, freeze_test_set, load_test_set
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
 
@@ -147,7 +147,7 @@ def splits(args: argparse.Namespace, results: Results) -> None:
             split_world(world, at, args, results)
 
 
-def split_world(world: World, at: int, args: argparse.Namespace, results: Results) -> None:
+def split_world(world: HeldOutWorld, at: int, args: argparse.Namespace, results: Results) -> None:
     """All methods on one world of the test set."""
     env = MlivrEnv(map=world.map(), precompute=world.split != "dense")
     lax = MlivrEnv(map=world.map(), manipulability=False)

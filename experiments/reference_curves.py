@@ -23,7 +23,7 @@ from reports import NOTHING, command_line, keep, publish, read, table
 from tqdm import tqdm
 
 from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
-from mlivr_gym.agents.evaluation import Task
+from mlivr_gym.agents.evaluation import EvaluationTask
 from mlivr_gym.agents.hyperparameters import ImitationSettings, hyperparameters
 from mlivr_gym.agents.imitation import Imitation
 from mlivr_gym.agents.learned import LearnedPolicy
@@ -59,16 +59,18 @@ def make_env() -> MlivrEnv:
     return env
 
 
-def tasks_of(env: MlivrEnv, numbers: range) -> list[Task]:
+def tasks_of(env: MlivrEnv, numbers: range) -> list[EvaluationTask]:
     """Fixed tasks as `evaluate` takes them."""
     found = []
     for k in numbers:
         task = fixed_task(env.tasks, env.graph, k, env.goal_tolerance)
-        found.append(Task(env.graph.ids(task.start.stance), tuple(task.goal.tolist())))
+        found.append(EvaluationTask(env.graph.ids(task.start.stance), tuple(task.goal.tolist())))
     return found
 
 
-def measure(env: MlivrEnv, policy: Policy, tasks: Sequence[Task], fewest: Sequence[int]) -> Measure:
+def measure(
+    env: MlivrEnv, policy: Policy, tasks: Sequence[EvaluationTask], fewest: Sequence[int]
+) -> Measure:
     """The metrics of the protocol: success, and the steps over the fewest where it succeeds."""
     result = evaluate(env, policy, tasks, max_steps=MOST_STEPS)
     ratio = (result.steps / np.array(fewest))[result.success]
@@ -80,7 +82,7 @@ def measure(env: MlivrEnv, policy: Policy, tasks: Sequence[Task], fewest: Sequen
     }
 
 
-def fewest_steps(env: MlivrEnv, tasks: Sequence[Task]) -> list[int]:
+def fewest_steps(env: MlivrEnv, tasks: Sequence[EvaluationTask]) -> list[int]:
     """Fewest steps of each task, by the exact table."""
     found: list[int] = evaluate(env, ExpertPolicy(), tasks, max_steps=MOST_STEPS).steps.tolist()
     return found

@@ -25,7 +25,7 @@ from reports import command_line, counted, keep, publish, read, table
 from truth_collisions import study_clearance, study_collisions
 from truth_walks import study_execution, study_optimality, study_small_maps, study_walks
 
-from mlivr_gym.collisions.uncompared import NOT_COMPARED
+from mlivr_gym.collisions.allowed_collisions import ALLOWED_COLLISIONS
 
 Part = dict[str, Any]
 
@@ -107,9 +107,9 @@ clearance to something, that of {stances["left_out_penetrating"]} penetrates by 
 judgement. Of steps between free stances that are possible without collisions, \
 {100 * steps["share_blocked"]:.1f} % are called blocked.
 
-**What is not compared** (`mlivr_gym/collisions/uncompared.py`); everything else is.
+**What is not compared** (`mlivr_gym/collisions/allowed_collisions.py`); everything else is.
 
-{table("shape | with | of | because", [row[:4] for row in NOT_COMPARED])}"""
+{table("shape | with | of | because", [row[:4] for row in ALLOWED_COLLISIONS])}"""
 
 
 PARTS: dict[str, Callable[[Part], str]] = {

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, ParamSpec, TypeVar
 
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.schema import Kind, Place, Tuples, Whole
+from mlivr_gym.schema import FieldPath, Kind, Tuples, Whole
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -65,7 +65,7 @@ def checked(
             bound = signature.bind(*args, **kwargs)
             for name, value in bound.arguments.items():
                 if name in read:
-                    bound.arguments[name] = read[name].read(value, Place(name, error))
+                    bound.arguments[name] = read[name].read(value, FieldPath(name, error))
             return function(*bound.args, **bound.kwargs)
 
         return call
@@ -80,7 +80,7 @@ class Of:
         """Take objects of these classes."""
         self.classes = classes
 
-    def read(self, value: object, place: Place) -> Any:
+    def read(self, value: object, place: FieldPath) -> Any:
         """The object."""
         if not isinstance(value, self.classes):
             names = " or ".join(f"a {one.__name__}" for one in self.classes)
@@ -91,7 +91,7 @@ class Of:
 class Called:
     """Something that can be called, and is no class."""
 
-    def read(self, value: object, place: Place) -> Any:
+    def read(self, value: object, place: FieldPath) -> Any:
         """The function."""
         if not callable(value) or isinstance(value, type):
             raise place.refused(value, "a function")
@@ -101,7 +101,7 @@ class Called:
 class FileName:
     """The path of a file; a number would be a file that is open already."""
 
-    def read(self, value: object, place: Place) -> str:
+    def read(self, value: object, place: FieldPath) -> str:
         """The path."""
         path = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
         if not isinstance(path, str):
@@ -113,9 +113,9 @@ class FileName:
 class Via(Generic[T]):
     """What a function makes of a value and its place."""
 
-    make: Callable[[Any, Place], T]
+    make: Callable[[Any, FieldPath], T]
 
-    def read(self, value: object, place: Place) -> T:
+    def read(self, value: object, place: FieldPath) -> T:
         """What it makes."""
         return self.make(value, place)
 
@@ -127,6 +127,6 @@ class Raising(Generic[T]):
     error: type[MlivrError]
     kind: Kind[T]
 
-    def read(self, value: object, place: Place) -> T:
+    def read(self, value: object, place: FieldPath) -> T:
         """What the other kind makes of it."""
-        return self.kind.read(value, Place(place.path, self.error))
+        return self.kind.read(value, FieldPath(place.path, self.error))

@@ -20,7 +20,7 @@ _BRIEF = reprlib.Repr()
 _BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = 80
 
 
-def shown(value: object) -> str:
+def shortened(value: object) -> str:
     """A value for a message: short, printable and in one line, whatever it is."""
     try:
         text = one_line(re.sub(r"\s*\n\s*", " ", _BRIEF.repr(value)))
@@ -32,7 +32,7 @@ def shown(value: object) -> str:
 def path_shown(path: object) -> str:
     """A path for a message, whole if a file may be called so."""
     text = str(path)
-    return repr(text) if len(text) <= LONGEST_PATH else shown(text)
+    return repr(text) if len(text) <= LONGEST_PATH else shortened(text)
 
 
 def one_line(message: str) -> str:
@@ -118,7 +118,7 @@ class UnknownPointError(StanceError):
         ids = list(valid)
         sample = ", ".join(ids[:4])
         super().__init__(
-            f"unknown graspable point {shown(point_id)}: the map has {len(ids)} points, "
+            f"unknown graspable point {shortened(point_id)}: the map has {len(ids)} points, "
             f"for example {sample}"
         )
 
@@ -132,6 +132,6 @@ def choice(name: str, value: object, valid: Iterable[str]) -> str:
     options = list(valid)
     if value not in options:
         raise SettingError(
-            f"{name} is {shown(value)}; valid choices are {', '.join(map(repr, options))}"
+            f"{name} is {shortened(value)}; valid choices are {', '.join(map(repr, options))}"
         )
     return str(value)

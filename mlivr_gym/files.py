@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from mlivr_gym.arguments import FileName
-from mlivr_gym.errors import MlivrError, path_shown, shown
-from mlivr_gym.schema import Place
+from mlivr_gym.errors import MlivrError, path_shown, shortened
+from mlivr_gym.schema import FieldPath
 
 T = TypeVar("T")
 
@@ -34,7 +34,7 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     Raises:
         FileError: If the file cannot be written.
     """
-    path = FileName().read(path, Place("path", FileError))
+    path = FileName().read(path, FieldPath("path", FileError))
     target, name = Path(path), None
     try:
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
@@ -72,7 +72,7 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
         MlivrError: of the type `error`, naming the file, if it cannot be read, is too large or
             nested too deeply, is no JSON, or holds something other than an object.
     """
-    path = FileName().read(path, Place("path", error))
+    path = FileName().read(path, FieldPath("path", error))
     try:
         with open(path, "rb") as stream:
             content = stream.read(LARGEST_FILE + 1)
@@ -128,7 +128,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"an object has the field {shown(twice)} twice")
+        raise ValueError(f"an object has the field {shortened(twice)} twice")
     return found
 
 

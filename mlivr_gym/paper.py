@@ -9,7 +9,7 @@ from typing import Any
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.files import FileError, load
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
-from mlivr_gym.schema import NAME, Anything, Fields, Listed, Place, Tuples, Whole
+from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, Listed, Tuples, Whole
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -94,7 +94,9 @@ MODES = {
 def default_setup() -> dict[str, Any]:
     """The calibrated start (point ids), goal [m] and seed."""
     read = SETUP_DATA.read
-    return load(SETUP, "setup of Table I", FileError, lambda data: read(data, Place("", FileError)))
+    return load(
+        SETUP, "setup of Table I", FileError, lambda data: read(data, FieldPath("", FileError))
+    )
 
 
 def case_map(case: int, setup: dict[str, Any]) -> GraspMap:

@@ -25,7 +25,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.errors import MlivrError, shown
+from mlivr_gym.errors import MlivrError, shortened
 from mlivr_gym.values import LONGEST_TEXT, MOST_PARTS, numbers
 
 T = TypeVar("T")
@@ -35,19 +35,19 @@ ROTATION_TOLERANCE = 1e-5
 """Largest deviation of a rotation matrix times its transpose from the unit matrix."""
 
 
-class Place(NamedTuple):
+class FieldPath(NamedTuple):
     """Where a value stands, for the message, and the type of the error."""
 
     path: str
     error: type[MlivrError]
 
-    def field(self, name: str) -> Place:
+    def field(self, name: str) -> FieldPath:
         """The place of a field of the object that stands here."""
-        return Place(f"{self.path}.{name}" if self.path else name, self.error)
+        return FieldPath(f"{self.path}.{name}" if self.path else name, self.error)
 
-    def entry(self, number: int) -> Place:
+    def entry(self, number: int) -> FieldPath:
         """The place of an entry of the list that stands here."""
-        return Place(f"{self.path}[{number}]", self.error)
+        return FieldPath(f"{self.path}[{number}]", self.error)
 
     def fault(self, told: str) -> MlivrError:
         """The error that says something of what stands here."""
@@ -55,7 +55,7 @@ class Place(NamedTuple):
 
     def refused(self, value: object, kind: str) -> MlivrError:
         """The error that shows the value and says what it must be."""
-        return self.fault(f"is {shown(value)}; it must be {kind}")
+        return self.fault(f"is {shortened(value)}; it must be {kind}")
 
     def build(self, make: Callable[..., T], *args: Any, **options: Any) -> T:
         """What a constructor makes of checked values; its error is told with the place."""
@@ -68,7 +68,7 @@ class Place(NamedTuple):
 class Kind(Protocol[T_co]):
     """A kind of value."""
 
-    def read(self, value: object, place: Place) -> T_co:
+    def read(self, value: object, place: FieldPath) -> T_co:
         """What the program works with.
 
         Args:
@@ -83,7 +83,7 @@ class Kind(Protocol[T_co]):
 class Anything:
     """A remark in a file, which nobody reads."""
 
-    def read(self, value: object, place: Place) -> object:
+    def read(self, value: object, place: FieldPath) -> object:
         """The value as it is."""
         return value
 
@@ -98,7 +98,7 @@ class Text:
 
     least: int = 1
 
-    def read(self, value: object, place: Place) -> str:
+    def read(self, value: object, place: FieldPath) -> str:
         """The text; half of a surrogate pair, for example, could not be written."""
         if (
             not isinstance(value, str)
@@ -113,7 +113,7 @@ class Text:
 class Flag:
     """True or false."""
 
-    def read(self, value: object, place: Place) -> bool:
+    def read(self, value: object, place: FieldPath) -> bool:
         """The switch."""
         if not isinstance(value, (bool, np.bool_)):
             raise place.refused(value, "true or false")
@@ -126,10 +126,10 @@ class Choice:
 
     options: tuple[str, ...]
 
-    def read(self, value: object, place: Place) -> str:
+    def read(self, value: object, place: FieldPath) -> str:
         """The name."""
         if not isinstance(value, str) or value not in self.options:
-            told = f"is {shown(value)}; valid choices are {', '.join(map(repr, self.options))}"
+            told = f"is {shortened(value)}; valid choices are {', '.join(map(repr, self.options))}"
             raise place.fault(told + meant(value, self.options))
         return str(value)
 
@@ -141,7 +141,7 @@ class Whole:
     least: int
     most: int
 
-    def read(self, value: object, place: Place) -> int:
+    def read(self, value: object, place: FieldPath) -> int:
         """The number."""
         if (
             isinstance(value, bool)
@@ -170,7 +170,7 @@ class Numbers:
     unit: str = ""
     rows: tuple[int, int] = (1, MOST_PARTS)
 
-    def read(self, value: object, place: Place) -> Array:
+    def read(self, value: object, place: FieldPath) -> Array:
         """The numbers as an array of floats."""
         count = len(_list(value, place, *self.rows)) if None in self.shape else 0
         shape = tuple(count if size is None else size for size in self.shape)
@@ -198,7 +198,7 @@ class Numbers:
 class Tuples(Numbers):
     """The same as nested tuples, a single number as a float."""
 
-    def read(self, value: object, place: Place) -> Any:
+    def read(self, value: object, place: FieldPath) -> Any:
         """The numbers."""
         return _frozen(super().read(value, place).tolist())
 
@@ -206,7 +206,7 @@ class Tuples(Numbers):
 class Rotation:
     """A right-handed rotation matrix, as rows."""
 
-    def read(self, value: object, place: Place) -> Any:
+    def read(self, value: object, place: FieldPath) -> Any:
         """The rows, three tuples of three."""
         found = numbers(value, (3, 3), place.path, place.error)
         if not are_rotations(found).all():
@@ -232,7 +232,7 @@ class Maybe(Generic[T]):
 
     kind: Kind[T]
 
-    def read(self, value: object, place: Place) -> T | None:
+    def read(self, value: object, place: FieldPath) -> T | None:
         """What the other kind makes of it, or None."""
         return None if value is None else self.kind.read(value, place)
 
@@ -245,7 +245,7 @@ class Listed(Generic[T]):
     least: int = 0
     most: int = MOST_PARTS
 
-    def read(self, value: object, place: Place) -> tuple[T, ...]:
+    def read(self, value: object, place: FieldPath) -> tuple[T, ...]:
         """What the other kind makes of each entry."""
         listed = _list(value, place, self.least, self.most)
         return tuple(self.kind.read(entry, place.entry(k)) for k, entry in enumerate(listed))
@@ -269,7 +269,7 @@ class Fields:
     def _kinds(self) -> dict[str, Kind[Any]]:
         return {**self.required, **self.optional}
 
-    def read(self, value: object, place: Place) -> dict[str, Any]:
+    def read(self, value: object, place: FieldPath) -> dict[str, Any]:
         """What the kinds make of the fields that are there."""
         known = ", ".join(self._kinds)
         if not isinstance(value, dict):
@@ -277,7 +277,7 @@ class Fields:
         for name in value:
             if name not in self._kinds and not self.others:
                 hint = meant(name, self._kinds)
-                told = f"has an unknown field {shown(name)}; valid fields are {known}{hint}"
+                told = f"has an unknown field {shortened(name)}; valid fields are {known}{hint}"
                 raise place.fault(told)
         found = {
             name: self._kinds[name].read(entry, place.field(name)) if name in self._kinds else entry
@@ -290,7 +290,7 @@ class Fields:
 
 
 @dataclass(frozen=True)
-class Record(Generic[T]):
+class Struct(Generic[T]):
     """An object with the fields of a dataclass.
 
     Attributes:
@@ -315,13 +315,13 @@ class Record(Generic[T]):
                 part[entry.name] = self.kinds[entry.name]
         return Fields(missing, optional)
 
-    def read(self, value: object, place: Place) -> T:
+    def read(self, value: object, place: FieldPath) -> T:
         """The record of plain data, or a record as it is."""
         if isinstance(value, self.made):
             return value
         return place.build(self.made, **self.fields.read(value, place))
 
-    def given(self, value: object, place: Place, known: Mapping[str, T] | None = None) -> T:
+    def given(self, value: object, place: FieldPath, known: Mapping[str, T] | None = None) -> T:
         """The record as it is, of plain data, by name, or, of None, with all its defaults.
 
         Args:
@@ -333,7 +333,7 @@ class Record(Generic[T]):
             return known[Choice(tuple(known)).read(value, place)]
         return self.read({} if value is None else value, place)
 
-    def check(self, record: T, place: Place) -> None:
+    def check(self, record: T, place: FieldPath) -> None:
         """Check the fields of a record that is being made, and keep what their kinds make of them.
 
         Raises:
@@ -356,7 +356,7 @@ def meant(value: object, valid: Iterable[str]) -> str:
     return f"; did you mean {nearest[0]!r}?" if nearest else ""
 
 
-def _list(value: object, place: Place, least: int, most: int) -> Any:
+def _list(value: object, place: FieldPath, least: int, most: int) -> Any:
     if not isinstance(value, (list, tuple)) and not (isinstance(value, np.ndarray) and value.ndim):
         raise place.refused(value, "a list")
     if not least <= len(value) <= most:

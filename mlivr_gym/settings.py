@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mlivr_gym.errors import MlivrError, SettingError, shown
-from mlivr_gym.schema import Flag, Maybe, Place, Record, Tuples
+from mlivr_gym.errors import MlivrError, SettingError, shortened
+from mlivr_gym.schema import FieldPath, Flag, Maybe, Struct, Tuples
 from mlivr_gym.values import LONGEST_ROBOT
 
 GRAPH_RULES = 3
@@ -53,8 +53,8 @@ def check_rules(
     found = 1 if found is None else found
     if found != GRAPH_RULES:
         raise error(
-            f"{what} was made by rules {shown(found)} of the stance graph, and this version has "
-            f"rules {GRAPH_RULES}: {remedy}"
+            f"{what} was made by rules {shortened(found)} of the stance graph, and this version "
+            f"has rules {GRAPH_RULES}: {remedy}"
         )
 
 
@@ -87,7 +87,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Check switches and thresholds."""
-        SETTINGS.check(self, Place("", SettingError))
+        SETTINGS.check(self, FieldPath("", SettingError))
 
     def thresholds(self, limbs: int) -> tuple[float, float]:
         """Least `w_m` and `w_b` that a stance of `limbs` limbs must reach.
@@ -103,7 +103,7 @@ class Settings:
 THRESHOLD = Tuples((), 0.0)
 """A manipulability."""
 
-SETTINGS = Record(
+SETTINGS = Struct(
     Settings,
     {
         "manipulability": Flag(),

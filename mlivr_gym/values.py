@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MlivrError, shown
+from mlivr_gym.errors import MlivrError, shortened
 
 Triple = tuple[float, float, float]
 """Three numbers, such as a point."""
@@ -61,13 +61,15 @@ def numbers(
         found = None  # rows of different lengths, no numbers, larger than every float
     if found is None or found.shape != shape:
         shape_found = f"has shape {found.shape}, " if found is not None and found.ndim else "is "
-        raise error(f"{where} {shape_found}{shown(value)}; it must be {kind}")
+        raise error(f"{where} {shape_found}{shortened(value)}; it must be {kind}")
     wrong = ~(np.abs(found) <= most) | ~np.isfinite(found)
     if wrong.any():
         first = np.unravel_index(int(wrong.argmax()), shape)
         where += "".join(f"[{int(index)}]" for index in first)
         if not np.isfinite(found[first]):
-            raise error(f"{where} is {shown(array.item(first))}; it must be a number, and finite")
+            raise error(
+                f"{where} is {shortened(array.item(first))}; it must be a number, and finite"
+            )
         hint = "lengths are in metres: is this in millimetres?"
         raise error(f"{where} is {found[first]:g}, larger than {most:g} m; {hint}")
     return found

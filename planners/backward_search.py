@@ -19,7 +19,7 @@ from mlivr_gym.planners.costs import Weights
 from mlivr_gym.stances.node_pairs import row_of
 from mlivr_gym.stances.node_table import NodeTable
 
-ROOM = 1 << 21
+CAPACITY = 1 << 21
 """Entries of the queue to begin with, beside the goals."""
 
 LEAST = 1e-12
@@ -82,7 +82,7 @@ def costs_to_goal(
     marks = Mark.rows(count)
     marks["value"], marks["toward"] = np.inf, toward
     low = float(toward[goals].min(initial=np.inf))
-    waiting = NodeQueue.of(ROOM + int(goals.sum()), low, width_for(weights))
+    waiting = NodeQueue.of(CAPACITY + int(goals.sum()), low, width_for(weights))
     progress = Progress.row()
     progress["wanted"], progress["limit"] = int(wanted.sum()), np.inf
     progress["share"], progress["amount"] = farther_by
@@ -144,8 +144,8 @@ def degree(table: NodeTable, s: int) -> int:
     """How many nodes are a move away from one, at most."""
     count = 0
     for limb in range(table.points.shape[1]):
-        rest = table.rests[s, limb]
-        count += int(table.start[rest + 1]) - int(table.start[rest])
+        support = table.supports[s, limb]
+        count += int(table.start[support + 1]) - int(table.start[support])
     return count
 
 
@@ -163,8 +163,8 @@ def _open(
         row = row_of(table, s, limb)
         if row < 0:
             continue
-        rest = table.rests[s, limb]
-        begin, end = int(table.start[rest]), int(table.start[rest + 1])
+        support = table.supports[s, limb]
+        begin, end = int(table.start[support]), int(table.start[support + 1])
         for k in range(end - begin):
             if not has_bit(table.bits, row + k):
                 continue

@@ -50,9 +50,9 @@ class NodeQueue(NamedTuple):
     """How full it is."""
 
     @classmethod
-    def of(cls, room: int, low: float = 0.0, width: float = 1.0) -> NodeQueue:
+    def of(cls, capacity: int, low: float = 0.0, width: float = 1.0) -> NodeQueue:
         """Room for some entries; the first list begins at an estimate, each spans some."""
-        node, following = (np.empty(room, dtype=np.int32) for _ in range(2))
+        node, following = (np.empty(capacity, dtype=np.int32) for _ in range(2))
         new = cls(np.empty(LISTS, dtype=np.int32), node, following, Filled.row())
         new.empty(low, width)
         return new

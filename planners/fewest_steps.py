@@ -24,7 +24,7 @@ WAITS, DONE = 1, 2
 """Marks of a rest: one of its nodes was reached last; all its nodes were reached."""
 
 
-class Room(NamedTuple):
+class QueueScratch(NamedTuple):
     """Room for the members of a rest."""
 
     place: NDArray[np.int32]
@@ -54,10 +54,10 @@ def fewest_steps(
     steps = np.where(goals, 0, UNREACHED).astype(np.int16)
     steps[taken] = TAKEN
     most = int(np.diff(table.start).max(initial=0))
-    room = Room(*(np.empty(most, dtype=np.int32) for _ in range(3)))
+    scratch = QueueScratch(*(np.empty(most, dtype=np.int32) for _ in range(3)))
     marks, level, limit = np.zeros(len(table.start) - 1, dtype=np.uint8), 0, np.inf
     while level < limit:
-        if not _go_back(table, level, steps, marks, room):
+        if not _go_back(table, level, steps, marks, scratch):
             return steps, np.inf
         level += 1
         if limit == np.inf and (steps[starts] != UNREACHED).all():
@@ -67,50 +67,54 @@ def fewest_steps(
 
 @entry
 def _go_back(
-    table: NodeTable, level: int, steps: NDArray[np.int16], marks: NDArray[np.uint8], room: Room
+    table: NodeTable,
+    level: int,
+    steps: NDArray[np.int16],
+    marks: NDArray[np.uint8],
+    scratch: QueueScratch,
 ) -> bool:
     """Reach what is a step from the nodes of a level; whether there is any."""
     for s in range(len(steps)):
         if steps[s] == level:
-            for limb in range(table.rests.shape[1]):
-                if marks[table.rests[s, limb]] != DONE:
-                    marks[table.rests[s, limb]] = WAITS
+            for limb in range(table.supports.shape[1]):
+                if marks[table.supports[s, limb]] != DONE:
+                    marks[table.supports[s, limb]] = WAITS
     reached = 0
-    for rest in range(len(marks)):
-        if marks[rest] == WAITS:
-            reached += _through(table, rest, level, steps, marks, room)
+    for support in range(len(marks)):
+        if marks[support] == WAITS:
+            reached += _through(table, support, level, steps, marks, scratch)
     return reached > 0
 
 
 @kernel
 def _through(
     table: NodeTable,
-    rest: int,
+    support: int,
     level: int,
     steps: NDArray[np.int16],
     marks: NDArray[np.uint8],
-    room: Room,
+    scratch: QueueScratch,
 ) -> int:
     """The same within a rest; how many it reached."""
-    begin, size = int(table.start[rest]), int(table.start[rest + 1] - table.start[rest])
+    begin, size = int(table.start[support]), int(table.start[support + 1] - table.start[support])
     wait = now = 0
     for k in range(size):
         s = int(table.members[begin + k]) // table.points.shape[1]
         if steps[s] == UNREACHED:
-            room.place[wait], room.node[wait] = k, s
+            scratch.place[wait], scratch.node[wait] = k, s
             wait += 1
         elif steps[s] == level:
-            room.last[now] = k
+            scratch.last[now] = k
             now += 1
     before = wait
     for i in range(now):
-        row, k = int(table.offset[rest]) + int(room.last[i]) * size, 0
+        row, k = int(table.offset[support]) + int(scratch.last[i]) * size, 0
         while k < wait:
-            if not has_bit(table.bits, row + int(room.place[k])):
+            if not has_bit(table.bits, row + int(scratch.place[k])):
                 k += 1
                 continue
-            steps[room.node[k]] = level + 1
+            steps[scratch.node[k]] = level + 1
             wait -= 1
-            room.place[k], room.node[k] = room.place[wait], room.node[wait]
-    marks[rest] = DONE if wait == 0 else 0
+            scratch.place[k], scratch.node[k] = scratch.place[wait], scratch.node[wait]
+    marks[support] = DONE if wait == 0 else 0
     return before - wait

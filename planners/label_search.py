@@ -40,18 +40,18 @@ from mlivr_gym.planners.bucket_queue import (
     take,
     width_for,
 )
+from mlivr_gym.planners.checked_edges import CheckedEdges, place_of
 from mlivr_gym.planners.costs import Weights
-from mlivr_gym.planners.known_steps import KnownSteps, place_of
-from mlivr_gym.stances.node_pairs import lost_on, row_of
+from mlivr_gym.stances.node_pairs import branches_lost, row_of
 from mlivr_gym.stances.node_table import NodeTable
 
-ROOM = 1 << 22
+CAPACITY = 1 << 22
 """Most labels of a search."""
 
 PAUSE = 1 << 14
 """Labels that are taken before a search looks at the clock."""
 
-NO_LABEL, NO_ROOM, PAUSED, LIMIT, PENDING = -1, -2, -3, -4, -5
+NO_LABEL, FULL, PAUSED, LIMIT, PENDING = -1, -2, -3, -4, -5
 """How a search ends: with no label waiting, its arrays full, to look at the clock, at its limit of
 expansions, or for the edges to some labels to be checked."""
 
@@ -61,51 +61,45 @@ BATCH = 64
 Check = Callable[[IntArray, NDArray[np.uint64]], NDArray[np.uint64]]
 """Checks edges, by their bits and the branches before them; returns those after, 0 for none."""
 
-Steps = tuple[NodeTable, KnownSteps, Weights]
+SearchGraph = tuple[NodeTable, CheckedEdges, Weights]
 """The nodes, the steps known of them, and what is minimised."""
 
 
-class Manner(NamedTuple):
+class SearchParameters(NamedTuple):
     """How a search looks for a walk."""
 
-    g: float = 1.0
+    cost_weight: float = 1.0
     """Weight of the cost so far in the order of the queue, that of the bound being 1: 1 for A*,
     `1 / w` for a walk that costs at most w times the least, 0 for greedy search."""
-    most: int = ROOM
+    labels_per_node: int = CAPACITY
     """Most labels of a node."""
-    room: int = ROOM
+    max_labels: int = CAPACITY
     """Labels after which it gives up."""
-    limit: int = ROOM
+    max_expansions: int = CAPACITY
     """Most labels that are expanded."""
     lazy: bool = False
     """Whether the edge to a label is checked when the label is taken from the queue; otherwise the
     edges of the walk that is found remain to be checked."""
-    equal: bool = False
+    equal_only: bool = False
     """Whether labels are dominated by equal ones alone, both checked: every state is come to."""
 
 
-class Running(Record):
+class SearchStatus(Record):
     """Where a search is."""
 
-    g: float
-    """See `Manner`."""
-    most: int
-    """See `Manner`."""
-    room: int
-    """See `Manner`."""
-    limit: int
-    """See `Manner`."""
+    cost_weight: float
+    labels_per_node: int
+    max_labels: int
+    max_expansions: int
     lazy: bool
-    """See `Manner`."""
-    equal: bool
-    """See `Manner`."""
-    below: float
+    equal_only: bool
+    incumbent_cost: float
     """Cost that a walk must not reach; once one was found its own: the incumbent."""
     pause: int
     """Labels that are taken before the search looks at the clock."""
     seeded: bool
     """Whether the origins are in the queue."""
-    found: int
+    incumbent: int
     """Label of the cheapest walk found, `NO_LABEL` without one."""
     expanded: int
     """Labels expanded."""
@@ -140,12 +134,12 @@ class Labels(NamedTuple):
     @classmethod
     def of(cls, nodes: int) -> Labels:
         """Room for the labels of some number of nodes."""
-        link, previous = (np.empty(ROOM, dtype=np.int32) for _ in range(2))
-        bits, masks = np.empty(ROOM, dtype=np.int64), np.empty(ROOM, dtype=np.uint64)
-        last, expanded = np.empty(nodes, dtype=np.int32), np.empty(ROOM, dtype=np.int32)
-        checked, pending = np.empty(ROOM, dtype=np.bool_), np.empty(BATCH, dtype=np.int64)
-        walks = np.empty(ROOM), link, bits, masks, previous, last
-        return cls(NodeQueue.of(ROOM), *walks, expanded, checked, pending)
+        link, previous = (np.empty(CAPACITY, dtype=np.int32) for _ in range(2))
+        bits, masks = np.empty(CAPACITY, dtype=np.int64), np.empty(CAPACITY, dtype=np.uint64)
+        last, expanded = np.empty(nodes, dtype=np.int32), np.empty(CAPACITY, dtype=np.int32)
+        checked, pending = np.empty(CAPACITY, dtype=np.bool_), np.empty(BATCH, dtype=np.int64)
+        walks = np.empty(CAPACITY), link, bits, masks, previous, last
+        return cls(NodeQueue.of(CAPACITY), *walks, expanded, checked, pending)
 
     @property
     def used(self) -> int:
@@ -190,7 +184,7 @@ class NodeOrigins(NamedTuple):
     """What it cost to get there, shape (k,)."""
 
 
-class Outcome(NamedTuple):
+class SearchOutcome(NamedTuple):
     """What a search found."""
 
     walk: NodeWalk | None
@@ -198,22 +192,22 @@ class Outcome(NamedTuple):
     low: float
     """No walk costs less; `below` if none costs less than that. Only with weight 1 of the cost."""
     end: int
-    """Why it ended: `NO_LABEL`, `NO_ROOM`, `LIMIT`, or `PAUSED` if its time was over."""
+    """Why it ended: `NO_LABEL`, `FULL`, `LIMIT`, or `PAUSED` if its time was over."""
     expanded: int
     """Labels expanded."""
 
 
 def cheapest_walk(
-    steps: Steps,
+    steps: SearchGraph,
     h: Array,
     origins: NodeOrigins,
     labels: Labels,
-    manner: Manner,
+    parameters: SearchParameters,
     *,
     below: float = np.inf,
     until: float = np.inf,
     check: Check | None = None,
-) -> Outcome:
+) -> SearchOutcome:
     """A walk to a node of which `h` is 0.
 
     With weight 1 of the cost and any number of labels it costs the least.
@@ -223,92 +217,97 @@ def cheapest_walk(
         h: Consistent lower bounds of the cost from each node, shape (n,).
         origins: Where it may begin.
         labels: Room.
-        manner: How it is looked for.
+        parameters: How it is searched.
         below: Cost that it must not reach.
         until: When to give up, on the clock of `time.perf_counter`.
         check: What checks edges, where they are checked one by one.
     """
-    how = Running.row()
-    how["g"], how["most"], how["room"], how["limit"], how["lazy"], how["equal"] = manner
-    how["below"], how["pause"], how["found"] = below, PAUSE, NO_LABEL
-    estimates = how["g"] * origins.cost + h[origins.nodes]
+    status = SearchStatus.row()
+    for name, value in parameters._asdict().items():
+        status[name] = value
+    status["incumbent_cost"], status["pause"], status["incumbent"] = below, PAUSE, NO_LABEL
+    estimates = status["cost_weight"] * origins.cost + h[origins.nodes]
     labels.waiting.empty(float(estimates.min(initial=np.inf)), width_for(steps[2]))
     labels.last[:] = NO_LABEL
     end = PAUSED
     while end in (PAUSED, PENDING) and time.perf_counter() < until:
-        end = int(_cheapest(steps, h, how, origins, labels))
+        end = int(_search(steps, h, status, origins, labels))
         if end == PENDING:
             assert check is not None
-            pending = labels.pending[: int(how["pending"])]
+            pending = labels.pending[: int(status["pending"])]
             after = check(labels.bits[pending], labels.masks[labels.link[pending]])
             put_back_checked(labels, pending, after)
-            how["pending"] = 0
-    if not how["seeded"]:
-        return Outcome(None, 0.0, end, 0)
-    low, found = float(how["below"]), int(how["found"])
+            status["pending"] = 0
+    if not status["seeded"]:
+        return SearchOutcome(None, 0.0, end, 0)
+    low, found = float(status["incumbent_cost"]), int(status["incumbent"])
     if end != NO_LABEL:
         low = min(low, labels.waiting.least)
     walk = None if found == NO_LABEL else labels.walk_to(found)
-    return Outcome(walk, low, end, int(how["expanded"]))
+    return SearchOutcome(walk, low, end, int(status["expanded"]))
 
 
 @entry
-def _cheapest(steps: Steps, h: Array, manner: Running, origins: NodeOrigins, labels: Labels) -> int:
+def _search(
+    steps: SearchGraph, h: Array, status: SearchStatus, origins: NodeOrigins, labels: Labels
+) -> int:
     """Go on until the cheapest label of a node of which `h` is 0 is found, see `cheapest_walk`.
 
     Returns:
-        `NO_LABEL` at the end, or why it stopped: `NO_ROOM`, `PAUSED` or `LIMIT`.
+        `NO_LABEL` at the end, or why it stopped: `FULL`, `PAUSED` or `LIMIT`.
     """
     table, _, _ = steps
     waiting, count = labels.waiting, 0
-    if not manner.seeded:
-        manner.seeded = True
+    if not status.seeded:
+        status.seeded = True
         for k in range(len(origins.nodes)):
             s, cost = origins.nodes[k], origins.cost[k]
             if h[s] < np.inf:
                 if waiting.filled.used >= len(waiting.node):
-                    return NO_ROOM
-                _note(labels, s, origins.masks[k], cost, -1 - k, -1)
+                    return FULL
+                _add_label(labels, s, origins.masks[k], cost, -1 - k, -1)
                 labels.checked[waiting.filled.used] = True
-                put(waiting, manner.g * cost + h[s], s)
+                put(waiting, status.cost_weight * cost + h[s], s)
     while True:
-        if count == manner.pause:
+        if count == status.pause:
             return PAUSED
         count += 1
-        if manner.pending and nothing_at_hand(waiting):
+        if status.pending and nothing_at_hand(waiting):
             return PENDING
         here = take(waiting)
         if here == NOTHING:
             return NO_LABEL
         s, cost = int(waiting.node[here]), labels.cost[here]
-        if manner.found != NO_LABEL and least_waiting(waiting) >= manner.g * manner.below:
+        proved = least_waiting(waiting) >= status.cost_weight * status.incumbent_cost
+        if status.incumbent != NO_LABEL and proved:
             return NO_LABEL
-        if not cost + h[s] < manner.below:
+        if not cost + h[s] < status.incumbent_cost:
             continue
-        if manner.lazy and not labels.checked[here]:
-            if manner.equal or not _covered(labels, s, labels.masks[here], cost, here, manner):
-                labels.pending[manner.pending] = here
-                manner.pending += 1
-                if manner.pending == BATCH:
+        if status.lazy and not labels.checked[here]:
+            masks = labels.masks[here]
+            if status.equal_only or not _is_dominated(labels, s, masks, cost, here, status):
+                labels.pending[status.pending] = here
+                status.pending += 1
+                if status.pending == BATCH:
                     return PENDING
             continue
         if h[s] == 0.0:
-            manner.found, manner.below = here, cost
+            status.incumbent, status.incumbent_cost = here, cost
             continue
-        if waiting.filled.used + degree(table, s) > min(len(waiting.node), manner.room):
+        if waiting.filled.used + degree(table, s) > min(len(waiting.node), status.max_labels):
             put_back(waiting, here)
-            return NO_ROOM
-        if not _covered(labels, s, labels.masks[here], cost, here, manner):
-            if manner.expanded >= manner.limit:
+            return FULL
+        if not _is_dominated(labels, s, labels.masks[here], cost, here, status):
+            if status.expanded >= status.max_expansions:
                 put_back(waiting, here)
                 return LIMIT
-            labels.expanded[manner.expanded] = here
-            manner.expanded += 1
-            _expand(steps, h, manner, here, labels)
+            labels.expanded[status.expanded] = here
+            status.expanded += 1
+            _expand(steps, h, status, here, labels)
 
 
 @kernel
-def _expand(steps: Steps, h: Array, manner: Running, here: int, labels: Labels) -> None:
+def _expand(steps: SearchGraph, h: Array, status: SearchStatus, here: int, labels: Labels) -> None:
     """Note what steps lead to from a label."""
     table, known, weights = steps
     limbs = table.points.shape[1]
@@ -317,15 +316,19 @@ def _expand(steps: Steps, h: Array, manner: Running, here: int, labels: Labels) 
         row = row_of(table, s, limb)
         if row < 0 or mask_of(masks & table.released[s], limb) == NO_LIMB:
             continue
-        rest, held = table.rests[s, limb], held_beside(masks, limb, limbs)
-        begin, end = int(table.start[rest]), int(table.start[rest + 1])
+        support, held = table.supports[s, limb], held_beside(masks, limb, limbs)
+        begin, end = int(table.start[support]), int(table.start[support + 1])
         for k in range(end - begin):
             if not has_bit(table.bits, row + k):
                 continue
             other, moved = divmod(int(table.members[begin + k]), limbs)
             if h[other] == np.inf:
                 continue
-            kept = held & held_beside(table.masks[other], moved, limbs) & ~lost_on(table, row + k)
+            kept = (
+                held
+                & held_beside(table.masks[other], moved, limbs)
+                & ~branches_lost(table, row + k)
+            )
             if known.at[s]:
                 place = place_of(known, row + k)
                 if known.keys[place] == row + k:
@@ -333,16 +336,16 @@ def _expand(steps: Steps, h: Array, manner: Running, here: int, labels: Labels) 
             if not all_keep_one(kept, limbs):
                 continue
             cost = labels.cost[here] + least_cost(table, s, other, weights)
-            if not cost + h[other] < manner.below:
+            if not cost + h[other] < status.incumbent_cost:
                 continue
             after = beside(kept, mask_of(table.released[other], moved), moved, limbs)
-            if manner.equal or not _covered(labels, other, after, cost, -1, manner):
-                _note(labels, other, after, cost, here, row + k)
-                put(labels.waiting, manner.g * cost + h[other], other)
+            if status.equal_only or not _is_dominated(labels, other, after, cost, -1, status):
+                _add_label(labels, other, after, cost, here, row + k)
+                put(labels.waiting, status.cost_weight * cost + h[other], other)
 
 
 @kernel
-def _note(labels: Labels, s: int, masks: np.uint64, cost: float, link: int, bit: int) -> None:
+def _add_label(labels: Labels, s: int, masks: np.uint64, cost: float, link: int, bit: int) -> None:
     """Note a label as the last of its node; it is put into the queue next."""
     item = labels.waiting.filled.used
     labels.masks[item], labels.cost[item] = masks, cost
@@ -352,7 +355,9 @@ def _note(labels: Labels, s: int, masks: np.uint64, cost: float, link: int, bit:
 
 
 @kernel
-def _covered(labels: Labels, s: int, masks: np.uint64, g: float, item: int, how: Running) -> bool:
+def _is_dominated(
+    labels: Labels, s: int, masks: np.uint64, g: float, item: int, status: SearchStatus
+) -> bool:
     """Whether other labels of a node dominate a label: cost no more, and have all its branches.
 
     One does that alone, or several together whose branches of one limb make up that limb's, while
@@ -362,16 +367,16 @@ def _covered(labels: Labels, s: int, masks: np.uint64, g: float, item: int, how:
     """
     other, count, uncovered = labels.last[s], 0, masks
     while other >= 0:
-        if not how.lazy or labels.checked[other]:
+        if not status.lazy or labels.checked[other]:
             cost = labels.cost[other]
             earlier = item < 0 or cost < g or other < item
             if other != item and cost <= g:
                 missing = masks & ~labels.masks[other]
-                if how.equal:
+                if status.equal_only:
                     missing |= labels.masks[other] & ~masks
                 if missing == NO_LIMB and (earlier or masks != labels.masks[other]):
                     return True
-                if earlier and not how.equal:
+                if earlier and not status.equal_only:
                     for limb in range(MOST_LIMBS):
                         alone = every_branch(limb)
                         if missing & ~alone == NO_LIMB:
@@ -380,7 +385,7 @@ def _covered(labels: Labels, s: int, masks: np.uint64, g: float, item: int, how:
                                 return True
             count += 1
         other = labels.previous[other]
-    return item < 0 and count >= how.most
+    return item < 0 and count >= status.labels_per_node
 
 
 @entry

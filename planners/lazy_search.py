@@ -34,7 +34,7 @@ from mlivr_gym.planners.outcome import (
     chain_to,
     tree_of,
 )
-from mlivr_gym.planners.query import Search
+from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.queues import Block, Entry, Queue
 from mlivr_gym.planners.set_bounds import SetBounds
 from mlivr_gym.postures.postures import Postures
@@ -57,7 +57,7 @@ ROUNDING = 1e-9
 
 
 @dataclass
-class Found:
+class LazySearchResult:
     """Outcome of a search: expanded states with their parents, costs and postures.
 
     Attributes:
@@ -77,7 +77,7 @@ class Found:
     improvements: list[Improvement] = field(default_factory=list)
 
 
-def lazy_search(graph: LazyGraph, start: State, search: Search) -> Path | None:
+def lazy_search(graph: LazyGraph, start: State, search: SearchQuery) -> Path | None:
     """Best-first search from a state to any stance whose base lies in the goal region.
 
     Args:
@@ -103,11 +103,11 @@ def lazy_search(graph: LazyGraph, start: State, search: Search) -> Path | None:
 class _LazySearch:
     """A search in progress: its queues, and what was expanded."""
 
-    def __init__(self, graph: LazyGraph, start: State, search: Search) -> None:
+    def __init__(self, graph: LazyGraph, start: State, search: SearchQuery) -> None:
         self.graph, self.search, self.began = graph, search, search.began
         self.start, self.goal, self.cost = start, search.goal, search.goal.cost
         self.max_step = graph.max_step
-        self.found, self.turn = Found(), 0
+        self.found, self.turn = LazySearchResult(), 0
         self.by_bound, self.by_promise, self.inflated = Queue(), Queue(), Queue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
         """Masks and costs with which each stance was expanded."""
@@ -144,7 +144,7 @@ class _LazySearch:
         passed = time.perf_counter() - self.began
         found.improvements.append(Improvement(passed, found.costs[-1], self._bound()))
 
-    def run(self) -> Found:
+    def run(self) -> LazySearchResult:
         """Work entries out until a plan is as good as is asked for."""
         found = self.found
         self._begin()

@@ -18,8 +18,8 @@ from mlivr_gym.planners.backward_search import LEAST, costs_to_goal
 from mlivr_gym.planners.costs import Cost, weights_of
 from mlivr_gym.planners.fewest_steps import fewest_steps
 from mlivr_gym.planners.label_search import Labels
-from mlivr_gym.planners.node_world import NodeWorld, world_of
-from mlivr_gym.planners.query import Goal, Search
+from mlivr_gym.planners.lazy_table import LazyTable, lazy_table_of
+from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.stances.node_table import ROUNDED, NodeTable
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.pair_rows import connected_parts
@@ -43,7 +43,7 @@ KEPT_NODES = 2_000_000
 """Nodes of all that are kept, if there are more than the least."""
 
 
-class Bounds(NamedTuple):
+class GoalBounds(NamedTuple):
     """Lower bounds of the cost from n nodes to a goal."""
 
     cost: Cost
@@ -67,22 +67,22 @@ class LowerBounds:
         self.graph, self.table = graph, table
         self.labels = Labels.of(len(table.points))
         """Room for searches."""
-        self._world: NodeWorld | None = None
-        self._kept: OrderedDict[tuple[Any, ...], Bounds] = OrderedDict()
+        self._world: LazyTable | None = None
+        self._kept: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
         least, most = KEPT
         self._most = max(least, min(most, KEPT_NODES // max(len(table.points), 1)))
         self._rounded = 0.0 if graph.has_tables else 2.0 * ROUNDED
         self._farther = (0.0, 0) if graph.has_tables else FARTHER_BY
 
     @property
-    def world(self) -> NodeWorld:
+    def world(self) -> LazyTable:
         """The nodes in the world as it is now, with what was found of them before."""
         if self._world is None or self._world.version != self.graph.version:
-            self._world = world_of(self.graph)
+            self._world = lazy_table_of(self.graph)
         assert self._world is not None
         return self._world
 
-    def known(self, goal: Goal, starts: IntArray) -> Bounds | None:
+    def known(self, goal: Goal, starts: IntArray) -> GoalBounds | None:
         """What is kept that serves from some nodes; None if nothing does."""
         kept, occupied = self._kept.get(goal.key), frozenset(self.graph.occupied)
         if kept is None or not (kept.occupied <= occupied and kept.exact[starts].all()):
@@ -91,7 +91,7 @@ class LowerBounds:
             return kept
         return kept._replace(h=np.where(self._taken(), np.inf, kept.h))
 
-    def to(self, goal: Goal, starts: IntArray) -> Bounds:
+    def to(self, goal: Goal, starts: IntArray) -> GoalBounds:
         """Bounds from some nodes with the points that are taken now; kept."""
         bounds = self._worked_out(self.table, goal, starts, self._taken())
         self._kept[goal.key] = bounds
@@ -102,7 +102,7 @@ class LowerBounds:
 
     def _worked_out(
         self, table: NodeTable, goal: Goal, starts: IntArray, taken: BoolArray
-    ) -> Bounds:
+    ) -> GoalBounds:
         """Bounds from some nodes where walks do not enter some that are taken."""
         cost, goals = goal.cost, self._goals(goal)
         if cost.base_weight:
@@ -114,16 +114,16 @@ class LowerBounds:
             exact = steps >= 0
             h = cost.step_weight * np.where(exact, steps, least)
             h[taken] = np.inf
-        return Bounds(cost, h, exact, frozenset(self.graph.occupied))
+        return GoalBounds(cost, h, exact, frozenset(self.graph.occupied))
 
-    def by_distance(self, search: Search) -> Bounds:
+    def by_distance(self, search: SearchQuery) -> GoalBounds:
         """Those that the name of a heuristic tells, from the distance to the goal alone."""
         distance = distances(self.table.base_position, search.goal.target)
         h = search.estimate(distance, self.graph.max_step)
         h = np.where(self._goals(search.goal), 0.0, np.maximum(h, LEAST))
         h[self._taken()] = np.inf
         none = np.zeros(len(h), dtype=np.bool_)
-        return Bounds(search.goal.cost, h, none, frozenset(self.graph.occupied))
+        return GoalBounds(search.goal.cost, h, none, frozenset(self.graph.occupied))
 
     def connected(self, goal: Goal, start: State) -> bool:
         """Whether a goal may be reached from a state, whatever steps and obstacles there are."""

@@ -24,8 +24,8 @@ from mlivr_gym.planners.query import (
     MOST_EXPANSIONS,
     QUERY,
     Goal,
-    Search,
     SearchOptions,
+    SearchQuery,
 )
 from mlivr_gym.planners.refinement import refined
 from mlivr_gym.planners.searches import Algorithm1Searcher, GraphSearcher, Searcher
@@ -175,7 +175,7 @@ class Planner:
         """
         target = Goal.checked(self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
         options = SearchOptions(method, heuristic, inflation, limit, progress, time_limit)
-        search, clock = Search.checked(self.graph, target, options), _Clock()
+        search, clock = SearchQuery.checked(self.graph, target, options), _Clock()
         self.graph.indices(start.stance if isinstance(start, State) else start)
         try:
             first = self._first(start, start_pose, start_joints)
@@ -265,7 +265,9 @@ class Planner:
             f"{self.graph.ids(after.stance)}, although its parts were shown to be free"
         )
 
-    def _not_found(self, path: Path, search: Search, first: State, clock: _Clock) -> PlanningResult:
+    def _not_found(
+        self, path: Path, search: SearchQuery, first: State, clock: _Clock
+    ) -> PlanningResult:
         """The result of a search that ended without reaching the goal."""
         reason = "limit reached" if path.status == LIMIT else "search exhausted"
         start, goal = self.graph.ids(first.stance), search.goal.target.tolist()

@@ -18,7 +18,7 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
-from mlivr_gym.schema import NAME, Anything, Choice, Maybe, Place, Tuples, Whole
+from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Maybe, Tuples, Whole
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GOAL, STANCE
@@ -110,7 +110,7 @@ class Goal:
         target, on_face = graph.grasp_map.check_goal(goal), None
         if face is not None:
             faces = graph.grasp_map.faces
-            Choice(tuple(sorted(set(faces)))).read(face, Place("goal_face", SettingError))
+            Choice(tuple(sorted(set(faces)))).read(face, FieldPath("goal_face", SettingError))
             on_face = np.array([name == face for name in faces])
         return cls(target, tolerance, priced, face, on_face)
 
@@ -138,7 +138,7 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class Search:
+class SearchQuery:
     """A query of a search: the goal, and how to look for it.
 
     Attributes:
@@ -164,7 +164,7 @@ class Search:
     began: float = field(default_factory=time.perf_counter)
 
     @classmethod
-    def checked(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> Search:
+    def checked(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> SearchQuery:
         """A search from the options of a user, with the defaults of method and robot.
 
         Raises:

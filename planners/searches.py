@@ -11,7 +11,7 @@ from mlivr_gym.planners.building import finished
 from mlivr_gym.planners.lazy_search import lazy_search
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import LIMIT, Path, chain_to, tree_of
-from mlivr_gym.planners.query import Search
+from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.table_search import search_table
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_files import node_table
@@ -23,7 +23,7 @@ from mlivr_gym.transitions.state import State
 class Searcher(Protocol):
     """A search over one stance graph."""
 
-    def find(self, search: Search, first: State) -> Path | None:
+    def find(self, search: SearchQuery, first: State) -> Path | None:
         """Search from a state; None if the goal is not connected with it by any moves."""
 
 
@@ -47,7 +47,7 @@ class GraphSearcher:
             self._bounds = LowerBounds(self.graph)
         return self._bounds
 
-    def find(self, search: Search, first: State) -> Path | None:
+    def find(self, search: SearchQuery, first: State) -> Path | None:
         """See `Searcher.find`."""
         graph = self.graph
         if isinstance(graph, LazyGraph) and not self._ready(graph, search):
@@ -58,7 +58,7 @@ class GraphSearcher:
         assert isinstance(graph, LazyGraph)
         return lazy_search(graph, first, search)
 
-    def _ready(self, graph: LazyGraph, search: Search) -> bool:
+    def _ready(self, graph: LazyGraph, search: SearchQuery) -> bool:
         """Whether what is worked out once for the graph is there before the time is over."""
         key = key_of(graph)
         if search.guided:
@@ -78,7 +78,7 @@ class Algorithm1Searcher:
         """Search `graph`."""
         self.graph = graph
 
-    def find(self, search: Search, first: State) -> Path | None:
+    def find(self, search: SearchQuery, first: State) -> Path | None:
         """See `Searcher.find`."""
         found = algorithm1(
             self.graph,

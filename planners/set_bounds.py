@@ -31,7 +31,7 @@ class SetBounds:
         there = goal.held(points)
         there[there] = graph.solver.in_reach(points[there], goal.target, goal.tolerance)
         self.moves: NDArray[np.int16] = np.where(there, 0, -1).astype(np.int16)
-        fewest_moves(sets.rests, self.moves, np.zeros(sets.rest_count, dtype=np.bool_))
+        fewest_moves(sets.supports, self.moves, np.zeros(sets.support_count, dtype=np.bool_))
 
     def steps(self, stances: IntArray) -> Array:
         """Lower bounds of the steps from stances, (k, N) -> (k,); infinite for what is no node."""
@@ -42,11 +42,11 @@ class SetBounds:
 
 
 @entry
-def fewest_moves(rests: NDArray[np.int32], moves: NDArray[np.int16], reached: BoolArray) -> None:
+def fewest_moves(supports: NDArray[np.int32], moves: NDArray[np.int16], reached: BoolArray) -> None:
     """Fewest moves from n sets to those of which `moves` is 0, by breadth.
 
     Args:
-        rests: Rests of each set, shape (n, N): sets with one in common are a move apart.
+        supports: Supports of each set, shape (n, N): sets with one in common are a move apart.
         moves: 0 for the goals, -1 for others, where it is filled; shape (n,).
         reached: Room for each rest, all False.
     """
@@ -54,12 +54,12 @@ def fewest_moves(rests: NDArray[np.int32], moves: NDArray[np.int16], reached: Bo
     while new:
         for s in range(len(moves)):
             if moves[s] == count:
-                for i in range(rests.shape[1]):
-                    reached[rests[s, i]] = True
+                for i in range(supports.shape[1]):
+                    reached[supports[s, i]] = True
         count, new = count + 1, False
         for s in range(len(moves)):
             if moves[s] < 0:
-                for i in range(rests.shape[1]):
-                    if reached[rests[s, i]]:
+                for i in range(supports.shape[1]):
+                    if reached[supports[s, i]]:
                         moves[s], new = count, True
                         break

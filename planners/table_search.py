@@ -22,32 +22,32 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_masks import packed, unpacked
 from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.planners.backward_search import LEAST
+from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.costs import Cost, weights_of
-from mlivr_gym.planners.known_steps import KnownSteps
 from mlivr_gym.planners.label_search import (
+    CAPACITY,
     NO_LABEL,
     PAUSED,
-    ROOM,
-    Manner,
     NodeOrigins,
     NodeWalk,
+    SearchParameters,
     cheapest_walk,
 )
-from mlivr_gym.planners.lower_bounds import Bounds, LowerBounds
-from mlivr_gym.planners.node_world import Walk
+from mlivr_gym.planners.lazy_table import StatePath
+from mlivr_gym.planners.lower_bounds import GoalBounds, LowerBounds
 from mlivr_gym.planners.outcome import EXHAUSTED, FOUND, LIMIT, Improvement, Path
-from mlivr_gym.planners.query import Search
-from mlivr_gym.postures.turns import turned
-from mlivr_gym.stances.node_pairs import ends_of
+from mlivr_gym.planners.query import SearchQuery
+from mlivr_gym.postures.turns import permuted_limbs
+from mlivr_gym.stances.node_pairs import edge_ends
 from mlivr_gym.transitions.state import State
 
 
-class Round(NamedTuple):
+class SearchStage(NamedTuple):
     """How the walks of one round are looked for."""
 
-    manner: Manner
+    parameters: SearchParameters
     """How each is."""
-    bounds: bool = False
+    admissible: bool = False
     """Whether edges keep what they may at most, so that no plan costs less than the walk."""
     confirms: bool = False
     """Whether it follows only where the round before came to an end without a walk."""
@@ -56,19 +56,31 @@ class Round(NamedTuple):
 SOONER = 1.0 / 1.3, 8
 """Weight of the cost so far, and most labels of a node, of a search for a first walk."""
 
-FIRST, AT_ONCE = Round(Manner(*SOONER)), Round(Manner(*SOONER, 100_000))
+FIRST, AT_ONCE = (
+    SearchStage(SearchParameters(*SOONER)),
+    SearchStage(SearchParameters(*SOONER, 100_000)),
+)
 """What finds a first walk; and the same where there is another way to look for one."""
 
-ROUNDS = FIRST, Round(Manner(1.0 / 1.1, 8)), Round(Manner(), bounds=True), Round(Manner())
+STAGES = (
+    FIRST,
+    SearchStage(SearchParameters(1.0 / 1.1, 8)),
+    SearchStage(SearchParameters(), admissible=True),
+    SearchStage(SearchParameters()),
+)
 """One round after the other."""
 
-TRAPPED = Round(Manner(0.5, limit=300, lazy=True), bounds=True)
+TRAPPED = SearchStage(SearchParameters(0.5, max_expansions=300, lazy=True), admissible=True)
 """What finds out soon that few states can be reached."""
 
-SHUT_IN = Round(Manner(0.5, limit=300, lazy=True, equal=True), bounds=True, confirms=True)
+ENCLOSED = SearchStage(
+    SearchParameters(0.5, max_expansions=300, lazy=True, equal_only=True),
+    admissible=True,
+    confirms=True,
+)
 """What comes to all of them, and so proves it."""
 
-BLOCKED = TRAPPED, SHUT_IN, Round(Manner(0.5, 8)), *ROUNDS
+BLOCKED = TRAPPED, ENCLOSED, SearchStage(SearchParameters(0.5, 8)), *STAGES
 """The rounds among obstacles."""
 
 ABOUT = 200
@@ -85,12 +97,12 @@ SAME = 1e-9
 """A walk whose cost is less by no more than this share is no better."""
 
 
-def search_table(bounds: LowerBounds, search: Search, start: State) -> Path | None:
+def search_table(bounds: LowerBounds, search: SearchQuery, start: State) -> Path | None:
     """Search from a state over the table of a graph.
 
     Args:
         bounds: Lower bounds on the graph.
-        search: What to look for, and how.
+        search: What to look for, and stage.
         start: Where to start.
 
     Returns:
@@ -131,31 +143,31 @@ class _TableSearch:
         backward: Nodes whose exact cost-to-go was worked out.
     """
 
-    def __init__(self, bounds: LowerBounds, search: Search, start: State) -> None:
+    def __init__(self, bounds: LowerBounds, search: SearchQuery, start: State) -> None:
         self.graph, self.goal, self.search = bounds.graph, search.goal, search
         self._bounds, self._world = bounds, bounds.world
         self.low, self.found = 0.0, False
         self.expanded = self.generated = self.backward = self._explored = 0
         self._end = PAUSED
         self._labels = bounds.labels
-        self._nothing = KnownSteps.none(len(bounds.table.points))
+        self._nothing = CheckedEdges.none(len(bounds.table.points))
         position = self.graph.posture_of(start).base_position
         self.arrived = bool(self.goal.reached(position[0], start.stance))
-        self._begun: list[Walk] = []
-        self._begin(Walk((start,), position))
+        self._origin_paths: list[StatePath] = []
+        self._set_origins(StatePath((start,), position))
 
-    def _begin(self, start: Walk) -> None:
+    def _set_origins(self, start: StatePath) -> None:
         """Note ways to the nodes at which walks may begin, these, and the turns that lead there."""
         state, here = start.states[0], start.positions[0]
         states, costs = [state], np.zeros(1)
-        self._begun = [start]
+        self._origin_paths = [start]
         if state.pose is not None:
             # The steps that leave a given pose are edges of no table.
             steps = self.graph.successors(state)
             states = [steps.after(state, k) for k in range(len(steps.limb))]
             places = steps.base_in_world
-            self._begun = [
-                Walk((state, after), np.stack([here, place]))
+            self._origin_paths = [
+                StatePath((state, after), np.stack([here, place]))
                 for after, place in zip(states, places, strict=True)
             ]
             shift = np.linalg.norm(places - here, axis=1)
@@ -164,9 +176,9 @@ class _TableSearch:
         masks = np.array([s.masks for s in states], dtype=np.int64)
         rows, self._turns = self._world.table.find(stances.reshape(-1, self.graph.limbs))
         masks = masks.reshape(-1, self.graph.limbs)
-        self._origins = NodeOrigins(rows, packed(turned(masks, self._turns)), costs)
+        self._origins = NodeOrigins(rows, packed(permuted_limbs(masks, self._turns)), costs)
 
-    def _guides(self) -> Iterator[tuple[Bounds, tuple[Round, ...]]]:
+    def _guides(self) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
         """Lower bounds, and the rounds of searches that they serve.
 
         What is known from plans before comes first; as long as there is no walk then the fewest
@@ -174,10 +186,14 @@ class _TableSearch:
         """
         search, goal, starts = self.search, self.goal, self._origins.nodes
         world = self._world
-        rounds: tuple[Round, ...] = ROUNDS
-        first: tuple[Round, ...] = (FIRST,)
+        rounds: tuple[SearchStage, ...] = STAGES
+        first: tuple[SearchStage, ...] = (FIRST,)
         if world.exact:
-            rounds = (Round(Manner(search.g_weight, lazy=not world.complete), bounds=True),)
+            rounds = (
+                SearchStage(
+                    SearchParameters(search.g_weight, lazy=not world.complete), admissible=True
+                ),
+            )
             if search.heuristic != "cost_to_go":
                 yield self._bounds.by_distance(search), rounds
                 return
@@ -200,20 +216,20 @@ class _TableSearch:
             self.backward += int(new.exact.sum())
             yield new, rounds
 
-    def _learning(self, guide: Bounds) -> Iterator[tuple[Bounds, tuple[Round, ...]]]:
+    def _learning(self, guide: GoalBounds) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
         """Bounds that come closer to the cost as more edges turn out to be none."""
         search, patience = self.search, PATIENCE
         while True:
-            manner = Manner(search.g_weight, limit=patience, lazy=True)
-            yield guide, (Round(manner, bounds=True),)
+            parameters = SearchParameters(search.g_weight, max_expansions=patience, lazy=True)
+            yield guide, (SearchStage(parameters, admissible=True),)
             late = time.perf_counter() >= search.until
             if late or self.low == np.inf or self.expanded >= search.limit:
                 return
-            if self._begun[0].states[0].pose is None:
+            if self._origin_paths[0].states[0].pose is None:
                 guide = self._backward(guide, BACKWARD * patience)
             patience *= 4
 
-    def _backward(self, guide: Bounds, limit: int) -> Bounds:
+    def _backward(self, guide: GoalBounds, limit: int) -> GoalBounds:
         """Closer bounds, from a search backward from the goal that checks its edges.
 
         An edge of two limbs keeps the same there and back, so that search is the same one. Where it
@@ -228,7 +244,7 @@ class _TableSearch:
         origins = NodeOrigins(nodes, world.table.masks[nodes], np.zeros(len(nodes)))
         steps = world.table, world.known, weights_of(goal.cost)
         found = cheapest_walk(
-            steps, toward, origins, self._labels, Manner(limit=limit, lazy=True),
+            steps, toward, origins, self._labels, SearchParameters(max_expansions=limit, lazy=True),
             until=self.search.until, check=world.masks_after,
         )  # fmt: skip
         self.backward, self._explored = self.backward + found.expanded, 0
@@ -239,7 +255,7 @@ class _TableSearch:
         closer[nodes] = 0.0
         return guide._replace(h=closer)
 
-    def walks(self) -> Iterator[Walk]:
+    def walks(self) -> Iterator[StatePath]:
         """Walks to the goal, each cheaper than the last, as long as more are found."""
         if not len(self._origins.nodes):
             self.low = np.inf
@@ -255,7 +271,7 @@ class _TableSearch:
                 if self.low >= below * (1.0 - SAME):
                     return
 
-    def _look_at(self, guide: Bounds) -> None:
+    def _look_at(self, guide: GoalBounds) -> None:
         """Note what no plan costs less than."""
         if self.search.heuristic == "paper":
             return
@@ -264,39 +280,42 @@ class _TableSearch:
         if guide.cost == self.goal.cost or least == np.inf:
             self.low = max(self.low, least)
 
-    def _next(self, guide: Bounds, how: Round, below: float) -> Walk | None:
+    def _next(self, guide: GoalBounds, stage: SearchStage, below: float) -> StatePath | None:
         """A walk that costs less than the last; None if a round finds none."""
         most, world, search = below * (1.0 - SAME), self._world, self.search
-        if how.confirms and self._end != NO_LABEL:
+        parameters = stage.parameters
+        if stage.confirms and self._end != NO_LABEL:
             return None
         while time.perf_counter() < search.until and self.low < most:
-            room = min(how.manner.limit, search.limit - self.expanded)
-            known = self._nothing if how.bounds and not world.exact else world.known
+            limit = min(parameters.max_expansions, search.limit - self.expanded)
+            known = self._nothing if stage.admissible and not world.exact else world.known
             found = cheapest_walk(
                 (world.table, known, weights_of(guide.cost)), guide.h, self._origins, self._labels,
-                how.manner._replace(limit=room), below=most, until=search.until,
+                parameters._replace(max_expansions=limit), below=most, until=search.until,
                 check=world.masks_after,
             )  # fmt: skip
             walk = found.walk
             self._end = found.end if walk is None else PAUSED
             self.expanded, self._explored = self.expanded + found.expanded, found.expanded
             self.generated += self._labels.used
-            over = walk is None and found.end == NO_LABEL and how.manner.most == ROOM
-            over &= world.exact or how.manner.equal or not how.manner.lazy
-            if how.bounds and (over or how.manner.g == 1.0) and search.heuristic != "paper":
+            over = walk is None and found.end == NO_LABEL
+            over &= parameters.labels_per_node == CAPACITY
+            over &= world.exact or parameters.equal_only or not parameters.lazy
+            proves = stage.admissible and (over or parameters.cost_weight == 1.0)
+            if proves and search.heuristic != "paper":
                 self.low = max(self.low, found.low)
             if walk is None:
                 return None
-            states: Walk | None = None
+            states: StatePath | None = None
             masks: NDArray[np.uint64] | None = walk.masks
-            if not (world.complete or how.manner.lazy):
-                if world.look_at(walk.nodes):
-                    self._look_about(walk.nodes)
+            if not (world.complete or parameters.lazy):
+                if world.check_nodes(walk.nodes):
+                    self._check_nodes_about(walk.nodes)
                     continue
                 world.check(walk.bits)
                 masks = self._masks_along(walk)
             if masks is not None:
-                begun, turn = self._begun[walk.origin], int(self._turns[walk.origin])
+                begun, turn = self._origin_paths[walk.origin], int(self._turns[walk.origin])
                 states = world.walk(begun, turn, walk._replace(masks=masks))
             if states is not None:
                 if not self.goal.reached(states.positions[-1], states.states[-1].stance):
@@ -304,18 +323,18 @@ class _TableSearch:
                     guide.h[walk.nodes[-1]] = LEAST
                     continue
                 return states if self.cost(states) < most else None
-            if how.bounds and not world.exact:
+            if stage.admissible and not world.exact:
                 return None
         return None
 
-    def _look_about(self, nodes: IntArray) -> None:
+    def _check_nodes_about(self, nodes: IntArray) -> None:
         """Look at nodes that were reached about those of a walk which touches something."""
         table, free = self._world.table, self._bounds.table
         reached = self._labels.waiting.node[: self._labels.used].astype(np.int64)
         for node in nodes[table.masks[nodes] != free.masks[nodes]].tolist():
-            self._world.look_at(reached, ABOUT, table.base_position[node])
+            self._world.check_nodes(reached, ABOUT, table.base_position[node])
 
-    def cost(self, walk: Walk) -> float:
+    def cost(self, walk: StatePath) -> float:
         """What a walk costs."""
         cost, spent = self.goal.cost, 0.0
         for shift in np.linalg.norm(np.diff(walk.positions, axis=0), axis=1).tolist():
@@ -336,7 +355,7 @@ class _TableSearch:
             The masks, see `limb_masks`, shape (k + 1,); None if a limb keeps no branch.
         """
         table, limbs = self._world.table, self.graph.limbs
-        (before, i), (after, j), _ = ends_of(table, walk.bits)
+        (before, i), (after, j), _ = edge_ends(table, walk.bits)
         kept = unpacked(self._world.known.of(walk.bits), limbs - 1)
         leaves, grasps = (unpacked(table.released[rows], limbs) for rows in (before, after))
         masks = [unpacked(walk.masks[:1], limbs)[0]]
@@ -356,6 +375,6 @@ class _TableSearch:
         before = after.copy()
         before[link >= 0] = base[labels.waiting.node[link[link >= 0]]]
         for k in np.flatnonzero(link < 0).tolist():
-            before[k] = self._begun[-1 - int(link[k])].positions[0]
+            before[k] = self._origin_paths[-1 - int(link[k])].positions[0]
         ends: Array = np.stack([before, after], axis=1)
         return np.asarray(ends[(link >= 0) | np.any(before != after, axis=1)])

@@ -14,7 +14,7 @@ import numpy as np
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.outcome import FOUND
-from mlivr_gym.planners.query import Goal, Search, SearchOptions
+from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
@@ -117,7 +117,7 @@ def _leads(
     except StanceError:
         return False
     steps = replace(goal, cost=Cost.named("steps"))
-    search = Search.checked(other, steps, SearchOptions(limit=limit))
+    search = SearchQuery.checked(other, steps, SearchOptions(limit=limit))
     # What is worked out once for a graph would be asked for this once.
     path = GraphSearcher(other, work_out=False).find(search, start)
     return path is not None and path.status == FOUND

@@ -1,6 +1,6 @@
 import numpy as np
 
-from mlivr_gym.errors import shown
+from mlivr_gym.errors import shortened
 
 
 def test_any_value_is_shown_in_brief():
@@ -16,5 +16,5 @@ def test_any_value_is_shown_in_brief():
         {k: k for k in range(1000)},
         np.zeros((9, 9)),
     ):
-        assert len(shown(value)) < 300
-        assert shown(value).isprintable()
+        assert len(shortened(value)) < 300
+        assert shortened(value).isprintable()

@@ -21,7 +21,7 @@ from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation, RecordVideo
-from mlivr_gym.errors import MlivrError, shown
+from mlivr_gym.errors import MlivrError, shortened
 from mlivr_gym.fastest import fastest_plan, step_seconds
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.clocks import Durations
@@ -231,7 +231,7 @@ def test_an_argument_is_taken_or_refused_in_one_line(things, title):
                 refused += answer(call, name, ALSO.get(name, ())) is not None
             except (Exception, AssertionError) as error:
                 told = f"{type(error).__name__} {str(error)[:200]!r}"
-                wrong.append(f"{name} = {shown(value)}: {told}")
+                wrong.append(f"{name} = {shortened(value)}: {told}")
     assert not wrong, "\n".join([str(len(wrong)), *wrong])
     assert refused > 20 * len(names_of(function))
 

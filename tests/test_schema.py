@@ -10,21 +10,21 @@ from mlivr_gym.schema import (
     NAME,
     Anything,
     Choice,
+    FieldPath,
     Fields,
     Flag,
     Listed,
     Maybe,
     Numbers,
-    Place,
-    Record,
     Rotation,
+    Struct,
     Text,
     Tuples,
     Whole,
     are_rotations,
 )
 
-HERE = Place("walk", SettingError)
+HERE = FieldPath("walk", SettingError)
 
 
 def refusal(kind, value, place=HERE):
@@ -120,9 +120,11 @@ def test_fields_are_read_and_the_faulty_one_is_named_by_its_path():
     told = refusal(FIELDS, {"id": "R", "ends": [[0, 0, 0], [0, "x", 0]]})
     assert told.startswith("walk.ends[1] is [0, 'x', 0]")
     assert refusal(FIELDS, {"id": "R"}) == "walk.ends is missing"
-    assert refusal(FIELDS, {"id": "R"}, Place("", SettingError)) == "ends is missing"
+    assert refusal(FIELDS, {"id": "R"}, FieldPath("", SettingError)) == "ends is missing"
     assert refusal(FIELDS, 3) == "walk is 3; it must be an object with id, ends, note, width"
-    assert refusal(FIELDS, [], Place("", SettingError)).startswith("the data is []; it must be an")
+    assert refusal(FIELDS, [], FieldPath("", SettingError)).startswith(
+        "the data is []; it must be an"
+    )
 
 
 def test_an_unknown_field_is_refused_with_the_nearest_known_name():
@@ -143,12 +145,12 @@ class Rail:
     name: str = ""
 
     def __post_init__(self):
-        RAIL.check(self, Place("rail", ShapeError))
+        RAIL.check(self, FieldPath("rail", ShapeError))
         if self.width > 1.0:
             raise ShapeError("too wide")
 
 
-RAIL = Record(Rail, {"id": NAME, "width": Tuples()})
+RAIL = Struct(Rail, {"id": NAME, "width": Tuples()})
 
 
 def test_a_record_is_made_of_its_fields_and_checks_itself():
@@ -158,7 +160,7 @@ def test_a_record_is_made_of_its_fields_and_checks_itself():
     assert RAIL.read(made, HERE) is made
     assert refusal(RAIL, {"id": "R", "width": "x"}).startswith("walk.width is 'x'")
     assert refusal(RAIL, {"id": "R", "width": 2}) == "walk: too wide"
-    assert refusal(RAIL, {"id": "R", "width": 2}, Place("", SettingError)) == "too wide"
+    assert refusal(RAIL, {"id": "R", "width": 2}, FieldPath("", SettingError)) == "too wide"
     assert refusal(RAIL, {"width": 1}) == "walk.id is missing"
     assert "unknown field 'name'" in refusal(RAIL, {"id": "R", "name": "x"})
     with pytest.raises(ShapeError, match=r"^rail\.width is None"):
@@ -167,12 +169,12 @@ def test_a_record_is_made_of_its_fields_and_checks_itself():
 
 
 def test_a_complete_record_has_no_defaults():
-    whole = Record(Rail, RAIL.kinds, complete=True)
+    whole = Struct(Rail, RAIL.kinds, complete=True)
     assert refusal(whole, {"id": "R"}) == "walk.width is missing"
     assert whole.read({"id": "R", "width": 0.2}, HERE) == Rail("R", 0.2)
 
 
 def test_errors_are_of_the_type_that_is_asked_for():
     with pytest.raises(ShapeError):
-        NAME.read(3, Place("walk", ShapeError))
+        NAME.read(3, FieldPath("walk", ShapeError))
     assert issubclass(ShapeError, MlivrError)

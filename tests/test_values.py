@@ -1,6 +1,6 @@
 import pytest
 
-from mlivr_gym.errors import MlivrError, shown
+from mlivr_gym.errors import MlivrError, shortened
 from mlivr_gym.values import LONGEST, numbers, unique
 
 NO_NUMBERS = [
@@ -9,7 +9,7 @@ NO_NUMBERS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("value", NO_NUMBERS, ids=lambda value: shown(value)[:20])
+@pytest.mark.parametrize("value", NO_NUMBERS, ids=lambda value: shortened(value)[:20])
 def test_what_is_no_number_is_refused_by_name(value):
     with pytest.raises(MlivrError, match=r"^width "):
         numbers(value, (), "width", MlivrError)

@@ -12,7 +12,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.paper import default_setup
 from mlivr_gym.robot.specification import robot_spec
-from mlivr_gym.schema import Place, Whole
+from mlivr_gym.schema import FieldPath, Whole
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -274,7 +274,7 @@ def check_counts(args: argparse.Namespace) -> None:
     ):
         value = getattr(args, name, None)
         if value is not None:
-            Whole(least, most).read(value, Place(f"--{name}", SettingError))
+            Whole(least, most).read(value, FieldPath(f"--{name}", SettingError))
 
 
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:

@@ -9,8 +9,14 @@ from datetime import datetime
 from mlivr_gym.cli.arguments import Add, command, option
 from mlivr_gym.cli.outputs import UNITS, file_size
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
-from mlivr_gym.compiled.kept import MACHINE_CODE, Kept, kept, remove, too_much
-from mlivr_gym.errors import SettingError, shown
+from mlivr_gym.compiled.cached_files import (
+    MACHINE_CODE,
+    CachedFile,
+    cached_files,
+    least_recently_used,
+    remove,
+)
+from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.files import FileError
 
 
@@ -30,11 +36,11 @@ def add_command(add: Add) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """List what is kept, or remove some of it."""
-    files = kept()
+    files = cached_files()
     if args.clear or args.limit:
-        gone = files if args.clear else too_much(files, _bytes(args.limit))
+        gone = files if args.clear else least_recently_used(files, _bytes(args.limit))
         faults = remove(gone)
-        files = kept()
+        files = cached_files()
         args.result |= {"removed": len(gone) - len(faults)}
         if faults:
             raise FileError(f"cannot remove {faults[0].filename!r}: {faults[0].strerror}")
@@ -52,11 +58,11 @@ def run(args: argparse.Namespace) -> None:
         print(_line(one))
     if code:
         last, many = max(one.used for one in code), sum(one.size for one in code)
-        print(_line(Kept(kernel_root(), MACHINE_CODE, many, last)))
+        print(_line(CachedFile(kernel_root(), MACHINE_CODE, many, last)))
     print(f"{file_size(size)} in {cache_folder() or kernel_root()}")
 
 
-def _line(one: Kept) -> str:
+def _line(one: CachedFile) -> str:
     when = datetime.fromtimestamp(one.used).strftime("%Y-%m-%d %H:%M")
     return f"{file_size(one.size):>9}  {when}  {one.path.name}  {one.what}"
 
@@ -66,5 +72,5 @@ def _bytes(size: str) -> int:
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kMGT]?B)?", size, re.IGNORECASE)
     units = [unit.lower() for unit in UNITS]
     if match is None:
-        raise SettingError(f"--limit is {shown(size)}; it must be a size such as 500MB or 2GB")
+        raise SettingError(f"--limit is {shortened(size)}; it must be a size such as 500MB or 2GB")
     return int(float(match[1]) * 1000 ** units.index((match[2] or "B").lower()))

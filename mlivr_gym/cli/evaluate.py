@@ -18,7 +18,7 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
 )
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import SettingError, choice, shown
+from mlivr_gym.errors import SettingError, choice, shortened
 from mlivr_gym.extras import need
 
 if TYPE_CHECKING:  # agents and environment import MuJoCo, which loads a GL library
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> None:
         total = episodes if isinstance(episodes, int) else len(episodes)
         with Progress(args.policy, total, args.quiet) as progress:
             results.append(evaluate(env, policy, episodes, args.seed, progress=progress.show))
-    args.result |= {"policy": args.policy} | told_of(results)
+    args.result |= {"policy": args.policy} | summary_of(results)
     _report(args.policy, args.result)
 
 
@@ -85,7 +85,7 @@ def _worlds(args: argparse.Namespace) -> list[tuple[dict[str, Any], Any]]:
     return [({"map": w.map()}, w.tasks) for w in load_test_set() if w.split == args.split]
 
 
-def told_of(results: list[Evaluation]) -> dict[str, Any]:
+def summary_of(results: list[Evaluation]) -> dict[str, Any]:
     """Means over the episodes of all worlds, as `--json` tells them.
 
     Steps and base translation [m] are those of the episodes that reach the goal, and None if none
@@ -140,7 +140,7 @@ def make_acting(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None
     checkpoint = Path(name).name and os.path.isfile(Path(name).with_suffix(".pt"))
     if name != "pretrained" and not checkpoint:
         raise SettingError(
-            f"policy is {shown(name)}; it must be pretrained, a checkpoint, or "
+            f"policy is {shortened(name)}; it must be pretrained, a checkpoint, or "
             f"{', '.join(PLANNERS)}"
         )
     need("torch", "stable_baselines3", "sb3_contrib", extra="agents")

@@ -28,7 +28,7 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> None:
     """Describe map, robot, settings and stance graph."""
     with Progress("making the stance graph", quiet=args.quiet):
-        told = told_of(chosen_graph(args))
+        told = summary_of(chosen_graph(args))
     args.result |= told
     for part, found in told.items():
         print(f"{part.replace('_', ' ')}:")
@@ -45,7 +45,7 @@ def _words(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def told_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
+def summary_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
     """A stance graph as it is told: lengths in metres, ranges as the least and the largest."""
     grasp_map, robot = graph.grasp_map, graph.robot
     return {

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> None:
             before, plan = plan.base_translation, Planner(graph).refined(plan)
         saved = 100.0 * (1.0 - plan.base_translation / before)
         print(f"refined: {plan.base_translation:.3f} m, {saved:.1f} % less translation")
-    args.result |= told_of(plan) | {"files": [f for f in (args.out, *pictures) if f]}
+    args.result |= summary_of(plan) | {"files": [f for f in (args.out, *pictures) if f]}
     if args.out:
         plan.save(args.out)
         print(f"plan: {args.out}")
@@ -64,11 +64,11 @@ def run(args: argparse.Namespace) -> None:
         print(f"picture: {pictures[0]}, {pictures[1]}")
 
 
-TOLD_OF_STEP = ("limb", "from_point", "to_point", "displacement", "path", "swing")
+STEP_SUMMARY = ("limb", "from_point", "to_point", "displacement", "path", "swing")
 """What `--json` tells of a step."""
 
 
-def told_of(plan: Plan) -> dict[str, Any]:
+def summary_of(plan: Plan) -> dict[str, Any]:
     """A plan as `--json` tells it: lengths in metres, times in seconds."""
     spent = plan.statistics
     return {
@@ -81,7 +81,7 @@ def told_of(plan: Plan) -> dict[str, Any]:
         "base_translation": plan.base_translation,
         "w_m_min": plan.w_m_min,
         "w_b_min": plan.w_b_min,
-        "steps": [{name: getattr(step, name) for name in TOLD_OF_STEP} for step in plan.steps],
+        "steps": [{name: getattr(step, name) for name in STEP_SUMMARY} for step in plan.steps],
         "bound": spent.bound,
         "expanded": spent.expanded,
         "generated": spent.generated,

@@ -30,7 +30,7 @@ from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Place
+from mlivr_gym.schema import FieldPath
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -91,7 +91,7 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError("--stance needs --plan: it chooses among the stances of a plan")
     if args.plan:
         refuse_ignored(args, "plan", ("map", "start"))
-    SIZE.read(args.size, Place("--size", SettingError))
+    SIZE.read(args.size, FieldPath("--size", SettingError))
 
 
 def _of_plan(plan: Plan, stance: int | None) -> list[Shot]:

@@ -39,7 +39,7 @@ from mlivr_gym.pictures.film import (
 from mlivr_gym.pictures.rendering import SIZE
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan
-from mlivr_gym.schema import Maybe, Place, Tuples
+from mlivr_gym.schema import FieldPath, Maybe, Tuples
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -159,7 +159,7 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
 
 def _setup(args: argparse.Namespace) -> Setup:
     """How the plan is carried out."""
-    RATES.read(args.rate, Place("--rate", SettingError))
+    RATES.read(args.rate, FieldPath("--rate", SettingError))
     from mlivr_gym.motion.clocks import Durations
     from mlivr_gym.simulation.limits import PACES
     from mlivr_gym.simulation.setup import Setup
@@ -180,8 +180,8 @@ def _setup(args: argparse.Namespace) -> Setup:
 
 def _check_film(args: argparse.Namespace) -> None:
     """Refuse a film that cannot be rendered or written."""
-    SIZE.read(args.size, Place("--size", SettingError))
-    Maybe(SPEED).read(args.speed, Place("--speed", SettingError))
+    SIZE.read(args.size, FieldPath("--size", SettingError))
+    Maybe(SPEED).read(args.speed, FieldPath("--speed", SettingError))
     if args.no_film:
         refuse_without_effect(args, "with --no-film", "film", "size", "speed")
     else:

@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     claim(*(out / name for name in FILES), folder=out)
     with Progress("cases planned", len(CASES) * len(MODES), args.quiet) as progress:
         plans, data = run_cases(out, progress.show)
-    print(told(data))
+    print(report(data))
     plan = plans[3]
     ends = {"start": 0, "goal": len(plan.stances) - 1}
     pictures = {out / f"scene_{name}.png": shots_of(plan, [k]) for name, k in ends.items()}
@@ -105,7 +105,7 @@ def impossible(data: dict[str, Any]) -> list[str]:
     ]
 
 
-def told(data: dict[str, Any]) -> str:
+def report(data: dict[str, Any]) -> str:
     """Steps, base translation and states explored of each case, in as many columns as modes."""
     rows = [["case", *(mode["title"] for mode in data["modes"].values())]]
     for case in map(str, CASES):

@@ -24,7 +24,7 @@ from mlivr_gym.errors import NoPlanError, PlanError, SettingError
 from mlivr_gym.extras import need
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
-from mlivr_gym.schema import Place, Whole
+from mlivr_gym.schema import FieldPath, Whole
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -90,7 +90,7 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError("--out takes one plan; two are compared on the page that is served")
     if args.plan or args.execution:
         refuse_ignored(args, "plan" if args.plan else "execution", ("map",))
-    Whole(0, 65535).read(args.port, Place("--port", SettingError))
+    Whole(0, 65535).read(args.port, FieldPath("--port", SettingError))
 
 
 def _found(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mlivr_gym.collisions.box_grid import Bounds, BoxGrid, GridBox
+from mlivr_gym.collisions.box_grid import BoundingBox, BoxGrid, GridBox
 from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, box_answer
-from mlivr_gym.collisions.limb_shapes import Limb, Robot
-from mlivr_gym.collisions.placing import Shapes, axis_of, capsule_axis
+from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
+from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record, Vector
@@ -109,7 +109,7 @@ def reached(axis: tuple[Triple, Triple], reach: float) -> tuple[Triple, Triple]:
 
 
 @kernel
-def inside(low: Triple, high: Triple, bounds: Bounds) -> bool:
+def inside(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
     """Whether an upright box lies strictly inside some bounds."""
     a, b = bounds.low, bounds.high
     strictly: bool = low[0] > a[0] and low[1] > a[1] and low[2] > a[2]
@@ -117,7 +117,7 @@ def inside(low: Triple, high: Triple, bounds: Bounds) -> bool:
 
 
 @kernel
-def overlap(low: Triple, high: Triple, bounds: Bounds) -> bool:
+def overlap(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
     """Whether an upright box meets some bounds."""
     a, b = bounds.low, bounds.high
     meets: bool = low[0] <= b[0] and low[1] <= b[1] and low[2] <= b[2]
@@ -145,7 +145,7 @@ def lies_behind(box: GridBox, behind: Behind) -> bool:
 
 @kernel
 def against_boxes(
-    limb: Limb, shapes: Shapes, todo: int, grid: BoxGrid, clearance: float, behind: Behind
+    limb: LimbModel, shapes: Shapes, todo: int, grid: BoxGrid, clearance: float, behind: Behind
 ) -> tuple[int, int]:
     """Capsules of a limb in the world against the boxes of a grid.
 
@@ -167,7 +167,7 @@ def against_boxes(
 
 @kernel
 def base_against_boxes(
-    robot: Robot,
+    robot: RobotModel,
     base: Pose,
     motion: tuple[float, float],
     grid: BoxGrid,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, box_answer, segments_answer
-from mlivr_gym.collisions.limb_shapes import Limb, Robot
-from mlivr_gym.collisions.placing import Placed, Shapes, axis_of, capsule_axis, seen_from_link
+from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
+from mlivr_gym.collisions.placement import Placed, Shapes, axis_of, capsule_axis, seen_from_link
 from mlivr_gym.compiled.bit_sets import has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.kinematics.poses import minus, vector
@@ -50,7 +50,7 @@ def pair_answer(
 
 @kernel
 def against_itself(
-    limb: Limb, shapes: Shapes, placed: Placed, todo: int, clearance: float
+    limb: LimbModel, shapes: Shapes, placed: Placed, todo: int, clearance: float
 ) -> tuple[int, int]:
     """The capsules of a limb against each other: an answer, and the pairs that are undecided."""
     undecided, ends = 0, shapes.ends
@@ -71,7 +71,7 @@ def against_itself(
 
 @kernel
 def against_body(
-    robot: Robot, limb: Limb, shapes: Shapes, todo: int, clearance: float
+    robot: RobotModel, limb: LimbModel, shapes: Shapes, todo: int, clearance: float
 ) -> tuple[int, int]:
     """A limb in the body frame against the body's box and the capsules fixed to the body.
 
@@ -99,7 +99,7 @@ def against_body(
 
 @kernel
 def limbs_apart(
-    first: Limb, shapes: Shapes, second: Limb, others: Shapes, clearance: float
+    first: LimbModel, shapes: Shapes, second: LimbModel, others: Shapes, clearance: float
 ) -> bool:
     """Whether some plane across an axis of the frame keeps two limbs apart."""
     ends, other = shapes.ends, others.ends
@@ -122,7 +122,7 @@ def limbs_apart(
 
 @kernel
 def against_limb(
-    first: Limb, shapes: Shapes, second: Limb, others: Shapes, todo: int, clearance: float
+    first: LimbModel, shapes: Shapes, second: LimbModel, others: Shapes, todo: int, clearance: float
 ) -> tuple[int, int]:
     """Two limbs in one frame: an answer, and those of the first's capsules that are undecided."""
     undecided = 0

@@ -25,7 +25,7 @@ CAUSES = {"handrail": HANDRAIL, "stanchion": HANDRAIL, "obstacle": OBSTACLE}
 """Cause of a collision with a box of some kind; `CABIN` with all others."""
 
 
-class Bounds(Record):
+class BoundingBox(Record):
     """Two opposite corners of an upright box in the world."""
 
     low: Vector
@@ -37,7 +37,7 @@ class Bounds(Record):
 class GridBox(Record):
     """A box in the world."""
 
-    bounds: Bounds
+    bounds: BoundingBox
     """What it reaches."""
     centre: Vector
     """Its middle [m]."""
@@ -54,9 +54,9 @@ class GridBox(Record):
 class GridFrame(Record):
     """Where the cells of a grid are."""
 
-    core: Bounds
+    core: BoundingBox
     """A large room without boxes; an impossible one if there is none."""
-    hull: Bounds
+    hull: BoundingBox
     """What all boxes reach."""
     origin: Vector
     """Lower corner of the first cell [m]."""
@@ -78,7 +78,7 @@ class BoxGrid(NamedTuple):
     items: IntArray
     """Boxes of each cell, one after the other."""
     filled: Any
-    """What the boxes fill of each cell, rows of `Bounds`, shape (cells,)."""
+    """What the boxes fill of each cell, rows of `BoundingBox`, shape (cells,)."""
 
 
 def box_grid(boxes: Sequence[Box]) -> BoxGrid:
@@ -134,10 +134,10 @@ def _frames(low: Array, high: Array) -> Any:
 
 
 def _filled(low: Array, high: Array, cell: IntArray, owner: IntArray, frame: GridFrame) -> Any:
-    """What the boxes fill of each cell, rows of `Bounds`, shape (cells,)."""
+    """What the boxes fill of each cell, rows of `BoundingBox`, shape (cells,)."""
     origin, edge, dims = frame["origin"], frame["edge"], frame["cells"]
     corner = origin + edge * np.stack(np.unravel_index(cell, tuple(dims)), axis=1)
-    out = Bounds.rows(int(dims.prod()))
+    out = BoundingBox.rows(int(dims.prod()))
     out["low"], out["high"] = np.inf, -np.inf
     # What reaches out of the outermost cells counts as in them.
     last = corner >= origin + edge * (dims - 1) - 1e-9

@@ -13,13 +13,13 @@ import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.against_boxes import FLUSH
+from mlivr_gym.collisions.allowed_collisions import BODY
 from mlivr_gym.collisions.distances import segment_box_distance, segments_distance
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.placing import Placed, place_in_body
-from mlivr_gym.collisions.uncompared import BODY
+from mlivr_gym.collisions.placement import Placed, place_in_body
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Anything, Listed, Place
+from mlivr_gym.schema import Anything, FieldPath, Listed
 from mlivr_gym.values import LONGEST, Triple, numbers, triple
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 
@@ -69,7 +69,7 @@ def checked_configuration(robot: RobotSpec, configuration: Any) -> Configuration
     Raises:
         SettingError: If it is none.
     """
-    parts = Listed(Anything(), 3, 3).read(configuration, Place("configuration", SettingError))
+    parts = Listed(Anything(), 3, 3).read(configuration, FieldPath("configuration", SettingError))
     position, quaternion, joints = parts
     turn = numbers(quaternion, (4,), "base quaternion w, x, y, z", SettingError)
     if not np.any(turn):
@@ -90,7 +90,7 @@ def contacts(
 ) -> list[Contact]:
     """Every pair of shapes that is compared and closer than the clearance, the closest first.
 
-    Pairs that overlap count too. All are compared but those of `uncompared.NOT_COMPARED`. The body
+    Pairs that overlap count too. All are compared but those of `ALLOWED_COLLISIONS`. The body
     is the box that it is; the compiled checks take capsules that contain it where they compare it
     with boxes, `limb_shapes.round_cube`.
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.collisions.uncompared import BODY, not_compared
+from mlivr_gym.collisions.allowed_collisions import BODY, is_allowed
 from mlivr_gym.compiled.records import Record, Rows, Vector
 from mlivr_gym.kinematics.arm import set_arm
 from mlivr_gym.kinematics.limb import MountedArm
@@ -52,7 +52,7 @@ class BodyCapsule(Record):
     """Radius [m]."""
 
 
-class Limb(MountedArm):
+class LimbModel(MountedArm):
     """A limb with its shapes."""
 
     index: int
@@ -74,12 +74,12 @@ class Limb(MountedArm):
     """The first link that can meet each of the robot's mounts."""
 
 
-class Robot(Record):
+class RobotModel(Record):
     """A robot as compiled code reads it."""
 
     limb_count: int
     """Number of limbs N."""
-    limbs: Annotated[Rows[Limb], (MOST_LIMBS,)]
+    limbs: Annotated[Rows[LimbModel], (MOST_LIMBS,)]
     """The limbs."""
     tool_length: float
     """Flange to grasp [m]."""
@@ -106,11 +106,11 @@ class Robot(Record):
 class LimbShapes:
     """Capsules of one limb, the pairs of them that can meet, and what is fixed to the body.
 
-    Pairs that are left out stand in `uncompared.NOT_COMPARED`.
+    Pairs that are left out stand in `ALLOWED_COLLISIONS`.
 
     Attributes:
         names: Link of each capsule that moves, c of them, from the mount on.
-        rows: All this as compiled code reads it, a row of `Robot`, shape (1,).
+        rows: All this as compiled code reads it, a row of `RobotModel`, shape (1,).
         robot: The row.
         limb: The first limb there; in the frames of their links the limbs are equal.
         links: Link of each capsule that moves, shape (c,).
@@ -125,8 +125,8 @@ class LimbShapes:
         capsules = sorted(spec.shapes, key=lambda capsule: LINKS.index(capsule.link))
         moving = [capsule for capsule in capsules if capsule.link != "base"]
         self.names = tuple(capsule.link for capsule in moving)
-        self.rows = Robot.rows(1)
-        self.robot: Robot = self.rows[0]
+        self.rows = RobotModel.rows(1)
+        self.robot: RobotModel = self.rows[0]
         robot = self.robot
         robot["limb_count"] = spec.limbs
         for name in ("tool_length", "lift", "characteristic_length"):
@@ -138,7 +138,7 @@ class LimbShapes:
         self._add_limbs(spec, moving)
         fixed = [capsule for capsule in capsules if capsule.link == "base"]
         self._add_mounts(spec, fixed, capsules)
-        self.limb: Limb = robot["limbs"][0]
+        self.limb: LimbModel = robot["limbs"][0]
         of_limb = self.limb["capsules"][: self.limb["capsule_count"]]
         self.links: IntArray = of_limb["link"]
         self.ends: Array = of_limb["ends"]
@@ -225,8 +225,8 @@ def round_cube(half: float) -> tuple[Array, Array]:
 
 
 def _can_meet(robot: RobotSpec, first: Capsule, second: Capsule) -> bool:
-    """Whether two capsules of a limb, in the order of `LINKS`, are compared, see `uncompared`."""
-    row = not_compared(first.link, second.link)
+    """Whether two capsules of a limb, are compared, see `allowed_collisions`."""
+    row = is_allowed(first.link, second.link)
     if row is None or not row.checked:
         return row is None
     limb, links = robot.limb, (LINKS.index(first.link), min(LINKS.index(second.link), 6))

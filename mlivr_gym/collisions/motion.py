@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.against_boxes import Behind
-from mlivr_gym.collisions.placing import Ends, Placed, Shapes
+from mlivr_gym.collisions.placement import Ends, Placed, Shapes
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Joints, Record, Rows
 from mlivr_gym.kinematics.base_path import BasePath
@@ -44,7 +44,7 @@ class LimbMotion(Record):
     """Joint angles at its end [rad]."""
 
 
-class Motion(Record):
+class SweptMotion(Record):
     """A motion of the base and of one or two limbs, and what the first of them is compared with."""
 
     path: BasePath
@@ -106,7 +106,7 @@ class Resting(Record):
 class Sweep(Record):
     """Room for the check of one motion, and limbs at rest."""
 
-    motion: Motion
+    motion: SweptMotion
     first: Placed
     second: Placed
     base: Pose

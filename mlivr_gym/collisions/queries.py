@@ -14,8 +14,8 @@ from mlivr_gym.collisions.against_boxes import (
 )
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.limb_shapes import Robot
-from mlivr_gym.collisions.placing import Placed, capsule_axis, place, to_world
+from mlivr_gym.collisions.limb_shapes import RobotModel
+from mlivr_gym.collisions.placement import Placed, capsule_axis, place, to_world
 from mlivr_gym.compiled.bit_sets import BRANCHES, below, has_branch, without_branch
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Record
@@ -53,7 +53,7 @@ class PosturesHeld(NamedTuple):
     """Whether branches other than that of the posture count, shape (1,)."""
 
 
-class QueryRoom(Record):
+class QueryScratch(Record):
     """Room for a query."""
 
     placed: Placed
@@ -62,16 +62,16 @@ class QueryRoom(Record):
 
 
 @entry
-def hands_clear(robots: Any, around: Surroundings, rooms: Any, answers: IntArray) -> None:
+def hands_clear(robots: Any, around: Surroundings, scratch_rows: Any, answers: IntArray) -> None:
     """What the capsules on the flange axis touch at each of m points, whatever the posture.
 
-    A row of `Robot` and one of `QueryRoom`, shape (1,); `answers`, shape (m,), are filled.
+    A row of `RobotModel` and one of `QueryScratch`, shape (1,); `answers`, shape (m,), are filled.
     """
-    robot, room = robots[0], rooms[0]
+    robot, scratch = robots[0], scratch_rows[0]
     limb = robot.limbs[0]
     for m in range(len(answers)):
         grasp = around.grasps[m]
-        set_behind(room.behind, vector(grasp.point), vector(grasp.normal))
+        set_behind(scratch.behind, vector(grasp.point), vector(grasp.normal))
         answers[m] = CLEAR
         for c in range(limb.hand, limb.capsule_count):
             capsule = limb.capsules[c]
@@ -86,7 +86,7 @@ def hands_clear(robots: Any, around: Surroundings, rooms: Any, answers: IntArray
                 along(point, robot.tool_length - at_b, normal),
             )
             inner, at_grasp = capsule.radius + around.clearance, c >= limb.gripper
-            found = axis_answer(axis, inner, (0.0, 0.0), around.grid, room.behind, at_grasp)
+            found = axis_answer(axis, inner, (0.0, 0.0), around.grid, scratch.behind, at_grasp)
             if found != CLEAR:
                 answers[m] = found
                 break
@@ -100,18 +100,18 @@ def clear_of_boxes(
     postures: PosturesHeld,
     robots: Any,
     around: Surroundings,
-    rooms: Any,
+    scratch_rows: Any,
 ) -> None:
     """Take the branches that touch a box out of the masks of postures `chosen[start:stop]`.
 
-    A row of `Robot` and one of `QueryRoom`, shape (1,).
+    A row of `RobotModel` and one of `QueryScratch`, shape (1,).
     """
-    robot, room, check = robots[0], rooms[0], postures.others[0]
+    robot, scratch, check = robots[0], scratch_rows[0], postures.others[0]
     for n in range(start, stop):
         k = chosen[n]
         still = (0.0, 0.0)
         found = base_against_boxes(
-            robot, postures.base[k], still, around.grid, around.clearance, room.behind
+            robot, postures.base[k], still, around.grid, around.clearance, scratch.behind
         )
         if found != CLEAR:
             postures.cause[k] = found
@@ -124,7 +124,7 @@ def clear_of_boxes(
                 in_posture = b == postures.branch[k, i]
                 if not in_posture and not (check and has_branch(postures.mask[k, i], b)):
                     continue
-                found = _branch_touches(k, i, b, postures, robot, around, room)
+                found = _branch_touches(k, i, b, postures, robot, around, scratch)
                 if found != CLEAR:
                     if check:
                         postures.mask[k, i] = without_branch(postures.mask[k, i], b)
@@ -138,20 +138,20 @@ def _branch_touches(
     i: int,
     b: int,
     postures: PosturesHeld,
-    robot: Robot,
+    robot: RobotModel,
     around: Surroundings,
-    room: QueryRoom,
+    scratch: QueryScratch,
 ) -> int:
     """What limb `i` on branch `b` touches in posture `k`, hand apart."""
-    limb, placed, grasp = robot.limbs[i], room.placed, around.grasps[postures.points[k, i]]
+    limb, placed, grasp = robot.limbs[i], scratch.placed, around.grasps[postures.points[k, i]]
     base = postures.base[k]
     seen, _ = flange_seen(limb, base, grasp.flange)
-    if not branch_frames(limb.arm, seen, b, room.axes, placed.frames):
+    if not branch_frames(limb.arm, seen, b, scratch.axes, placed.frames):
         return CLEAR + 1
     place(limb, placed.frames, placed.in_body)
     to_world(limb, base, placed.in_body, placed.in_world)
-    set_behind(room.behind, vector(grasp.point), vector(grasp.normal))
+    set_behind(scratch.behind, vector(grasp.point), vector(grasp.normal))
     found, _ = against_boxes(
-        limb, placed.in_world, below(limb.hand), around.grid, around.clearance, room.behind
+        limb, placed.in_world, below(limb.hand), around.grid, around.clearance, scratch.behind
     )
     return found

@@ -27,7 +27,7 @@ from mlivr_gym.collisions.against_boxes import against_boxes, base_against_boxes
 from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
-from mlivr_gym.collisions.limb_shapes import Limb, Robot
+from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.collisions.motion import (
     DEPARTS,
     DEPTH,
@@ -35,10 +35,10 @@ from mlivr_gym.collisions.motion import (
     SWINGS,
     Interval,
     LimbMotion,
-    Motion,
     Sweep,
+    SweptMotion,
 )
-from mlivr_gym.collisions.placing import (
+from mlivr_gym.collisions.placement import (
     WRIST_POINT,
     Ends,
     Placed,
@@ -69,18 +69,18 @@ A matter of speed only.
 
 
 @kernel
-def joints_at(robot: Robot, limb: LimbMotion, s: float, room: Sweep, q: Joints) -> bool:
+def joints_at(robot: RobotModel, limb: LimbMotion, s: float, scratch: Sweep, q: Joints) -> bool:
     """Joint angles of a limb at a share `s` of a motion, into `q`; whether it can be there."""
-    motion = room.motion
+    motion = scratch.motion
     if limb.kind == SWINGS:
         for k in range(6):
             corner = limb.corner[k]
             q[k] = _between(motion.rounded, limb.start[k], corner, limb.end[k], s)
         return True
     if limb.kind == HOLDS:
-        pose_on_path(motion.path, _base_at(motion, s), room.base)
-        return angles_at(robot.limbs[limb.limb], room.base, limb.flange, limb.branch, 0.0, q)
-    flange, lifted = limb.flange, room.lifted
+        pose_on_path(motion.path, _base_at(motion, s), scratch.base)
+        return angles_at(robot.limbs[limb.limb], scratch.base, limb.flange, limb.branch, 0.0, q)
+    flange, lifted = limb.flange, scratch.lifted
     for k in range(3):
         lifted.position[k] = flange.position[k] - s * robot.lift * flange.rotation[k, 2]
         for axis in range(3):
@@ -99,13 +99,13 @@ def _between(rounded: bool, start: float, corner: float, end: float, s: float) -
 
 
 @kernel
-def _base_at(motion: Motion, s: float) -> float:
+def _base_at(motion: SweptMotion, s: float) -> float:
     """Where the base is on its path at a share `s` of a motion."""
     return _between(motion.rounded, motion.begin, motion.corner, motion.finish, s)
 
 
 @kernel
-def _base_span(motion: Motion) -> float:
+def _base_span(motion: SweptMotion) -> float:
     """How fast the base goes along its path at most, by the share of the motion."""
     if not motion.rounded:
         return abs(motion.finish - motion.begin)
@@ -114,99 +114,99 @@ def _base_span(motion: Motion) -> float:
 
 
 @kernel
-def sweep(robot: Robot, grid: BoxGrid, clearance: float, room: Sweep) -> int:
+def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) -> int:
     """Whether the first limb of a motion keeps clear of what it is compared with.
 
     Returns:
         `CLEAR`, `UNDECIDED` (too close for the depth, or out of reach on the way), or the cause.
     """
-    motion, intervals = room.motion, room.intervals
+    motion, intervals = scratch.motion, scratch.intervals
     span = _base_span(motion)
     travel, swing = motion.path.speed * span, motion.path.angle * span
-    pieces = _pieces(robot, travel + swing, room)
+    pieces = _pieces(robot, travel + swing, scratch)
     shortest = 0.5**DEPTH if motion.first.kind == DEPARTS else 0.5 ** (DEPTH + 1)
     if not (
-        joints_at(robot, motion.first, 0.0, room, room.first_ahead)
-        and joints_at(robot, motion.second, 0.0, room, room.second_ahead)
+        joints_at(robot, motion.first, 0.0, scratch, scratch.first_ahead)
+        and joints_at(robot, motion.second, 0.0, scratch, scratch.second_ahead)
     ):
         return UNDECIDED
     for piece in range(pieces):
-        if not _first_interval(robot, piece, pieces, room):
+        if not _first_interval(robot, piece, pieces, scratch):
             return UNDECIDED
         top = 1
         while top > 0:
             top -= 1
             here = intervals[top]
-            if not _place_limb(robot, motion.first, here, room, room.first, here.first):
+            if not _place_limb(robot, motion.first, here, scratch, scratch.first, here.first):
                 return UNDECIDED
             answer = UNDECIDED
-            if room.first.proved:
-                answer = _compare(robot, grid, clearance, (travel, swing), here, room)
+            if scratch.first.proved:
+                answer = _compare(robot, grid, clearance, (travel, swing), here, scratch)
             if answer > UNDECIDED:
                 return answer
             if answer == UNDECIDED:
                 if here.half < shortest:
                     return UNDECIDED
-                _halve(top, room)
+                _halve(top, scratch)
                 top += 2
     return CLEAR
 
 
 @part
-def _pieces(robot: Robot, travel: float, room: Sweep) -> int:
+def _pieces(robot: RobotModel, travel: float, scratch: Sweep) -> int:
     """Number of intervals of the first division."""
-    motion = room.motion
+    motion = scratch.motion
     if motion.first.kind == DEPARTS:
         return 1
-    _whole_motion(robot, motion.first, room, room.first)
-    _whole_motion(robot, motion.second, room, room.second)
+    _whole_motion(robot, motion.first, scratch, scratch.first)
+    _whole_motion(robot, motion.second, scratch, scratch.second)
     if motion.first.kind == SWINGS:
-        travel += room.first.shift[0, WRIST_POINT]
+        travel += scratch.first.shift[0, WRIST_POINT]
     interval = FIRST_INTERVAL[0] if motion.first.kind == SWINGS else FIRST_INTERVAL[1]
     return int(min(max(np.ceil(travel / interval), 1.0), MOST_PIECES))
 
 
 @kernel
-def _whole_motion(robot: Robot, limb: LimbMotion, room: Sweep, placed: Placed) -> None:
+def _whole_motion(robot: RobotModel, limb: LimbMotion, scratch: Sweep, placed: Placed) -> None:
     """Bounds for the whole of a swing, of which an interval has its share."""
     if limb.kind == SWINGS:
         for k in range(6):
             placed.plus[k] = limb.end[k] - limb.start[k]
-            if room.motion.rounded:
+            if scratch.motion.rounded:
                 placed.minus[k] = 2.0 * (limb.corner[k] - limb.start[k])
                 placed.plus[k] = 2.0 * (limb.end[k] - limb.corner[k])
         line_turns(placed.plus, placed.turns)
-        if room.motion.rounded:
+        if scratch.motion.rounded:
             more_turns(placed.minus, placed.turns)
         joint_motion(robot.limbs[limb.limb].arm, placed)
 
 
 @part
-def _first_interval(robot: Robot, piece: int, pieces: int, room: Sweep) -> bool:
+def _first_interval(robot: RobotModel, piece: int, pieces: int, scratch: Sweep) -> bool:
     """Put a piece of the first division on the stack; whether the limbs can be at its end."""
-    motion, here = room.motion, room.intervals[0]
+    motion, here = scratch.motion, scratch.intervals[0]
     here.half = 0.5 / pieces
     here.middle = (2 * piece + 1) * here.half
     here.boxes = EVERY if motion.boxes else 0
     here.itself = here.body = EVERY if motion.body else 0
     here.limbs = EVERY if motion.resting or motion.meeting else 0
     for k in range(6):
-        here.first.first[k], here.second.first[k] = room.first_ahead[k], room.second_ahead[k]
+        here.first.first[k], here.second.first[k] = scratch.first_ahead[k], scratch.second_ahead[k]
     at = (piece + 1) / pieces
-    there = joints_at(robot, motion.first, at, room, room.first_ahead) and joints_at(
-        robot, motion.second, at, room, room.second_ahead
+    there = joints_at(robot, motion.first, at, scratch, scratch.first_ahead) and joints_at(
+        robot, motion.second, at, scratch, scratch.second_ahead
     )
     for k in range(6):
-        here.first.last[k], here.second.last[k] = room.first_ahead[k], room.second_ahead[k]
+        here.first.last[k], here.second.last[k] = scratch.first_ahead[k], scratch.second_ahead[k]
     return there
 
 
 @kernel
 def _place_limb(
-    robot: Robot,
+    robot: RobotModel,
     limb: LimbMotion,
     here: Interval,
-    room: Sweep,
+    scratch: Sweep,
     placed: Placed,
     ends: Ends,
 ) -> bool:
@@ -214,14 +214,14 @@ def _place_limb(
 
     Where `placed.proved` is false it is not known how far it moves, and it is not put in place.
     """
-    if not joints_at(robot, limb, here.middle, room, placed.q):
+    if not joints_at(robot, limb, here.middle, scratch, placed.q):
         return False
     arm, placed.proved = robot.limbs[limb.limb].arm, True
     if limb.kind == SWINGS:
         placed.share = here.half
     else:
         placed.share = 1.0
-        flange = _flange_motion(robot, limb, here, room)
+        flange = _flange_motion(robot, limb, here, scratch)
         placed.proved = held_turns(arm, placed.q, flange, placed.turns)
         if not placed.proved:
             return True
@@ -234,39 +234,41 @@ def _place_limb(
 
 
 @kernel
-def _flange_motion(robot: Robot, limb: LimbMotion, here: Interval, room: Sweep) -> FlangeMotion:
+def _flange_motion(
+    robot: RobotModel, limb: LimbMotion, here: Interval, scratch: Sweep
+) -> FlangeMotion:
     """How a flange moves in the limb base frame from the middle of an interval to either end."""
     if limb.kind == DEPARTS:
         return FlangeMotion(here.half * robot.lift, 0.0, 0.0)
-    motion = room.motion
+    motion = scratch.motion
     half, at = here.half * _base_span(motion), _base_at(motion, here.middle)
     _, _, z = columns(limb.flange.rotation)
     wrist = along(vector(limb.flange.position), -robot.limbs[limb.limb].arm.d6, z)
     path = motion.path
     return FlangeMotion(
-        travel_seen(path, room.base, at, half, wrist),
-        turn_seen(path, room.base, half, z),
+        travel_seen(path, scratch.base, at, half, wrist),
+        turn_seen(path, scratch.base, half, z),
         path.angle * half,
     )
 
 
 @kernel
 def _compare(
-    robot: Robot,
+    robot: RobotModel,
     grid: BoxGrid,
     clearance: float,
     speed: tuple[float, float],
     here: Interval,
-    room: Sweep,
+    scratch: Sweep,
 ) -> int:
     """Compare what is left of an interval; what is decided is left out of its sets.
 
     `speed` is how far the base travels [m] and turns [rad] on the whole motion.
     """
-    motion, first = room.motion, room.first
+    motion, first = scratch.motion, scratch.first
     limb = robot.limbs[motion.first.limb]
     if here.boxes:
-        answer = _compare_with_boxes(robot, grid, clearance, speed, here, room)
+        answer = _compare_with_boxes(robot, grid, clearance, speed, here, scratch)
         if answer > UNDECIDED:
             return answer
     if here.itself:
@@ -278,8 +280,8 @@ def _compare(
         if answer > UNDECIDED:
             return answer
     if here.limbs and motion.meeting:
-        second, other = room.second, robot.limbs[motion.second.limb]
-        if not _place_limb(robot, motion.second, here, room, second, here.second):
+        second, other = scratch.second, robot.limbs[motion.second.limb]
+        if not _place_limb(robot, motion.second, here, scratch, second, here.second):
             return UNDECIDED
         if not second.proved:
             return UNDECIDED
@@ -289,7 +291,7 @@ def _compare(
         if answer > UNDECIDED:
             return answer
     elif here.limbs:
-        answer, here.limbs = _compare_with_resting(robot, limb, here.limbs, clearance, room)
+        answer, here.limbs = _compare_with_resting(robot, limb, here.limbs, clearance, scratch)
         if answer > UNDECIDED:
             return answer
     return UNDECIDED if here.boxes or here.itself or here.body or here.limbs else CLEAR
@@ -297,29 +299,31 @@ def _compare(
 
 @kernel
 def _compare_with_boxes(
-    robot: Robot,
+    robot: RobotModel,
     grid: BoxGrid,
     clearance: float,
     speed: tuple[float, float],
     here: Interval,
-    room: Sweep,
+    scratch: Sweep,
 ) -> int:
     """Compare the first limb, and a base that moves while it swings, with boxes."""
-    motion, first, limb = room.motion, room.first, robot.limbs[room.motion.first.limb]
+    motion, first, limb = scratch.motion, scratch.first, robot.limbs[scratch.motion.first.limb]
     travel, swing = speed[0] * here.half, speed[1] * here.half
-    pose_on_path(motion.path, _base_at(motion, here.middle), room.base)
-    to_world(limb, room.base, first.in_body, first.in_world)
+    pose_on_path(motion.path, _base_at(motion, here.middle), scratch.base)
+    to_world(limb, scratch.base, first.in_body, first.in_world)
     moved_by_base(limb, travel, swing, first)
     todo, on_base = here.boxes, only(limb.capsule_count)
     if motion.first.kind == HOLDS:
         seen_from_grasp(limb, first)
         # The hand stands still in the world and was compared when the point was chosen.
         todo &= below(limb.hand)
-    answer, undecided = against_boxes(limb, first.in_world, todo, grid, clearance, room.behind)
+    answer, undecided = against_boxes(limb, first.in_world, todo, grid, clearance, scratch.behind)
     if answer > UNDECIDED:
         return answer
     if motion.first.kind == SWINGS and motion.begin != motion.finish and here.boxes & on_base:
-        answer = base_against_boxes(robot, room.base, (travel, swing), grid, clearance, room.behind)
+        answer = base_against_boxes(
+            robot, scratch.base, (travel, swing), grid, clearance, scratch.behind
+        )
         if answer == UNDECIDED:
             undecided |= on_base
     here.boxes = undecided
@@ -328,15 +332,15 @@ def _compare_with_boxes(
 
 @part
 def _compare_with_resting(
-    robot: Robot, limb: Limb, todo: int, clearance: float, room: Sweep
+    robot: RobotModel, limb: LimbModel, todo: int, clearance: float, scratch: Sweep
 ) -> tuple[int, int]:
     """Compare the first limb with limbs at rest; an answer, and those that are undecided."""
-    undecided, resting = 0, room.resting
+    undecided, resting = 0, scratch.resting
     for k in range(resting.count):
         if has(todo, k):
             other = robot.limbs[resting.limb[k]]
             found, _ = against_limb(
-                limb, room.first.in_body, other, resting.shapes[k], EVERY, clearance
+                limb, scratch.first.in_body, other, resting.shapes[k], EVERY, clearance
             )
             if found > UNDECIDED:
                 return found, undecided
@@ -346,16 +350,16 @@ def _compare_with_resting(
 
 
 @part
-def _halve(top: int, room: Sweep) -> None:
+def _halve(top: int, scratch: Sweep) -> None:
     """Put both halves of interval `top`, where the limbs are now, in its place and the next."""
-    first, second = room.intervals[top], room.intervals[top + 1]
+    first, second = scratch.intervals[top], scratch.intervals[top + 1]
     half = 0.5 * first.half
     second.middle, second.half = first.middle + half, half
     first.middle, first.half = first.middle - half, half
     second.boxes, second.itself = first.boxes, first.itself
     second.body, second.limbs = first.body, first.limbs
-    _share(first.first, second.first, room.first)
-    _share(first.second, second.second, room.second)
+    _share(first.first, second.first, scratch.first)
+    _share(first.second, second.second, scratch.second)
 
 
 @kernel

@@ -110,31 +110,31 @@ def _cores() -> int:
 
 
 def in_parallel(
-    count: int, kernel: Callable[..., None], *args: object, rooms: Any, least: int = 2000
+    count: int, kernel: Callable[..., None], *args: object, scratch_rows: Any, least: int = 2000
 ) -> None:
     """Call an entry `kernel(start, stop, *args, room)` over `count` items.
 
-    From `least` items on it is called in threads, each with a row of `rooms` for scratch.
+    From `least` items on it is called in threads, each with a row of `scratch_rows` for scratch.
 
     Args:
         count: Number of items.
         kernel: The entry.
         args: Its arguments between the range and the room.
-        rooms: Makes rows of scratch records, given their number.
+        scratch_rows: Makes rows of scratch records, given their number.
         least: See above.
     """
     used = workers(count, least)
-    room = rooms(used)
+    scratch = scratch_rows(used)
     if used == 1:
-        kernel(0, count, *args, room)
+        kernel(0, count, *args, scratch)
         return
-    kernel(0, 0, *args, room[:1])
+    kernel(0, 0, *args, scratch[:1])
     edges = [count * w // used for w in range(used + 1)]
     jobs = [
-        _threads().submit(kernel, edges[w], edges[w + 1], *args, room[w : w + 1])
+        _threads().submit(kernel, edges[w], edges[w + 1], *args, scratch[w : w + 1])
         for w in range(1, used)
     ]
-    kernel(0, edges[1], *args, room[:1])
+    kernel(0, edges[1], *args, scratch[:1])
     for job in jobs:
         job.result()
 

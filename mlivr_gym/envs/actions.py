@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.errors import SettingError, shown
+from mlivr_gym.errors import SettingError, shortened
 
 
 def action_number(action: Any, count: int) -> int:
@@ -28,7 +28,7 @@ def action_number(action: Any, count: int) -> int:
     except TypeError:
         shape, number = (), -1
     if not 0 <= number < count:
-        given = f"of shape {shape}" if shape else shown(action)
+        given = f"of shape {shape}" if shape else shortened(action)
         raise SettingError(f"action {given} is not a whole number from 0 to {count - 1}")
     return number
 

@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from mlivr_gym.arguments import ANY_NUMBER, NOT_NEGATIVE, SEED, Kinds, Via
-from mlivr_gym.envs.dynamics import DYNAMICS, part
+from mlivr_gym.envs.dynamics import DYNAMICS, simulation_part
 from mlivr_gym.envs.grasp_failure import GRASP_FAILURE
 from mlivr_gym.envs.reset_options import OPTIONS
 from mlivr_gym.envs.rewards import REWARD
@@ -14,7 +14,7 @@ from mlivr_gym.envs.tasks import TASKS
 from mlivr_gym.envs.viewer import RENDER_FPS
 from mlivr_gym.pictures.rendering import HEIGHT, WIDTH
 from mlivr_gym.robot.specification import ROBOT_OR_NAME
-from mlivr_gym.schema import Choice, Flag, Maybe, Place, Tuples, Whole
+from mlivr_gym.schema import Choice, FieldPath, Flag, Maybe, Tuples, Whole
 from mlivr_gym.settings import SETTINGS
 from mlivr_gym.world.grasp_map import MAP
 
@@ -22,7 +22,7 @@ MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DI
 """What becomes of a copy whose episode has ended, by name."""
 
 
-def _mode(value: object, place: Place) -> AutoresetMode:
+def _mode(value: object, place: FieldPath) -> AutoresetMode:
     name = value.value if isinstance(value, AutoresetMode) else value
     return MODES[Choice(tuple(MODES)).read(name, place)]
 
@@ -44,7 +44,7 @@ ENV: Kinds = {
     "discount": Tuples((), float(np.finfo(float).tiny), 1.0),
     "tasks": TASKS,
     "dynamics": Choice(DYNAMICS),
-    **dict.fromkeys(("limits", "controller", "disturbances", "physics"), Via(part)),
+    **dict.fromkeys(("limits", "controller", "disturbances", "physics"), Via(simulation_part)),
     "grasp_failure": GRASP_FAILURE,
     "grasp_failure_seed": SEED,
     "precompute": Flag(),

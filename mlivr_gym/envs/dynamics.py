@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import Place
+from mlivr_gym.schema import FieldPath
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def check_dynamics(
         raise SettingError("precompute and grasp_failure need dynamics='kinematic'")
 
 
-def part(given: Any, place: Place) -> Any:
+def simulation_part(given: Any, place: FieldPath) -> Any:
     """A part of a `Setup`, named as its argument; MuJoCo is loaded where one is given."""
     if given is not None:
         from mlivr_gym.simulation.setup import Setup

@@ -25,11 +25,11 @@ from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import REWARD, Reward, StepOutcome, TaskReward
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import TASKS, TaskGenerator, fixed_task
-from mlivr_gym.envs.viewer import RENDER_FPS, Viewer
+from mlivr_gym.envs.viewer import RENDER_FPS, EnvViewer
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
-from mlivr_gym.schema import Place
+from mlivr_gym.schema import FieldPath
 from mlivr_gym.settings import CLEARANCE, Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.moves import Moves, TableMoves
@@ -215,10 +215,13 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
         check_dynamics(dynamics, **checks, grasp_failure=grasp_failure)
         if render_mode is not None:
             self.metadata = self.metadata | {"render_fps": RENDER_FPS[render_mode]}
-        worth = REWARD.read(reward, Place("reward", SettingError))
+        worth = REWARD.read(reward, FieldPath("reward", SettingError))
         self.goal_tolerance = goal_tolerance
         self.reward = TaskReward(worth, success_bonus, shaping, discount, goal_tolerance)
-        self.tasks, self.render_mode = TASKS.read(tasks, Place("tasks", SettingError)), render_mode
+        self.tasks, self.render_mode = (
+            TASKS.read(tasks, FieldPath("tasks", SettingError)),
+            render_mode,
+        )
         settings = Settings(
             manipulability, transitions, limb_threshold, base_threshold, collisions=collisions,
             clearance=clearance,
@@ -237,7 +240,7 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
             self.table_moves()
         self._state, self._stream, self._seeded = None, Stream(0), False
         self._entered, self._measures = self.graph.version, dict[str, Any]()
-        self.viewer = Viewer(self.graph, (width, height), self.goal_tolerance)
+        self.viewer = EnvViewer(self.graph, (width, height), self.goal_tolerance)
 
     @property
     def moves(self) -> Moves:

@@ -73,7 +73,7 @@ def motion_of(executed: ExecutedStep | Failure) -> Motion | None:
     return recording.base_positions, recording.base_quaternions, recording.joint_positions
 
 
-def shown(graph: StanceGraph, moments: Sequence[Moment]) -> list[list[Configuration]]:
+def moment_pictures(graph: StanceGraph, moments: Sequence[Moment]) -> list[list[Configuration]]:
     """The configurations that pictures show for each moment.
 
     One for the first and where an episode begins; `STEP_PICTURES` for every other, as even as the

@@ -12,7 +12,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import has
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.kinematics.poses import quaternion
-from mlivr_gym.stances.moves import Moves, Place, TableMoves
+from mlivr_gym.stances.moves import Moves, StanceProperties, TableMoves
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -71,7 +71,9 @@ class Observer:
         self.graph = graph
         self._rows: tuple[NDArray[Any], ...] = ()
 
-    def observation(self, moves: Moves, state: State, place: Place, goal: Array) -> Observation:
+    def observation(
+        self, moves: Moves, state: State, place: StanceProperties, goal: Array
+    ) -> Observation:
         """What an agent sees in a state at `place`, in new arrays."""
         if isinstance(moves, TableMoves) and state.pose is None:
             if not self._rows:
@@ -106,7 +108,7 @@ def _named(
 
 
 def place_rows(graph: PairGraph) -> tuple[NDArray[Any], ...]:
-    """The first four arrays of `Looks` for each of the n stances of a graph."""
+    """The first four arrays of `ObservationArrays` for each of the n stances of a graph."""
     return (
         graph.points.astype(np.int64),
         graph.grasp_map.positions[graph.points].reshape(-1, 6).astype(np.float32),
@@ -133,7 +135,7 @@ class PlaceTable(NamedTuple):
         return cls(graph.points.astype(np.int32), graph.grasp_map.positions, places)
 
 
-class Looks(NamedTuple):
+class ObservationArrays(NamedTuple):
     """What k agents see, as in `Observation` with a leading axis k, and what `info` tells."""
 
     stance: IntArray
@@ -152,7 +154,9 @@ class Looks(NamedTuple):
     """Distances of the base from the goal [m], shape (k,)."""
 
     @classmethod
-    def of(cls, table: PlaceTable, stances: IntArray, masks: IntArray, goals: Array) -> Looks:
+    def of(
+        cls, table: PlaceTable, stances: IntArray, masks: IntArray, goals: Array
+    ) -> ObservationArrays:
         """What is seen in new arrays.
 
         Args:
@@ -183,8 +187,10 @@ class Looks(NamedTuple):
 
 
 @entry
-def look(stances: IntArray, masks: IntArray, goals: Array, table: PlaceTable, out: Looks) -> None:
-    """Write what k agents see; arguments as those of `Looks.of`."""
+def look(
+    stances: IntArray, masks: IntArray, goals: Array, table: PlaceTable, out: ObservationArrays
+) -> None:
+    """Write what k agents see; arguments as those of `ObservationArrays.of`."""
     for k in range(len(stances)):  # what lies far apart in memory comes first: reads overlap then
         s = stances[k]
         for limb in range(2):

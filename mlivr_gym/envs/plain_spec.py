@@ -18,17 +18,17 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 
-def plain(value: Any) -> Any:
+def plain_value(value: Any) -> Any:
     """A value as what JSON knows, as far as that goes: anything of another kind stays as it is."""
     if hasattr(value, "to_dict"):
-        return plain(value.to_dict())
+        return plain_value(value.to_dict())
     ours = type(value).__module__.startswith("mlivr_gym.")
     if is_dataclass(value) and not isinstance(value, type) and ours:
-        return plain(asdict(value))
+        return plain_value(asdict(value))
     if isinstance(value, Mapping):
-        return {name: plain(entry) for name, entry in value.items()}
+        return {name: plain_value(entry) for name, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(entry) for entry in value]
+        return [plain_value(entry) for entry in value]
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Enum):
@@ -40,7 +40,7 @@ def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
     """A copy of a spec whose arguments are plain data."""
     if spec is not None:
         spec = copy.copy(spec)
-        spec.kwargs = plain(spec.kwargs)
+        spec.kwargs = plain_value(spec.kwargs)
     return spec
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 from mlivr_gym.arguments import Via
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.schema import Choice, Place
+from mlivr_gym.schema import Choice, FieldPath
 
 
 class StepOutcome(NamedTuple):
@@ -69,7 +69,7 @@ REWARDS: dict[str, type[StepReward] | type[BaseReward]] = {"steps": StepReward, 
 """The rewards by name."""
 
 
-def _reward(given: Any, place: Place) -> Reward:
+def _reward(given: Any, place: FieldPath) -> Reward:
     """A reward by name, from plain data, or as it is; a class of them is none."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):

@@ -14,8 +14,8 @@ import numpy as np
 from mlivr_gym.arguments import Via
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.errors import SettingError, StanceError, shown
-from mlivr_gym.schema import Choice, Place, Whole
+from mlivr_gym.errors import SettingError, StanceError, shortened
+from mlivr_gym.schema import Choice, FieldPath, Whole
 from mlivr_gym.stances.random_states import TRIES, Randomness, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -93,7 +93,7 @@ GENERATORS = {"walk": WalkTasks(), "far": WalkTasks(far=True)}
 """The task generators by name."""
 
 
-def _generator(given: Any, place: Place) -> TaskGenerator:
+def _generator(given: Any, place: FieldPath) -> TaskGenerator:
     """A task generator by name, from plain data, or as it is; a class of them is none."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
@@ -164,7 +164,7 @@ def draw_task(
     task = generator.draw(graph, rng, tolerance, start)
     stream.state = int(rng.integers(2**63))
     if not isinstance(task.start, State):
-        raise SettingError(f"tasks draw the start {shown(task.start)}; it must be a State")
+        raise SettingError(f"tasks draw the start {shortened(task.start)}; it must be a State")
     graph.state(task.start.stance, task.start.pose)
     graph.check(task.start)
     return Task(task.start, graph.grasp_map.check_goal(task.goal))

@@ -21,13 +21,13 @@ from mlivr_gym.envs.actions import action_numbers
 from mlivr_gym.envs.arguments import MODE, MOST_STEPS
 from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import Looks, Observation, PlaceTable
+from mlivr_gym.envs.observations import Observation, ObservationArrays, PlaceTable
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import FIXED_NUMBER, WalkTasks, draw_task, fixed_task
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.schema import Fields, Flag, Listed, Maybe, Place, Whole
+from mlivr_gym.schema import FieldPath, Fields, Flag, Listed, Maybe, Whole
 from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import legal_actions
 from mlivr_gym.world.grasp_map import GOAL, STANCE
@@ -181,15 +181,15 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             "goal": Maybe(Listed(GOAL, k, k)),
             "task": Maybe(Listed(FIXED_NUMBER, k, k)),
         }
-        place = Place("options", SettingError)
+        place = FieldPath("options", SettingError)
         given = Fields({}, kinds).read({} if options is None else options, place)
         if isinstance(seed, (list, tuple, np.ndarray)):
-            each = Listed(Maybe(SEED), k, k).read(seed, Place("seed", SettingError))
+            each = Listed(Maybe(SEED), k, k).read(seed, FieldPath("seed", SettingError))
             return given, list(each)
-        first = Maybe(SEED).read(seed, Place("seed", SettingError))
+        first = Maybe(SEED).read(seed, FieldPath("seed", SettingError))
         return given, [None if first is None else first + i for i in range(k)]
 
-    def _chosen(self, mask: object, place: Place) -> BoolArray:
+    def _chosen(self, mask: object, place: FieldPath) -> BoolArray:
         """Which copies start anew."""
         k = self.num_envs
         if isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (k,):
@@ -322,7 +322,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.steps[which], self.base_translation[which], self._started[which] = 0, 0.0, True
 
     def _look(self) -> None:
-        self._looks = Looks.of(self._places, self.stances, self.masks, self.goals)
+        self._looks = ObservationArrays.of(self._places, self.stances, self.masks, self.goals)
 
     def _info(self, invalid: BoolArray, failed: BoolArray) -> dict[str, Any]:
         looks = self._looks

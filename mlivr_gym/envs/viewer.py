@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration
-from mlivr_gym.envs.moments import Moment, shown
+from mlivr_gym.envs.moments import Moment, moment_pictures
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import strip_height, with_caption
 from mlivr_gym.pictures.film import AZIMUTH, ELEVATION, RATE
@@ -28,7 +28,7 @@ AROUND = 1.2
 Picture = NDArray[np.uint8]
 
 
-class Viewer:
+class EnvViewer:
     """Shows the robot in its scene, which is built anew only for other obstacles.
 
     Attributes:
@@ -68,7 +68,7 @@ class Viewer:
         return None
 
     def pictures(self, moments: Sequence[Moment]) -> list[Picture]:
-        """Pictures of an environment that moves from moment to moment; see `moments.shown`.
+        """Pictures of an environment that moves from moment to moment, see `moment_pictures`.
 
         Each has shape (height, width, 3) and shows the goal and where the base has been.
 
@@ -78,7 +78,9 @@ class Viewer:
         out: list[Picture] = []
         stances: list[Array] = []
         line: list[Array] = []
-        for moment, configurations in zip(moments, shown(self.graph, moments), strict=True):
+        for moment, configurations in zip(
+            moments, moment_pictures(self.graph, moments), strict=True
+        ):
             if moment.steps == 0:
                 stances, line = [], []
             last = None

@@ -14,13 +14,13 @@ from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.pictures.film import RATE
-from mlivr_gym.schema import NAME, Flag, Maybe, Place, Whole
+from mlivr_gym.schema import NAME, FieldPath, Flag, Maybe, Whole
 
 MOST_ACTIONS = 1_000_000
 """Most actions of a film."""
 
 
-def _ours(value: Any, place: Place) -> Any:
+def _ours(value: Any, place: FieldPath) -> Any:
     """A `MlivrEnv`, also inside wrappers."""
     if not isinstance(value, gymnasium.Env) or not isinstance(value.unwrapped, MlivrEnv):
         raise place.refused(value, "a MlivrEnv, also inside wrappers")

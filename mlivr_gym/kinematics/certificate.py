@@ -65,7 +65,7 @@ class Proof(Record):
 
 @kernel
 def certify(
-    limb: MountedArm, flange: Pose, path: BasePath, floor: float, mask: int, room: Proof
+    limb: MountedArm, flange: Pose, path: BasePath, floor: float, mask: int, scratch: Proof
 ) -> int:
     """Branches on which a holding limb can follow a base path.
 
@@ -75,7 +75,7 @@ def certify(
         path: The base path.
         floor: Least `|det J|` on the path [m^3].
         mask: Branches and flips to look at.
-        room: Scratch.
+        scratch: Scratch.
 
     Returns:
         Those of them that are certified; all of a class or none.
@@ -87,40 +87,40 @@ def certify(
     wrist = along(vector(flange.position), -arm.d6, axis)
     square_floor = (floor / (arm.a2 * arm.a3)) ** 2
     # The first intervals are about as long as the bounds can usually decide.
-    pose_on_path(path, 0.5, room.base)
-    travel = 2.0 * travel_seen(path, room.base, 0.5, 0.5, wrist)
+    pose_on_path(path, 0.5, scratch.base)
+    travel = 2.0 * travel_seen(path, scratch.base, 0.5, 0.5, wrist)
     pieces = min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), MOST_PIECES)
     shortest = 0.5 ** (DEPTH + 1)
     piece = top = 0
     while mask and (top > 0 or piece < pieces):
         if top > 0:
             top -= 1
-            s, half = room.middle[top], room.half[top]
+            s, half = scratch.middle[top], scratch.half[top]
         else:
             half = 0.5 / pieces
             s = (2 * piece + 1) * half
             piece += 1
-        pose_on_path(path, s, room.base)
-        seen, _ = flange_seen(limb, room.base, flange)
-        branch_terms(arm, seen, room.terms)
+        pose_on_path(path, s, scratch.base)
+        seen, _ = flange_seen(limb, scratch.base, flange)
+        branch_terms(arm, seen, scratch.terms)
         undecided = False
         travel, turned = (
-            travel_seen(path, room.base, s, half, wrist),
-            turn_seen(path, room.base, half, axis),
+            travel_seen(path, scratch.base, s, half, wrist),
+            turn_seen(path, scratch.base, half, axis),
         )
         for c in range(CLASSES):
             if not has_class(mask, c):
                 continue
-            square = room.terms[c, 3]
+            square = scratch.terms[c, 3]
             if not square >= square_floor or square <= 0.0:
                 mask = without_class(mask, c)
-            elif not _stays(arm, room.terms, c, (travel, turned), square_floor):
+            elif not _stays(arm, scratch.terms, c, (travel, turned), square_floor):
                 if half < shortest:
                     mask = without_class(mask, c)
                 undecided = True
         if undecided and half >= shortest:
             for side in (-0.5, 0.5):
-                room.middle[top], room.half[top] = s + side * half, 0.5 * half
+                scratch.middle[top], scratch.half[top] = s + side * half, 0.5 * half
                 top += 1
     return mask
 

@@ -144,7 +144,7 @@ def _fits(arm: Arm, track: Track, half_turn: float) -> bool:
 
 @kernel
 def hold_mask(
-    limb: MountedArm, flange: Pose, path: BasePath, floor: float, mask: int, room: Holding
+    limb: MountedArm, flange: Pose, path: BasePath, floor: float, mask: int, scratch: Holding
 ) -> int:
     """Those of the branches in `mask` on which one limb can hold along a base path.
 
@@ -154,10 +154,10 @@ def hold_mask(
         path: The base path.
         floor: Least `|det J|` [m^3].
         mask: Branches and flips to look at.
-        room: Scratch.
+        scratch: Scratch.
     """
     if mask:
-        mask = certify(limb, flange, path, floor, mask, room.proof)
+        mask = certify(limb, flange, path, floor, mask, scratch.proof)
     if mask:
-        mask = in_windows(limb, flange, path, mask, room.track)
+        mask = in_windows(limb, flange, path, mask, scratch.track)
     return mask

@@ -79,7 +79,7 @@ class Inversion(Record):
 
 @kernel
 def limb_information(
-    limb: MountedArm, flange: FlangeAxis, branch: int, l_c: float, room: Inversion, out: Array
+    limb: MountedArm, flange: FlangeAxis, branch: int, l_c: float, scratch: Inversion, out: Array
 ) -> bool:
     """`K^-1` of one limb in base axes.
 
@@ -88,15 +88,15 @@ def limb_information(
         flange: Position and axis of the flange.
         branch: Branch label.
         l_c: Characteristic length [m].
-        room: Scratch.
+        scratch: Scratch.
         out: Filled, shape (6, 6).
 
     Returns:
         Whether the limb is away from its singularities.
     """
-    if not joint_axes(limb.arm, flange, branch, room.axes):
+    if not joint_axes(limb.arm, flange, branch, scratch.axes):
         return False
-    a, axes, points = room.matrix, room.axes.axis, room.axes.point
+    a, axes, points = scratch.matrix, scratch.axes.axis, scratch.axes.point
     mount, place = limb.mount.rotation, limb.mount.position
     for k in range(6):
         ox, oy, oz = place[0], place[1], place[2]

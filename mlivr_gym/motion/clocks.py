@@ -14,8 +14,8 @@ import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
-from mlivr_gym.motion.pieces import Piece
-from mlivr_gym.schema import Place, Record, Tuples
+from mlivr_gym.motion.path_segments import PathSegment
+from mlivr_gym.schema import FieldPath, Struct, Tuples
 
 LONGEST_STEP = 3600.0
 """Largest duration of a step [s]; the paper's is 50 s."""
@@ -58,7 +58,7 @@ class Durations:
 
     def __post_init__(self) -> None:
         """Check that each is above zero, and the whole not too long."""
-        DURATIONS.check(self, Place("duration", SettingError))
+        DURATIONS.check(self, FieldPath("duration", SettingError))
         if self.total > LONGEST_STEP:
             raise SettingError(
                 f"duration of a step is {self.total:g} s; it must be at most {LONGEST_STEP:g} s"
@@ -72,10 +72,10 @@ class Durations:
     @classmethod
     def of_step(cls, total: float) -> Durations:
         """A step of `total` seconds, divided as the paper's: a fifth, three fifths, a fifth."""
-        total = DURATION.read(total, Place("total", SettingError))
+        total = DURATION.read(total, FieldPath("total", SettingError))
         return cls(0.2 * total, 0.6 * total, 0.2 * total)
 
-    def clocks(self, pieces: Sequence[Piece]) -> tuple[scipy.interpolate.PPoly, ...]:
+    def clocks(self, pieces: Sequence[PathSegment]) -> tuple[scipy.interpolate.PPoly, ...]:
         """Quintics for the pieces of a step.
 
         Those of the swing share its time with the square root of the farthest travel of a joint,
@@ -89,5 +89,5 @@ class Durations:
 DURATION = Tuples((), 1e-9, LONGEST_STEP, "s")
 """How long something takes."""
 
-DURATIONS = Record(Durations, dict.fromkeys(("departure", "swing", "approach"), DURATION))
+DURATIONS = Struct(Durations, dict.fromkeys(("departure", "swing", "approach"), DURATION))
 """Fields of `Durations`."""

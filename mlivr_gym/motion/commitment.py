@@ -23,7 +23,7 @@ from mlivr_gym.motion.plan_parts import Motion, Step
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
 from mlivr_gym.motion.swings import SwingFinder
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.records import HeldStance, PostureRoom, Tried
+from mlivr_gym.postures.records import CandidatePose, HeldStance, PostureScratch
 from mlivr_gym.postures.selection import base_along, reach_all
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
@@ -179,8 +179,8 @@ class _Draft:
         count, limbs, solver = len(states), graph.limbs, graph.solver
         held, self._tried, self._room = (
             HeldStance.rows(count),
-            Tried.rows(count),
-            PostureRoom.rows(1),
+            CandidatePose.rows(count),
+            PostureScratch.rows(1),
         )
         held["grasps"][:, :limbs] = solver.grasps[self.points]
         self._tried["base"] = self.postures.base_rows

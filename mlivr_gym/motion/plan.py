@@ -11,9 +11,9 @@ import numpy as np
 
 from mlivr_gym.arguments import FileName, Kinds, Of, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MlivrError, PlanError, shown
+from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.motion.plan_checks import check_motion, check_numbers
+from mlivr_gym.motion.plan_checks import check_counts, check_motion
 from mlivr_gym.motion.plan_files import parts_of, plan_data
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.schema import Anything, Maybe
@@ -126,12 +126,12 @@ class Plan:
         if grasp_map is not None:
             plan.check_map(grasp_map)
             check_motion(plan.query, plan.world, plan.motion, grasp_map)
-        check_numbers(plan.query, plan.motion, plan.statistics)
+        check_counts(plan.query, plan.motion, plan.statistics)
         told, found = data.get("checksum"), plan.to_dict()["checksum"]
         if told is not None and told != found:
             raise PlanError(
-                f"checksum is {shown(told)}; that of the other fields is {found!r}: a field that "
-                "does not follow from others was altered"
+                f"checksum is {shortened(told)}; that of the other fields is {found!r}: a field "
+                "that does not follow from others was altered"
             )
         return plan
 

@@ -16,7 +16,7 @@ import scipy
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.warming import warming
-from mlivr_gym.errors import MlivrError, PlanError, shown
+from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.path_following import poses
 from mlivr_gym.kinematics.poses import quaternion
@@ -45,7 +45,7 @@ FLIP = np.diag([-1.0, -1.0, 1.0])
 """Half a turn of a tool about its axis, with which it holds as well."""
 
 
-def check_numbers(query: Query, motion: Motion, statistics: Statistics) -> None:
+def check_counts(query: Query, motion: Motion, statistics: Statistics) -> None:
     """Refuse a plan whose displacements, cost or goal do not follow from its base positions.
 
     Raises:
@@ -53,7 +53,7 @@ def check_numbers(query: Query, motion: Motion, statistics: Statistics) -> None:
     """
     if (query.cost_name == "weighted") != (query.regrasp_price is not None):
         raise PlanError(
-            f"query.regrasp_price is {shown(query.regrasp_price)} and query.cost_name "
+            f"query.regrasp_price is {shortened(query.regrasp_price)} and query.cost_name "
             f"{query.cost_name!r}; a price goes with 'weighted' and only with it"
         )
     priced = f"cost_name {query.cost_name!r}, regrasp_price {query.regrasp_price!r}"
@@ -67,9 +67,9 @@ def check_numbers(query: Query, motion: Motion, statistics: Statistics) -> None:
     short = float(np.linalg.norm(places[-1] - np.array(query.goal)))
     if short > query.goal_tolerance + TOLERANCE:
         raise PlanError(
-            f"query.goal is {shown(list(query.goal))}, to be reached within "
+            f"query.goal is {shortened(list(query.goal))}, to be reached within "
             f"{query.goal_tolerance!r} m; the last base position "
-            f"{shown(places[-1].tolist())} is {short!r} m away"
+            f"{shortened(places[-1].tolist())} is {short!r} m away"
         )
 
 
@@ -279,5 +279,5 @@ def _compare(place: str, told: Any, found: Any) -> None:
 
 def _told(place: str, told: object, found: object) -> PlanError:
     """The error on a value that is not the one found."""
-    text = found if isinstance(found, str) else shown(found)
-    return PlanError(f"{place} is {shown(told)}; worked out again it is {text}")
+    text = found if isinstance(found, str) else shortened(found)
+    return PlanError(f"{place} is {shortened(told)}; worked out again it is {text}")

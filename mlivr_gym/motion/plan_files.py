@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.errors import PlanError, shown
+from mlivr_gym.errors import PlanError, shortened
 from mlivr_gym.files import checksum
 from mlivr_gym.kinematics.base_path import PATH_KINDS
 from mlivr_gym.motion.plan_parts import (
@@ -26,12 +26,12 @@ from mlivr_gym.schema import (
     NAME,
     Anything,
     Choice,
+    FieldPath,
     Fields,
     Listed,
     Maybe,
     Numbers,
-    Place,
-    Record,
+    Struct,
     Tuples,
     Whole,
 )
@@ -60,7 +60,7 @@ COUNT = Whole(0, 1 << 62)
 SPENT = Tuples((), 0.0)
 """A cost, or a time [s]."""
 
-QUERY = Record(
+QUERY = Struct(
     Query,
     {
         "goal": Tuples((3,), most=LONGEST, unit="m"),
@@ -75,7 +75,7 @@ QUERY = Record(
 )
 """Fields of a `Query`."""
 
-WORLD = Record(
+WORLD = Struct(
     World,
     {
         "map_name": NAME,
@@ -89,7 +89,7 @@ WORLD = Record(
 )
 """Fields of a `World`."""
 
-STATISTICS = Record(
+STATISTICS = Struct(
     Statistics,
     {
         "cost": SPENT,
@@ -118,9 +118,9 @@ FORM = Fields(
 """A plan file; `motion_fields` says what its motion is, which depends on the robot."""
 
 
-def step_fields(limbs: int) -> Record[Step]:
+def step_fields(limbs: int) -> Struct[Step]:
     """Fields of a `Step` of a robot of some number of limbs."""
-    return Record(
+    return Struct(
         Step,
         {
             "limb": Whole(0, limbs - 1),
@@ -137,9 +137,9 @@ def step_fields(limbs: int) -> Record[Step]:
     )
 
 
-def motion_fields(stances: int, limbs: int) -> Record[Motion]:
+def motion_fields(stances: int, limbs: int) -> Struct[Motion]:
     """Fields of a `Motion` of so many stances; no kernel looks up what is not checked here."""
-    return Record(
+    return Struct(
         Motion,
         {
             "stances": Listed(Listed(NAME, limbs, limbs), 1, MOST_STEPS),
@@ -181,15 +181,15 @@ def parts_of(data: Any) -> tuple[Query, World, Motion, Statistics]:
     """
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         given = data.get("format") if isinstance(data, dict) else type(data).__name__
-        raise PlanError(f"not a plan of format {FORMAT}: found format {shown(given)}")
+        raise PlanError(f"not a plan of format {FORMAT}: found format {shortened(given)}")
     check_rules("the plan", data.get("rules"), "plan it anew", PlanError)
-    parts = FORM.read(data, Place("", PlanError))
+    parts = FORM.read(data, FieldPath("", PlanError))
     motion = _motion(parts["motion"], parts["world"].robot.limbs)
     return parts["query"], parts["world"], motion, parts["statistics"]
 
 
 def _motion(data: Any, limbs: int) -> Motion:
-    place = Place("motion", PlanError)
+    place = FieldPath("motion", PlanError)
     listed = Fields({"stances": Listed(Anything(), 1, MOST_STEPS)}, others=True).read(data, place)
     motion = motion_fields(len(listed["stances"]), limbs).read(data, place)
     lengths = np.linalg.norm(motion.base_quaternions, axis=1)
@@ -203,24 +203,24 @@ def _motion(data: Any, limbs: int) -> Motion:
             knots = place.field("steps").entry(i).field("knots")
             raise knots.fault(
                 "must be none, or two or more with base parameters that rise from 0 to 1, "
-                f"not {shown(u.tolist())}"
+                f"not {shortened(u.tolist())}"
             )
         _check_corners(place.field("steps").entry(i).field("rounded"), step)
     _check_order(motion.stances, motion.steps)
     return replace(motion, branches=np.array(motion.branches, dtype=np.int64))
 
 
-def _check_corners(place: Place, step: Step) -> None:
+def _check_corners(place: FieldPath, step: Step) -> None:
     """Corners must be those of the knots, and the swing at rest at its ends."""
     corners = step.rounded
     if len(corners) != len(step.knots):
         raise place.fault(f"has {len(corners)} corners for {len(step.knots)} knots")
     if any((before > 0.0) != (after > 0.0) for before, after in corners):
-        raise place.fault(f"must have both shares of a corner or none, not {shown(corners)}")
+        raise place.fault(f"must have both shares of a corner or none, not {shortened(corners)}")
     if corners and (any(corners[0]) or any(corners[-1])):
-        raise place.fault(f"must be 0 at both ends, not {shown([corners[0], corners[-1]])}")
+        raise place.fault(f"must be 0 at both ends, not {shortened([corners[0], corners[-1]])}")
     if any(here[1] + ahead[0] > 1.0 + ROUNDING for here, ahead in pairwise(corners)):
-        raise place.fault(f"must share each line between its two corners, not {shown(corners)}")
+        raise place.fault(f"must share each line between its two corners, not {shortened(corners)}")
 
 
 def _check_order(stances: tuple[tuple[str, ...], ...], steps: tuple[Step, ...]) -> None:

@@ -57,7 +57,7 @@ class Swing(NamedTuple):
     knots: Array
 
 
-class Hold(NamedTuple):
+class Support(NamedTuple):
     """A limb that holds a point on a branch while another moves."""
 
     limb: int
@@ -76,22 +76,22 @@ class SwingFinder:
     """
 
     def __init__(
-        self, graph: StanceGraph, limb: int, path: BasePath, holds: Sequence[Hold]
+        self, graph: StanceGraph, limb: int, path: BasePath, holds: Sequence[Support]
     ) -> None:
         """Look at the step in which `limb` moves while the base follows `path`."""
         self.graph, self.limb, self.path, self.holds = graph, limb, path, holds
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
-        self._rows = motions.Hold.rows(len(holds))
+        self._rows = motions.SupportRecord.rows(len(holds))
         for row, hold in zip(self._rows, holds, strict=True):
             row["limb"], row["point"], row["branch"] = hold
-        self._pieces, self._rooms = motions.Piece.rows(1), Sweep.rows(1)
+        self._pieces, self._rooms = motions.SwingSegment.rows(1), Sweep.rows(1)
         self._pieces["path"], self._pieces["limb"] = path, limb
 
     @classmethod
     def of(cls, graph: StanceGraph, regrasp: Regrasp) -> SwingFinder:
         """Look at the step `regrasp`, whose swing is not looked at."""
         holds = [
-            Hold(limb, point, regrasp.branches[limb])
+            Support(limb, point, regrasp.branches[limb])
             for limb, point in enumerate(regrasp.after)
             if limb != regrasp.limb
         ]
@@ -210,7 +210,7 @@ class SwingFinder:
         piece = self._pieces[0]
         piece["begin"], piece["finish"] = a[0], b[0]
         piece["start"]["q"], piece["end"]["q"] = a[1:], b[1:]
-        clear = motions.piece_clear(
+        clear = motions.segment_clear(
             self._pieces, self._rows, self._robots, self._world, self._rooms
         )
         return bool(clear)

@@ -17,7 +17,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.motion.clocks import duration_of
-from mlivr_gym.motion.pieces import Piece
+from mlivr_gym.motion.path_segments import PathSegment
 from mlivr_gym.motion.regrasp import RegraspPath
 
 FREE = -1
@@ -31,7 +31,7 @@ class TimedPath(NamedTuple):
     """A step with a clock for each of its pieces."""
 
     path: RegraspPath
-    pieces: tuple[Piece, ...]
+    pieces: tuple[PathSegment, ...]
     clocks: tuple[scipy.interpolate.PPoly, ...]
 
     @property

@@ -17,7 +17,7 @@ from mlivr_gym.errors import PlanError, one_line, path_shown
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import ARRAYS, FREE, Trajectory
-from mlivr_gym.schema import NAME, Listed, Numbers, Place
+from mlivr_gym.schema import NAME, FieldPath, Listed, Numbers
 from mlivr_gym.values import LONGEST, MOST_POINTS
 
 BASE = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -60,7 +60,7 @@ def load_npz(path: str | Path) -> Trajectory:
     Raises:
         PlanError: If the file cannot be read or is not a trajectory.
     """
-    path = FileName().read(path, Place("path", PlanError))
+    path = FileName().read(path, FieldPath("path", PlanError))
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
             arrays = {name: data[name] for name in (*ARRAYS, "points")}
@@ -163,7 +163,7 @@ def _event(before: list[str], after: list[str]) -> str:
 
 def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
     """The arrays of a file of one shape of k samples and N limbs, and the ids as a tuple."""
-    points = Listed(NAME, 1, MOST_POINTS).read(arrays.pop("points"), Place("points", PlanError))
+    points = Listed(NAME, 1, MOST_POINTS).read(arrays.pop("points"), FieldPath("points", PlanError))
     shape = arrays["joint_positions"].shape
     k, limbs = (shape[0], shape[1]) if len(shape) == 3 else (0, 0)
     kinds = {
@@ -182,7 +182,7 @@ def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
     if k < 2:
         raise PlanError("it must hold joint_positions of shape (k, N, 6), k two or more")
     found: dict[str, Any] = {
-        name: kind.read(arrays[name], Place(name, PlanError)).astype(arrays[name].dtype)
+        name: kind.read(arrays[name], FieldPath(name, PlanError)).astype(arrays[name].dtype)
         for name, kind in kinds.items()
     }
     return found | {"points": points}

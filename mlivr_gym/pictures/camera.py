@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arguments import ANY_NUMBER, Via
 from mlivr_gym.arrays import Array
-from mlivr_gym.schema import Place, Tuples
+from mlivr_gym.schema import FieldPath, Tuples
 from mlivr_gym.values import LONGEST
 
 FIELD_OF_VIEW = 45.0
@@ -69,7 +69,7 @@ class Camera(NamedTuple):
         return self._replace(distance=float(np.max(needed)))
 
 
-def _camera(value: Any, place: Place) -> Camera:
+def _camera(value: Any, place: FieldPath) -> Camera:
     """A camera whose fields are numbers."""
     if not isinstance(value, Camera):
         raise place.refused(value, "a Camera")

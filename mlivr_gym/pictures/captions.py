@@ -32,8 +32,8 @@ def with_caption(picture: Image, caption: str, height: int) -> Image:
 
     line = Pillow.new("RGB", (picture.shape[1], strip), "white")
     draw = ImageDraw.Draw(line)
-    size, room = max(9, round(0.62 * strip)), picture.shape[1] - strip
-    while size > 9 and draw.textlength(caption, font=_font(size)) > room:
+    size, available = max(9, round(0.62 * strip)), picture.shape[1] - strip
+    while size > 9 and draw.textlength(caption, font=_font(size)) > available:
         size -= 1
     draw.text((0.5 * strip, 0.5 * strip), caption, fill="black", font=_font(size), anchor="lm")
     return np.concatenate([picture, np.asarray(line)])

@@ -26,7 +26,7 @@ from mlivr_gym.pictures.captions import strip_height, with_caption
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Maybe, Place, Tuples
+from mlivr_gym.schema import FieldPath, Maybe, Tuples
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -55,7 +55,7 @@ AZIMUTH, ELEVATION = 84.0, -8.0
 """Direction in which the camera looks [deg]."""
 
 
-def _recording(value: Any, place: Place) -> Recording:
+def _recording(value: Any, place: FieldPath) -> Recording:
     """A recording of a simulation."""
     from mlivr_gym.simulation.recording import Recording
 
@@ -230,7 +230,7 @@ def check_kind(path: str | Path) -> str:
         RenderError: If it is neither `.gif` nor `.mp4`, or `imageio[ffmpeg]` is missing for an
             `.mp4`.
     """
-    kind = Path(FileName().read(path, Place("path", RenderError))).suffix.lower()
+    kind = Path(FileName().read(path, FieldPath("path", RenderError))).suffix.lower()
     if kind not in (".gif", ".mp4"):
         told = f"cannot write a film as {path_shown(path)}"
         raise RenderError(f"{told}; valid endings are '.gif', '.mp4'")

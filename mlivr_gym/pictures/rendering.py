@@ -24,7 +24,7 @@ from mlivr_gym.pictures.camera import CAMERA, Camera
 from mlivr_gym.pictures.captions import with_labels
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Anything, Choice, Listed, Maybe, Place, Whole
+from mlivr_gym.schema import Anything, Choice, FieldPath, Listed, Maybe, Whole
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -38,7 +38,7 @@ WIDTH, HEIGHT = Whole(16, 1920), Whole(16, 1080)
 """Width and height of a picture [px], as large as the scene's buffer."""
 
 
-def _size(value: object, place: Place) -> tuple[int, int]:
+def _size(value: object, place: FieldPath) -> tuple[int, int]:
     """Width and height of a picture."""
     width, height = Listed(Anything(), 2, 2).read(value, place)
     return WIDTH.read(width, place.entry(0)), HEIGHT.read(height, place.entry(1))
@@ -133,7 +133,7 @@ class SceneRenderer:
         options = mujoco.MjvOption()
         options.geomgroup[:] = 1
         options.sitegroup[:] = 1
-        for face in Listed(Choice(tuple(FACE_GROUPS))).read(hide, Place("hide", SettingError)):
+        for face in Listed(Choice(tuple(FACE_GROUPS))).read(hide, FieldPath("hide", SettingError)):
             options.geomgroup[FACE_GROUPS[face]] = 0
             options.sitegroup[FACE_GROUPS[face]] = 0
         eye = mujoco.MjvCamera()

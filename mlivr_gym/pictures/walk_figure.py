@@ -60,7 +60,7 @@ class Leg(NamedTuple):
         return np.concatenate([here, *base_paths(self.plan)[self.taken :]])
 
 
-class Walk(NamedTuple):
+class WalkedPath(NamedTuple):
     """A walk as it is drawn."""
 
     line: Array
@@ -71,7 +71,7 @@ class Walk(NamedTuple):
     """Base positions where a plan was given up, shape (b, 3) [m]."""
 
     @classmethod
-    def of(cls, legs: Sequence[Leg]) -> Walk:
+    def of(cls, legs: Sequence[Leg]) -> WalkedPath:
         """The walk that the legs make one after the other."""
         bases = [leg.plan.motion.base_positions[: leg.taken + 1] for leg in legs]
         return cls(
@@ -92,7 +92,7 @@ def walk_figure(grasp_map: GraspMap, legs: Sequence[Leg], path: str | Path) -> N
     The path walked is thick and green; what a plan had in mind when it was given up is dashed, each
     plan in a colour of its own. Goal, obstacles and occupied points are those of the last plan.
     """
-    walk, last = Walk.of(legs), legs[-1].plan
+    walk, last = WalkedPath.of(legs), legs[-1].plan
     figure, axes, flats = map_views(grasp_map)
     for box in last.world.obstacles:
         _draw_obstacle(axes, box)
@@ -127,7 +127,7 @@ def _dashed(k: int) -> dict[str, Any]:
     }
 
 
-def _remark(walk: Walk, plan: Plan) -> str:
+def _remark(walk: WalkedPath, plan: Plan) -> str:
     """What the walk came to, and how near its base came to the obstacles."""
     steps = f"{len(walk.stances) - 1} steps, base translation {walk.length:.2f} m"
     if not plan.world.obstacles:
@@ -150,7 +150,7 @@ def _dense(line: Array) -> Array:
     return places
 
 
-def _draw_flat(axes: Any, view: View, walk: Walk, legs: Sequence[Leg]) -> None:
+def _draw_flat(axes: Any, view: View, walk: WalkedPath, legs: Sequence[Leg]) -> None:
     """Draw the walk in a flat view; of boxes and path, what is nearer to the eye lies on top."""
     goal = legs[-1].plan.query
     for k, leg in enumerate(legs[:-1]):

@@ -17,8 +17,8 @@ from mlivr_gym.collisions.against_robot import (
     axes_apart,
 )
 from mlivr_gym.collisions.distances import CLEAR, segment_box_apart, segments_apart
-from mlivr_gym.collisions.limb_shapes import Limb, Robot
-from mlivr_gym.collisions.placing import Shapes, axis_of, capsule_axis, place, to_world
+from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
+from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis, place, to_world
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     CLASSES,
@@ -36,57 +36,65 @@ from mlivr_gym.kinematics.families import branch_frames
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import along, minus, vector
-from mlivr_gym.postures.records import HeldStance, Posture, PostureRoom, Search, Tried
+from mlivr_gym.postures.records import (
+    CandidatePose,
+    HeldStance,
+    Posture,
+    PostureScratch,
+    PostureSearch,
+)
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
 
 
 @kernel
-def combined(count: int, room: PostureRoom) -> float:
+def combined(count: int, scratch: PostureScratch) -> float:
     """`w_b` of the branches `trial` of the first `count` limbs."""
-    work = room.work
+    work = scratch.work
     for row in range(6):
         for col in range(row + 1):
             total = 0.0
             for i in range(count):
-                total += room.information[i, room.trial[i], row, col]
+                total += scratch.information[i, scratch.trial[i], row, col]
             work[0, row, col] = total
     return inverse_root_determinant(work)
 
 
 @kernel
-def forget(count: int, room: PostureRoom) -> None:
+def clear_branches(count: int, scratch: PostureScratch) -> None:
     """Mark what branches touch as unknown."""
     for i in range(count):
         for b in range(BRANCHES):
-            room.status[i, b] = -1
+            scratch.status[i, b] = -1
             for j in range(count):
                 for c in range(BRANCHES):
-                    room.pairs[i, b, j, c] = -1
-                    room.gaps[i, b, j, c] = np.inf
+                    scratch.pairs[i, b, j, c] = -1
+                    scratch.gaps[i, b, j, c] = np.inf
 
 
 @kernel
-def limb_status(search: Search, tried: Tried, i: int, b: int, room: PostureRoom) -> int:
-    """What limb `i` on branch `b` touches at `room.base`, other limbs apart.
+def limb_status(
+    search: PostureSearch, tried: CandidatePose, i: int, b: int, scratch: PostureScratch
+) -> int:
+    """What limb `i` on branch `b` touches at `scratch.base`, other limbs apart.
 
     Args:
         search: The stance, the robot and what it must keep clear of.
         tried: How the limbs reach the grasps.
         i: Limb.
         b: Branch.
-        room: Where answers are kept, and scratch.
+        scratch: Where answers are kept, and scratch.
 
     Returns:
         An answer, looked up or worked out.
     """
-    if room.status[i, b] >= 0:
-        return int(room.status[i, b])
+    if scratch.status[i, b] >= 0:
+        return int(scratch.status[i, b])
     robot, clearance = search.robot, search.clearance
-    limb, reached, shapes = robot.limbs[i], tried.limbs[i], room.in_body[i, b]
+    limb, reached, shapes = robot.limbs[i], tried.limbs[i], scratch.in_body[i, b]
     found = CLEAR + 1
-    placed, axes = room.placed, room.inversion.axes
+    placed, axes = scratch.placed, scratch.inversion.axes
     flange = FlangeAxis(vector(reached.p), vector(reached.z))
     if branch_frames(limb.arm, flange, b, axes, placed.frames):
         place(limb, placed.frames, shapes)
@@ -94,51 +102,55 @@ def limb_status(search: Search, tried: Tried, i: int, b: int, room: PostureRoom)
         if found == CLEAR:
             found, _ = against_body(robot, limb, shapes, EVERY, clearance)
         if found == CLEAR:
-            to_world(limb, room.base, shapes, room.in_world)
-            stand_behind(search.held, i, room)
+            to_world(limb, scratch.base, shapes, scratch.in_world)
+            stand_behind(search.held, i, scratch)
             # The hand was compared when the point was chosen.
             todo = below(limb.hand)
-            found, _ = against_boxes(limb, room.in_world, todo, search.grid, clearance, room.behind)
-    room.status[i, b] = found
+            found, _ = against_boxes(
+                limb, scratch.in_world, todo, search.grid, clearance, scratch.behind
+            )
+    scratch.status[i, b] = found
     return found
 
 
 @kernel
-def stand_behind(held: HeldStance, i: int, room: PostureRoom) -> None:
+def stand_behind(held: HeldStance, i: int, scratch: PostureScratch) -> None:
     """What the gripper of limb `i` may come close to at a stance."""
     grasp = held.grasps[i]
     point = along(vector(held.centre), 1.0, vector(grasp.point))
-    set_behind(room.behind, point, vector(grasp.normal))
+    set_behind(scratch.behind, point, vector(grasp.normal))
 
 
 @kernel
-def pair_status(search: Search, i: int, b: int, j: int, c: int, room: PostureRoom) -> int:
+def pair_status(
+    search: PostureSearch, i: int, b: int, j: int, c: int, scratch: PostureScratch
+) -> int:
     """Whether limb `i` on branch `b` keeps clear of limb `j` on branch `c`, both in place.
 
     Returns:
         An answer, looked up or worked out.
     """
-    if room.pairs[i, b, j, c] < 0:
+    if scratch.pairs[i, b, j, c] < 0:
         first, second = search.robot.limbs[i], search.robot.limbs[j]
-        shapes, others = room.in_body[i, b], room.in_body[j, c]
+        shapes, others = scratch.in_body[i, b], scratch.in_body[j, c]
         found, _ = against_limb(first, shapes, second, others, EVERY, search.clearance)
-        room.pairs[i, b, j, c] = room.pairs[j, c, i, b] = found
-    return int(room.pairs[i, b, j, c])
+        scratch.pairs[i, b, j, c] = scratch.pairs[j, c, i, b] = found
+    return int(scratch.pairs[i, b, j, c])
 
 
 @part
-def apart(search: Search, room: PostureRoom) -> bool:
+def apart(search: PostureSearch, scratch: PostureScratch) -> bool:
     """Whether limbs in place on the branches `trial` keep clear of each other."""
     for i in range(search.robot.limb_count):
         for j in range(i):
-            b, c = room.trial[i], room.trial[j]
-            if pair_status(search, i, b, j, c, room) != CLEAR:
+            b, c = scratch.trial[i], scratch.trial[j]
+            if pair_status(search, i, b, j, c, scratch) != CLEAR:
                 return False
     return True
 
 
 @kernel
-def _link_gaps(robot: Robot, limb: Limb, shapes: Shapes, least: float) -> float:
+def _link_gaps(robot: RobotModel, limb: LimbModel, shapes: Shapes, least: float) -> float:
     """Least distance of a limb's links from each other, the body and what is fixed to that [m].
 
     Any number below `least` stands for one below it. Shapes are given in the body frame.
@@ -178,7 +190,7 @@ def _axes_gap(
 
 
 @kernel
-def self_clearance(robot: Robot, least: float, room: PostureRoom) -> float:
+def self_clearance(robot: RobotModel, least: float, scratch: PostureScratch) -> float:
     """Least distance of two shapes of the robot that are compared, on the branches `trial` [m].
 
     Negative where they overlap; `contacts.contacts` is the plain definition. Any number below
@@ -189,21 +201,23 @@ def self_clearance(robot: Robot, least: float, room: PostureRoom) -> float:
         for j in range(i + 1):
             if gap < least:
                 return gap
-            b, c = room.trial[i], room.trial[j]
-            if room.gaps[i, b, j, c] == np.inf:
-                first, shapes = robot.limbs[i], room.in_body[i, b]
+            b, c = scratch.trial[i], scratch.trial[j]
+            if scratch.gaps[i, b, j, c] == np.inf:
+                first, shapes = robot.limbs[i], scratch.in_body[i, b]
                 if j == i:
                     found = _link_gaps(robot, first, shapes, least)
                 else:
-                    others = room.in_body[j, c]
+                    others = scratch.in_body[j, c]
                     found = _limb_gap(first, shapes, robot.limbs[j], others, least)
-                room.gaps[i, b, j, c] = room.gaps[j, c, i, b] = found
-            gap = min(gap, room.gaps[i, b, j, c])
+                scratch.gaps[i, b, j, c] = scratch.gaps[j, c, i, b] = found
+            gap = min(gap, scratch.gaps[i, b, j, c])
     return gap
 
 
 @kernel
-def _limb_gap(limb: Limb, shapes: Shapes, other: Limb, others: Shapes, least: float) -> float:
+def _limb_gap(
+    limb: LimbModel, shapes: Shapes, other: LimbModel, others: Shapes, least: float
+) -> float:
     """Least distance of the shapes of two limbs [m]; any number below `least` for one below it."""
     gap = np.inf
     for a in range(limb.capsule_count):
@@ -217,7 +231,9 @@ def _limb_gap(limb: Limb, shapes: Shapes, other: Limb, others: Shapes, least: fl
 
 
 @part
-def hold_masks(search: Search, tried: Tried, room: PostureRoom, out: Posture) -> None:
+def hold_masks(
+    search: PostureSearch, tried: CandidatePose, scratch: PostureScratch, out: Posture
+) -> None:
     """Branches and flips on which each limb may hold at a posture, a product set, into `out.mask`.
 
     A branch belongs if `w_m` meets the threshold, if the limb can depart along the surface normal
@@ -234,89 +250,89 @@ def hold_masks(search: Search, tried: Tried, room: PostureRoom, out: Posture) ->
             w = reached.w[c]
             if w >= limits.w_m and w >= limits.floor and w > 0.0:
                 mask |= whole_class(c)
-        lift_path(room.path, out.base, grasp, robot.lift)
+        lift_path(scratch.path, out.base, grasp, robot.lift)
         floor = limits.floor * l_c**3
-        mask = hold_mask(limb, grasp.flange, room.path, floor, mask, room.holding)
+        mask = hold_mask(limb, grasp.flange, scratch.path, floor, mask, scratch.holding)
         out.mask[i] = mask
         for b in range(BRANCHES):
-            room.kept[i, b] = False
-            room.allowed[i, b] = (
-                has_branch(mask, b) and limb_status(search, tried, i, b, room) == CLEAR
+            scratch.kept[i, b] = False
+            scratch.allowed[i, b] = (
+                has_branch(mask, b) and limb_status(search, tried, i, b, scratch) == CLEAR
             )
-            if room.allowed[i, b]:
+            if scratch.allowed[i, b]:
                 flange = FlangeAxis(vector(reached.p), vector(reached.z))
                 limb_information(
                     limb,
                     flange,
                     b,
                     l_c,
-                    room.inversion,
-                    room.information[i, b],
+                    scratch.inversion,
+                    scratch.information[i, b],
                 )
-    _grow(search, out, room)
+    _grow(search, out, scratch)
     for i in range(robot.limb_count):
         kept = EMPTY
         for b in range(BRANCHES):
-            if room.kept[i, b]:
+            if scratch.kept[i, b]:
                 kept |= both_flips(b)
         out.mask[i] &= kept
 
 
 @kernel
-def _grow(search: Search, posture: Posture, room: PostureRoom) -> None:
+def _grow(search: PostureSearch, posture: Posture, scratch: PostureScratch) -> None:
     """Product set reached from the branches of a posture by adding branches one at a time.
 
-    Every combination reaches `w_b` and is clear. `room.kept` says which branches are in it.
+    Every combination reaches `w_b` and is clear. `scratch.kept` says which branches are in it.
     """
     robot = search.robot
     for i in range(robot.limb_count):
-        if not room.allowed[i, posture.branch[i]]:
+        if not scratch.allowed[i, posture.branch[i]]:
             return
     for i in range(robot.limb_count):
-        room.kept[i, posture.branch[i]] = True
+        scratch.kept[i, posture.branch[i]] = True
     for i in range(robot.limb_count):
         for b in range(BRANCHES):
-            if room.allowed[i, b] and not room.kept[i, b]:
-                room.kept[i, b] = _fits_all(search, i, b, room)
+            if scratch.allowed[i, b] and not scratch.kept[i, b]:
+                scratch.kept[i, b] = _fits_all(search, i, b, scratch)
 
 
 @part
-def _fits_all(search: Search, i: int, b: int, room: PostureRoom) -> bool:
+def _fits_all(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> bool:
     """Whether branch `b` of limb `i` goes with every combination of the others' branches kept."""
     robot, w_b = search.robot, search.rule.thresholds.w_b
     for j in range(robot.limb_count):
-        room.option_count[j] = 0
+        scratch.option_count[j] = 0
         for c in range(BRANCHES):
-            if (j == i and c == b) or (j != i and room.kept[j, c]):
-                if j != i and pair_status(search, i, b, j, c, room) != CLEAR:
+            if (j == i and c == b) or (j != i and scratch.kept[j, c]):
+                if j != i and pair_status(search, i, b, j, c, scratch) != CLEAR:
                     return False
-                room.options[j, room.option_count[j]] = c
-                room.option_count[j] += 1
-    more = first_combination(robot.limb_count, room)
+                scratch.options[j, scratch.option_count[j]] = c
+                scratch.option_count[j] += 1
+    more = first_combination(robot.limb_count, scratch)
     while more:
-        if combined(robot.limb_count, room) < w_b:
+        if combined(robot.limb_count, scratch) < w_b:
             return False
-        more = next_combination(robot.limb_count, room)
+        more = next_combination(robot.limb_count, scratch)
     return True
 
 
 @kernel
-def first_combination(count: int, room: PostureRoom) -> bool:
+def first_combination(count: int, scratch: PostureScratch) -> bool:
     """Set `trial` to the first combination of `options`; whether there is any."""
     for i in range(count):
-        if room.option_count[i] == 0:
+        if scratch.option_count[i] == 0:
             return False
-        room.digits[i], room.trial[i] = 0, room.options[i, 0]
+        scratch.digits[i], scratch.trial[i] = 0, scratch.options[i, 0]
     return True
 
 
 @kernel
-def next_combination(count: int, room: PostureRoom) -> bool:
+def next_combination(count: int, scratch: PostureScratch) -> bool:
     """Set `trial` to the next combination, limb 0 running fastest; whether there is any."""
     for i in range(count):
-        room.digits[i] += 1
-        if room.digits[i] < room.option_count[i]:
-            room.trial[i] = room.options[i, room.digits[i]]
+        scratch.digits[i] += 1
+        if scratch.digits[i] < scratch.option_count[i]:
+            scratch.trial[i] = scratch.options[i, scratch.digits[i]]
             return True
-        room.digits[i], room.trial[i] = 0, room.options[i, 0]
+        scratch.digits[i], scratch.trial[i] = 0, scratch.options[i, 0]
     return False

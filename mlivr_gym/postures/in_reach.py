@@ -20,7 +20,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.collisions.limb_shapes import Robot
+from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Record, Rows, Vector
 from mlivr_gym.kinematics.families import branch_terms
@@ -38,7 +38,7 @@ from mlivr_gym.kinematics.poses import (
     vector,
 )
 from mlivr_gym.postures.base_frames import OPPOSED
-from mlivr_gym.postures.records import PostureRule, list_tries
+from mlivr_gym.postures.records import PostureRule, set_candidates
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import Triple
@@ -70,7 +70,7 @@ class ReachQuery(Record):
     """How near to it [m]; infinite for anywhere."""
 
 
-class ReachRoom(Record):
+class ReachScratch(Record):
     """Room for one set."""
 
     points: Annotated[IntArray, (8,), np.int64]
@@ -93,7 +93,7 @@ class ReachRoom(Record):
 class _World(NamedTuple):
     """What all sets share."""
 
-    robot: Robot
+    robot: RobotModel
     grasps: Rows[Grasp]
     query: ReachQuery
     orders: IntArray
@@ -142,12 +142,12 @@ def reach_queries(
     Args:
         robot: The robot.
         w_m: Least limb manipulability.
-        tries: What is tried, see `records.list_tries`.
+        tries: What is tried, see `records.set_candidates`.
         target: Where the base is to be [m], shape (3,); None for anywhere.
         tolerance: How near to it [m].
     """
     out = ReachQuery.rows(1)
-    list_tries(out["rule"][0], tries)
+    set_candidates(out["rule"][0], tries)
     out["rule"]["thresholds"]["w_m"] = w_m
     limbs_reach = farthest_flange(robot.limb, robot.characteristic_length, w_m)
     out["farthest"] = robot.mount_radius + limbs_reach
@@ -160,9 +160,9 @@ def sets_in_reach(
     start: int,
     stop: int,
     sets: IntArray,
-    world: tuple[Rows[Robot], Rows[Grasp], Rows[ReachQuery], IntArray],
+    world: tuple[Rows[RobotModel], Rows[Grasp], Rows[ReachQuery], IntArray],
     out: BoolArray,
-    rooms: Rows[ReachRoom],
+    scratch_rows: Rows[ReachScratch],
 ) -> None:
     """Which sets from `start` to `stop` are in reach.
 
@@ -170,26 +170,26 @@ def sets_in_reach(
         start: First set.
         stop: One past the last.
         sets: Points of each, shape (k, N).
-        world: A row of `Robot`, the map's points as rows of `Grasp`, a row of `ReachQuery`, and the
-            orders of the points that are tried, see `orders_of`.
+        world: A row of `RobotModel`, the map's points as rows of `Grasp`, a row of `ReachQuery`,
+            the orders of the points that are tried, see `orders_of`.
         out: Filled, shape (k,).
-        rooms: A row of `ReachRoom`, shape (1,).
+        scratch_rows: A row of `ReachScratch`, shape (1,).
     """
-    room = rooms[0]
+    scratch = scratch_rows[0]
     robots, grasps, queries, orders = world
     shared = _World(robots[0], grasps, queries[0], orders)
     for s in range(start, stop):
         for i in range(sets.shape[1]):
-            room.points[i] = sets[s, i]
-        out[s] = _set_in_reach(shared, room)
+            scratch.points[i] = sets[s, i]
+        out[s] = _set_in_reach(shared, scratch)
 
 
 @kernel
-def _set_in_reach(world: _World, room: ReachRoom) -> bool:
+def _set_in_reach(world: _World, scratch: ReachScratch) -> bool:
     """Whether the set in the room is in reach."""
     query, rule, count = world.query, world.query.rule, world.orders.shape[1]
-    _middle(world, room)
-    centre, normal = vector(room.centre), vector(room.normal)
+    _middle(world, scratch)
+    centre, normal = vector(scratch.centre), vector(scratch.normal)
     opposed = length(normal) < OPPOSED * (1.0 + SLACK)
     upright = length(normal) >= OPPOSED * (1.0 - SLACK)
     highest = rule.heights[rule.height_count - 1]
@@ -199,52 +199,57 @@ def _set_in_reach(world: _World, room: ReachRoom) -> bool:
         return False
     nearest = np.inf
     for k in range(count):
-        nearest = min(nearest, _away(k, centre, world, room))
+        nearest = min(nearest, _away(k, centre, world, scratch))
     if upright:
-        room.frame_count, level = UNKNOWN, True
+        scratch.frame_count, level = UNKNOWN, True
         for k in range(count):
-            if _away(k, centre, world, room) > nearest + SLACK:
+            if _away(k, centre, world, scratch) > nearest + SLACK:
                 continue
-            line = _line(k, centre, world, room)
-            if _rolled(line, _unit(normal), level, False, world, room):
+            line = _line(k, centre, world, scratch)
+            if _rolled(line, _unit(normal), level, False, world, scratch):
                 return True
             level = False
     if opposed:
         for k in range(count):
-            if _away(k, centre, world, room) > nearest + SLACK:
+            if _away(k, centre, world, scratch) > nearest + SLACK:
                 continue
-            room.frame_count = UNKNOWN
-            line, rail = _line(k, centre, world, room), vector(world.grasps[room.points[k]].rail)
+            scratch.frame_count = UNKNOWN
+            line, rail = (
+                _line(k, centre, world, scratch),
+                vector(world.grasps[scratch.points[k]].rail),
+            )
             out = _unit(_across(rail, line))
             if length(_across(rail, line)) ** 2 < SLACK:
-                out = _unit(_across(cross(vector(world.grasps[room.points[k]].normal), rail), line))
-            if _rolled(line, out, True, True, world, room):
+                out = _unit(
+                    _across(cross(vector(world.grasps[scratch.points[k]].normal), rail), line)
+                )
+            if _rolled(line, out, True, True, world, scratch):
                 return True
     return False
 
 
 @kernel
-def _middle(world: _World, room: ReachRoom) -> None:
+def _middle(world: _World, scratch: ReachScratch) -> None:
     """Centroid and mean normal of the points in the room."""
     count = world.orders.shape[1]
     for axis in range(3):
-        room.centre[axis], room.normal[axis] = 0.0, 0.0
+        scratch.centre[axis], scratch.normal[axis] = 0.0, 0.0
         for i in range(count):
-            grasp = world.grasps[room.points[i]]
-            room.centre[axis] += grasp.point[axis] / count
-            room.normal[axis] += grasp.normal[axis] / count
+            grasp = world.grasps[scratch.points[i]]
+            scratch.centre[axis] += grasp.point[axis] / count
+            scratch.normal[axis] += grasp.normal[axis] / count
 
 
 @kernel
-def _away(k: int, centre: Triple, world: _World, room: ReachRoom) -> float:
+def _away(k: int, centre: Triple, world: _World, scratch: ReachScratch) -> float:
     """Distance of point `k` from the centroid [m]."""
-    return length(minus(vector(world.grasps[room.points[k]].point), centre))
+    return length(minus(vector(world.grasps[scratch.points[k]].point), centre))
 
 
 @kernel
-def _line(k: int, centre: Triple, world: _World, room: ReachRoom) -> Triple:
+def _line(k: int, centre: Triple, world: _World, scratch: ReachScratch) -> Triple:
     """The line from the centroid to the grasp of point `k`, about which the body rolls."""
-    grasp = world.grasps[room.points[k]]
+    grasp = world.grasps[scratch.points[k]]
     line = minus(vector(grasp.point), centre)
     return vector(grasp.rail) if length(line) ** 2 < 1e-12 else _unit(line)
 
@@ -262,7 +267,7 @@ def _across(v: Triple, axis: Triple) -> Triple:
 
 
 @kernel
-def _set_frames(out: Triple, world: _World, room: ReachRoom) -> bool:
+def _set_frames(out: Triple, world: _World, scratch: ReachScratch) -> bool:
     """Unrolled body axes for all orders of the points, both senses where they fit equally well.
 
     Returns:
@@ -273,13 +278,13 @@ def _set_frames(out: Triple, world: _World, room: ReachRoom) -> bool:
         e1 = _across((0.0, 1.0, 0.0), out)
     e1 = _unit(e1)
     e2, count = cross(out, e1), world.orders.shape[1]
-    room.frame_count = 0
+    scratch.frame_count = 0
     for order in range(len(world.orders)):
         # The fit of the mounts' azimuths to the grasps, and that of the robot turned over.
         along_x, along_y, over_x, over_y = 0.0, 0.0, 0.0, 0.0
         for i in range(count):
-            point = world.grasps[room.points[world.orders[order, i]]].point
-            grasp = minus(vector(point), vector(room.centre))
+            point = world.grasps[scratch.points[world.orders[order, i]]].point
+            grasp = minus(vector(point), vector(scratch.centre))
             x, y = dot(grasp, e1), dot(grasp, e2)
             c, s = np.cos(2.0 * np.pi * i / count), np.sin(2.0 * np.pi * i / count)
             along_x, along_y = along_x + x * c + y * s, along_y + y * c - x * s
@@ -294,23 +299,23 @@ def _set_frames(out: Triple, world: _World, room: ReachRoom) -> bool:
                 if over:
                     yaw, z = np.arctan2(over_y, over_x), along((0.0, 0.0, 0.0), -1.0, out)
                 x_axis = along(along((0.0, 0.0, 0.0), np.cos(yaw), e1), np.sin(yaw), e2)
-                _set_frame(x_axis, z, order, room)
+                _set_frame(x_axis, z, order, scratch)
     return True
 
 
 @kernel
-def _set_frame(x: Triple, z: Triple, order: int, room: ReachRoom) -> None:
+def _set_frame(x: Triple, z: Triple, order: int, scratch: ReachScratch) -> None:
     """One more of the unrolled body axes."""
-    y, rotation = cross(z, x), room.frames[room.frame_count].rotation
+    y, rotation = cross(z, x), scratch.frames[scratch.frame_count].rotation
     for axis in range(3):
         rotation[axis, 0], rotation[axis, 1], rotation[axis, 2] = x[axis], y[axis], z[axis]
-    room.order[room.frame_count] = order
-    room.frame_count += 1
+    scratch.order[scratch.frame_count] = order
+    scratch.frame_count += 1
 
 
 @kernel
 def _rolled(
-    line: Triple, out: Triple, level: bool, opposed: bool, world: _World, room: ReachRoom
+    line: Triple, out: Triple, level: bool, opposed: bool, world: _World, scratch: ReachScratch
 ) -> bool:
     """Whether the set is in reach from a base pose rolled about a line.
 
@@ -320,12 +325,12 @@ def _rolled(
         level: Whether a roll of zero counts, which is the same about every line.
         opposed: Whether rolls and heights are those between opposite walls.
         world: What all sets share.
-        room: The set; its unrolled body axes are worked out if they are needed.
+        scratch: The set; its unrolled body axes are worked out if they are needed.
     """
-    query, rule, base = world.query, world.query.rule, room.base
+    query, rule, base = world.query, world.query.rule, scratch.base
     roll_count = rule.wide_roll_count if opposed else rule.roll_count
     height_count = rule.wide_height_count if opposed else rule.height_count
-    target, centre = vector(query.target), vector(room.centre)
+    target, centre = vector(query.target), vector(scratch.centre)
     for r in range(roll_count):
         roll = rule.wide_rolls[r] if opposed else rule.rolls[r]
         if roll == 0.0 and not level:
@@ -337,15 +342,15 @@ def _rolled(
             position = along(centre, height, up)
             if length(minus(target, position)) > query.tolerance + SLACK:
                 continue
-            if not _none_too_far(position, world, room):
+            if not _none_too_far(position, world, scratch):
                 continue
-            if room.frame_count == UNKNOWN and not _set_frames(out, world, room):
+            if scratch.frame_count == UNKNOWN and not _set_frames(out, world, scratch):
                 return True
             for axis in range(3):
                 base.position[axis] = position[axis]
-            for f in range(room.frame_count):
-                _turn_frame(line, cosine, sine, room.frames[f], base)
-                if _all_reach(room.order[f], world, room):
+            for f in range(scratch.frame_count):
+                _turn_frame(line, cosine, sine, scratch.frames[f], base)
+                if _all_reach(scratch.order[f], world, scratch):
                     return True
     return False
 
@@ -361,27 +366,27 @@ def _turn_frame(line: Triple, cosine: float, sine: float, frame: Pose, base: Pos
 
 
 @kernel
-def _none_too_far(position: Triple, world: _World, room: ReachRoom) -> bool:
+def _none_too_far(position: Triple, world: _World, scratch: ReachScratch) -> bool:
     """Whether no flange is farther from the base than a limb reaches."""
     for i in range(world.orders.shape[1]):
-        flange = vector(world.grasps[room.points[i]].flange.position)
+        flange = vector(world.grasps[scratch.points[i]].flange.position)
         if length(minus(flange, position)) > world.query.farthest + SLACK:
             return False
     return True
 
 
 @kernel
-def _all_reach(order: int, world: _World, room: ReachRoom) -> bool:
+def _all_reach(order: int, world: _World, scratch: ReachScratch) -> bool:
     """Whether each limb reaches its point with the `w_m` asked for."""
     robot, least = world.robot, world.query.rule.thresholds.w_m * (1.0 - SLACK)
     for i in range(robot.limb_count):
-        limb, point = robot.limbs[i], room.points[world.orders[order, i]]
+        limb, point = robot.limbs[i], scratch.points[world.orders[order, i]]
         unit = abs(limb.arm.a2 * limb.arm.a3) / robot.characteristic_length**3
-        seen, _ = flange_seen(limb, room.base, world.grasps[point].flange)
-        branch_terms(limb.arm, seen, room.terms)
+        seen, _ = flange_seen(limb, scratch.base, world.grasps[point].flange)
+        branch_terms(limb.arm, seen, scratch.terms)
         square = -1.0
         for row in range(4):
-            square = max(square, room.terms[row, 3])
+            square = max(square, scratch.terms[row, 3])
         if square <= 0.0 or unit * np.sqrt(square) < least:
             return False
     return True

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.postures.turns import turned, turned_frames
+from mlivr_gym.postures.turns import permuted_limbs, turned_frames
 
 
 @dataclass(frozen=True)
@@ -56,15 +56,15 @@ class Postures:
         """Postures of the chosen stances."""
         return Postures(*(getattr(self, name)[index] for name in FIELDS))
 
-    def turned(self, turns: IntArray) -> Postures:
+    def permuted_limbs(self, turns: IntArray) -> Postures:
         """The same postures of the robot after turns, shape (k,); see `turns`."""
         return Postures(
             self.base_position,
             turned_frames(self.base_rotation, turns, self.w_m.shape[1]),
-            turned(self.w_m, turns),
+            permuted_limbs(self.w_m, turns),
             self.w_b,
-            turned(self.branch, turns),
-            turned(self.mask, turns),
+            permuted_limbs(self.branch, turns),
+            permuted_limbs(self.mask, turns),
             self.tried,
             self.cause,
         )

@@ -10,8 +10,8 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import Behind
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.limb_shapes import Robot
-from mlivr_gym.collisions.placing import Placed, Shapes
+from mlivr_gym.collisions.limb_shapes import RobotModel
+from mlivr_gym.collisions.placement import Placed, Shapes
 from mlivr_gym.compiled.bit_sets import BRANCHES, CLASSES
 from mlivr_gym.compiled.records import Matrix, Record, Rows, Vector
 from mlivr_gym.kinematics.base_path import BasePath
@@ -75,7 +75,7 @@ class PostureRule(Record):
     """These rolls [rad]."""
 
 
-def list_tries(rule: PostureRule, tries: Sequence[Array]) -> None:
+def set_candidates(rule: PostureRule, tries: Sequence[Array]) -> None:
     """Put what is tried into a rule: heights and rolls, and those between opposite walls."""
     names = ("height", "roll", "wide_height", "wide_roll")
     for name, values in zip(names, tries, strict=True):
@@ -100,7 +100,7 @@ class HeldStance(Record):
     """Whether the walls are opposed."""
 
 
-class Reached(Record):
+class LimbReach(Record):
     """How a limb reaches its grasp from a base pose."""
 
     p: Vector
@@ -111,12 +111,12 @@ class Reached(Record):
     """`w_m` of each class of branches; 0 out of reach."""
 
 
-class Tried(Record):
+class CandidatePose(Record):
     """A base pose that is tried for a stance."""
 
     base: Pose
     """The base, in the frame of the stance's grasps."""
-    limbs: Annotated[Rows[Reached], (MOST_LIMBS,)]
+    limbs: Annotated[Rows[LimbReach], (MOST_LIMBS,)]
     """How each limb reaches its grasp."""
     bound: float
     """Upper bound of the margin: the least over the limbs of the best class."""
@@ -124,10 +124,10 @@ class Tried(Record):
     """The same as long as it is to be looked at, then 0."""
 
 
-class Search(NamedTuple):
+class PostureSearch(NamedTuple):
     """What a search for a posture of one stance reads."""
 
-    robot: Robot
+    robot: RobotModel
     held: HeldStance
     rule: PostureRule
     grid: BoxGrid
@@ -157,10 +157,10 @@ class Posture(Record):
     """What the best posture touches where that alone keeps a node away."""
 
 
-class PostureRoom(Record):
+class PostureScratch(Record):
     """Room for the selection of one posture."""
 
-    tried: Annotated[Rows[Tried], (MOST_POSES * MOST_POSES,)]
+    tried: Annotated[Rows[CandidatePose], (MOST_POSES * MOST_POSES,)]
     """Base poses that are tried."""
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
     """`K^-1` of each branch of each limb."""

@@ -15,12 +15,12 @@ from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_i
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.branches import (
     apart,
+    clear_branches,
     combined,
-    forget,
     limb_status,
     self_clearance,
 )
-from mlivr_gym.postures.records import Limbs, PostureRoom, Search, Tried
+from mlivr_gym.postures.records import CandidatePose, Limbs, PostureScratch, PostureSearch
 
 TIE = 1e-9
 """Margins that differ by this share or less count as equal."""
@@ -44,7 +44,7 @@ class Chosen(NamedTuple):
 
 
 @kernel
-def enter(search: Search, c: int, floor: float, look: bool, room: PostureRoom) -> bool:
+def enter(search: PostureSearch, c: int, floor: float, look: bool, scratch: PostureScratch) -> bool:
     """Prepare base pose `c` of a stance.
 
     What its branches touch is not known any more; `K^-1` of those above a margin is worked out, and
@@ -55,58 +55,58 @@ def enter(search: Search, c: int, floor: float, look: bool, room: PostureRoom) -
         c: Index of the base pose.
         floor: Margin that branches must exceed.
         look: Whether the body must touch no box.
-        room: Scratch.
+        scratch: Scratch.
 
     Returns:
         Whether the base pose may be looked at.
     """
-    robot, held, rule, tried = search.robot, search.held, search.rule, room.tried[c]
+    robot, held, rule, tried = search.robot, search.held, search.rule, scratch.tried[c]
     count = robot.limb_count
-    forget(count, room)
+    clear_branches(count, scratch)
     for axis in range(3):
-        room.base.position[axis] = held.centre[axis] + tried.base.position[axis]
+        scratch.base.position[axis] = held.centre[axis] + tried.base.position[axis]
         for col in range(3):
-            room.base.rotation[axis, col] = tried.base.rotation[axis, col]
+            scratch.base.rotation[axis, col] = tried.base.rotation[axis, col]
     if look:
         still = (0.0, 0.0)
         found = base_against_boxes(
-            robot, room.base, still, search.grid, search.clearance, room.behind
+            robot, scratch.base, still, search.grid, search.clearance, scratch.behind
         )
         if found != CLEAR:
             return False
     for i in range(count):
         reached = tried.limbs[i]
         flange = FlangeAxis(vector(reached.p), vector(reached.z))
-        room.option_count[i] = 0
+        scratch.option_count[i] = 0
         for b in range(BRANCHES):
             if reached.w[class_of(b)] > floor * rule.scale_m:
-                room.options[i, room.option_count[i]] = b
-                room.option_count[i] += 1
+                scratch.options[i, scratch.option_count[i]] = b
+                scratch.option_count[i] += 1
                 limb_information(
                     robot.limbs[i],
                     flange,
                     b,
                     robot.characteristic_length,
-                    room.inversion,
-                    room.information[i, b],
+                    scratch.inversion,
+                    scratch.information[i, b],
                 )
-    _bound_roots(tried, count, room)
+    _bound_roots(tried, count, scratch)
     return True
 
 
 @kernel
-def _bound_roots(tried: Tried, count: int, room: PostureRoom) -> None:
-    """Lower bounds of the sixth roots of the determinants that limbs add, into `room.roots`."""
+def _bound_roots(tried: CandidatePose, count: int, scratch: PostureScratch) -> None:
+    """Lower bounds of the sixth roots of the determinants that limbs add, into `scratch.roots`."""
     total = 0.0
     for i in range(count):
-        room.roots[i], best = total, 0.0
-        for k in range(room.option_count[i]):
-            best = max(best, tried.limbs[i].w[class_of(room.options[i, k])])
+        scratch.roots[i], best = total, 0.0
+        for k in range(scratch.option_count[i]):
+            best = max(best, tried.limbs[i].w[class_of(scratch.options[i, k])])
         total += np.inf if best == 0.0 else best ** (-1.0 / 3.0)
 
 
 @kernel
-def _may_reach(search: Search, i: int, least: float, room: PostureRoom) -> bool:
+def _may_reach(search: PostureSearch, i: int, least: float, scratch: PostureScratch) -> bool:
     """Whether `w_b` may reach a margin with the branches `trial` of limb `i` and those after it.
 
     Sixth roots of determinants of sums are no less than the sums of the roots (Minkowski), and
@@ -116,57 +116,57 @@ def _may_reach(search: Search, i: int, least: float, room: PostureRoom) -> bool:
     last = search.robot.limb_count - 1
     if i == 0:
         return True
-    sums, work = room.sums[i], room.work
+    sums, work = scratch.sums[i], scratch.work
     for row in range(6):
         for col in range(row + 1):
-            total = room.information[i, room.trial[i], row, col]
+            total = scratch.information[i, scratch.trial[i], row, col]
             if i < last:
-                total += room.sums[i + 1, row, col]
+                total += scratch.sums[i + 1, row, col]
             sums[row, col] = work[0, row, col] = total
     if i == last:
         return True
     w_b = inverse_root_determinant(work)
     if w_b == 0.0:  # too near a singularity to tell
         return True
-    bound: float = (w_b ** (-1.0 / 3.0) + room.roots[i]) ** -3.0
+    bound: float = (w_b ** (-1.0 / 3.0) + scratch.roots[i]) ** -3.0
     return bound * (1.0 + SLACK) >= least * search.rule.scale_b
 
 
 @kernel
-def touches_nothing(search: Search, c: int, room: PostureRoom) -> bool:
+def touches_nothing(search: PostureSearch, c: int, scratch: PostureScratch) -> bool:
     """Whether the limbs touch nothing on the branches `trial` at base pose `c`."""
-    robot, tried = search.robot, room.tried[c]
+    robot, tried = search.robot, scratch.tried[c]
     for i in range(robot.limb_count):
-        found = limb_status(search, tried, i, room.trial[i], room)
+        found = limb_status(search, tried, i, scratch.trial[i], scratch)
         if found != CLEAR:
             return False
-    return apart(search, room)
+    return apart(search, scratch)
 
 
 @kernel
-def _trial_bound(search: Search, tried: Tried, room: PostureRoom) -> float:
+def _trial_bound(search: PostureSearch, tried: CandidatePose, scratch: PostureScratch) -> float:
     """Least `w_m` of the branches `trial` as a margin, 0 if one is known to touch something."""
     bound = np.inf
     for i in range(search.robot.limb_count):
-        b = room.trial[i]
-        bound = min(bound, tried.limbs[i].w[class_of(b)] if room.status[i, b] <= CLEAR else 0.0)
+        b = scratch.trial[i]
+        bound = min(bound, tried.limbs[i].w[class_of(b)] if scratch.status[i, b] <= CLEAR else 0.0)
     return bound / search.rule.scale_m
 
 
 @kernel
-def _begin(count: int, room: PostureRoom) -> None:
+def _begin(count: int, scratch: PostureScratch) -> None:
     """Make `_next_hopeful` begin with the first combination."""
-    room.digits[count - 1] = -1
+    scratch.digits[count - 1] = -1
 
 
 @kernel
 def _next_hopeful(
-    search: Search,
-    tried: Tried,
+    search: PostureSearch,
+    tried: CandidatePose,
     least: tuple[float, float],
     least_gap: float,
     depth: int,
-    room: PostureRoom,
+    scratch: PostureScratch,
 ) -> bool:
     """Set `trial` to the next combination of `options` that may serve; whether there is one.
 
@@ -180,49 +180,56 @@ def _next_hopeful(
         least: The margins of `w_m` and of `w_b`.
         least_gap: Distance up to which branches are near each other [m].
         depth: The limb whose branch changes: the last to begin with, 0 after a combination.
-        room: Scratch.
+        scratch: Scratch.
     """
     limbs, i = search.robot.limb_count, depth
     if depth == 0:
         # What was found out of the last combination may rule out more than that.
         for k in range(1, limbs):
-            if not _serves(search, tried, k, least[0], least_gap, room):
+            if not _serves(search, tried, k, least[0], least_gap, scratch):
                 i = k
     while i < limbs:
-        room.digits[i] += 1
-        if room.digits[i] >= room.option_count[i]:
+        scratch.digits[i] += 1
+        if scratch.digits[i] >= scratch.option_count[i]:
             i += 1
             continue
-        room.trial[i] = room.options[i, room.digits[i]]
-        if not _serves(search, tried, i, least[0], least_gap, room):
+        scratch.trial[i] = scratch.options[i, scratch.digits[i]]
+        if not _serves(search, tried, i, least[0], least_gap, scratch):
             continue
-        if not _may_reach(search, i, least[1], room):
+        if not _may_reach(search, i, least[1], scratch):
             continue
         if i == 0:
             return True
         i -= 1
-        room.digits[i] = -1
+        scratch.digits[i] = -1
     return False
 
 
 @kernel
 def _serves(
-    search: Search, tried: Tried, i: int, least: float, least_gap: float, room: PostureRoom
+    search: PostureSearch,
+    tried: CandidatePose,
+    i: int,
+    least: float,
+    least_gap: float,
+    scratch: PostureScratch,
 ) -> bool:
     """Whether the branch `trial` of limb `i` may serve with those of the limbs after it."""
-    b = room.trial[i]
-    if tried.limbs[i].w[class_of(b)] < least * search.rule.scale_m or room.status[i, b] > CLEAR:
+    b = scratch.trial[i]
+    if tried.limbs[i].w[class_of(b)] < least * search.rule.scale_m or scratch.status[i, b] > CLEAR:
         return False
     for j in range(i + 1, search.robot.limb_count):
-        c = room.trial[j]
-        if room.pairs[i, b, j, c] > CLEAR or room.gaps[i, b, j, c] <= least_gap:
+        c = scratch.trial[j]
+        if scratch.pairs[i, b, j, c] > CLEAR or scratch.gaps[i, b, j, c] <= least_gap:
             return False
-    to_itself: float = room.gaps[i, b, i, b]
+    to_itself: float = scratch.gaps[i, b, i, b]
     return to_itself > least_gap
 
 
 @kernel
-def _largest_margin(search: Search, floor: float, look: bool, room: PostureRoom) -> float:
+def _largest_margin(
+    search: PostureSearch, floor: float, look: bool, scratch: PostureScratch
+) -> float:
     """Largest margin above `floor` of all base poses and branches of one stance, or `floor`.
 
     With `look` only those count that touch nothing; they are checked when their margin would be the
@@ -230,37 +237,37 @@ def _largest_margin(search: Search, floor: float, look: bool, room: PostureRoom)
     """
     limbs, margin = search.robot.limb_count, floor
     for c in range(search.poses):
-        room.tried[c].waiting = room.tried[c].bound
+        scratch.tried[c].waiting = scratch.tried[c].bound
     while True:
         c = EMPTY
         for other in range(1, search.poses):
-            if room.tried[other].waiting > room.tried[c].waiting:
+            if scratch.tried[other].waiting > scratch.tried[c].waiting:
                 c = other
-        tried = room.tried[c]
+        tried = scratch.tried[c]
         top = tried.waiting
         if top <= margin or top <= 0.0:
             return margin
         tried.waiting = 0.0
-        if not enter(search, c, margin, look, room):
+        if not enter(search, c, margin, look, scratch):
             continue
         for turn in range(2):
             # The first round takes those whose least `w_m` is the largest there is.
             least, depth = top * (1.0 - TIE) if turn == 0 else 0.0, limbs - 1
-            _begin(limbs, room)
+            _begin(limbs, scratch)
             while margin < top:
                 floors = max(least, margin), margin
-                if not _next_hopeful(search, tried, floors, -np.inf, depth, room):
+                if not _next_hopeful(search, tried, floors, -np.inf, depth, scratch):
                     break
                 depth = 0
-                bound = _trial_bound(search, tried, room)
+                bound = _trial_bound(search, tried, scratch)
                 if bound > margin and bound >= least:
-                    found = min(bound, combined(limbs, room) / search.rule.scale_b)
-                    if found > margin and (not look or touches_nothing(search, c, room)):
+                    found = min(bound, combined(limbs, scratch) / search.rule.scale_b)
+                    if found > margin and (not look or touches_nothing(search, c, scratch)):
                         margin = found
 
 
 @kernel
-def _choose(search: Search, margin: float, room: PostureRoom, branch: Limbs) -> Chosen:
+def _choose(search: PostureSearch, margin: float, scratch: PostureScratch, branch: Limbs) -> Chosen:
     """The posture that the rule takes of those that tie with the largest margin and touch nothing.
 
     They tie if their margin is `margin` within `TIE`. The rule takes that with the largest
@@ -271,30 +278,30 @@ def _choose(search: Search, margin: float, room: PostureRoom, branch: Limbs) -> 
     chosen, gap, best_wb = NONE, -np.inf, 0.0
     look = margin == margin
     for c in range(search.poses):
-        tried = room.tried[c]
-        if tried.bound < least or not enter(search, c, least * (1.0 - TIE), look, room):
+        tried = scratch.tried[c]
+        if tried.bound < least or not enter(search, c, least * (1.0 - TIE), look, scratch):
             continue
         depth, least_gap = limbs - 1, -np.inf
-        _begin(limbs, room)
+        _begin(limbs, scratch)
         while True:
             if chosen >= 0:
                 least_gap = gap + CLEARANCE_TIE
-            if not _next_hopeful(search, tried, (least, least), least_gap, depth, room):
+            if not _next_hopeful(search, tried, (least, least), least_gap, depth, scratch):
                 break
             depth = 0
-            w_b = combined(limbs, room)
-            if w_b / search.rule.scale_b >= least and touches_nothing(search, c, room):
-                found = self_clearance(search.robot, gap, room)
+            w_b = combined(limbs, scratch)
+            if w_b / search.rule.scale_b >= least and touches_nothing(search, c, scratch):
+                found = self_clearance(search.robot, gap, scratch)
                 if chosen < 0 or found > gap + CLEARANCE_TIE:
                     chosen, gap, best_wb = c, found, w_b
                     for i in range(limbs):
-                        branch[i] = room.trial[i]
+                        branch[i] = scratch.trial[i]
     return Chosen(chosen, best_wb, margin)
 
 
 @part
 def best_posture(
-    search: Search, floor: float, lazily: bool, room: PostureRoom, branch: Limbs
+    search: PostureSearch, floor: float, lazily: bool, scratch: PostureScratch, branch: Limbs
 ) -> Chosen:
     """The posture that the rule takes of those of a margin above `floor` that touch nothing.
 
@@ -306,10 +313,10 @@ def best_posture(
         look = turn > 0
         if not look and not lazily:
             continue
-        margin = _largest_margin(search, floor, look, room)
+        margin = _largest_margin(search, floor, look, scratch)
         seen = max(seen, margin)
         if margin > floor:
-            found = _choose(search, margin, room, branch)
+            found = _choose(search, margin, scratch, branch)
             chosen, w_b = found.pose, found.w_b
         if chosen >= 0 or margin <= floor:
             break

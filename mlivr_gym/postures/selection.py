@@ -9,7 +9,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR, SELF
-from mlivr_gym.collisions.limb_shapes import Robot
+from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.compiled.bit_sets import ALL, CLASSES, NONE, class_of
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.arm import FlangeAxis
@@ -19,25 +19,27 @@ from mlivr_gym.kinematics.manipulability import limb_information
 from mlivr_gym.kinematics.poses import Pose, columns, turn, vector
 from mlivr_gym.postures.branches import combined, hold_masks
 from mlivr_gym.postures.records import (
+    CandidatePose,
     HeldStance,
     Posture,
-    PostureRoom,
     PostureRule,
-    Search,
-    Tried,
+    PostureScratch,
+    PostureSearch,
 )
 from mlivr_gym.postures.rule import best_posture, enter, touches_nothing
 
 
 @kernel
-def reach(robot: Robot, held: HeldStance, floor: float, tried: Tried, room: PostureRoom) -> float:
+def reach(
+    robot: RobotModel, held: HeldStance, floor: float, tried: CandidatePose, scratch: PostureScratch
+) -> float:
     """Flange poses and `w_m` of the classes of each limb at a base pose, into `tried.limbs`.
 
     Returns:
         The least over the limbs of the best class; 0 as soon as that of one is below `floor`.
     """
     least = np.inf
-    terms = room.holding.proof.terms
+    terms = scratch.holding.proof.terms
     for i in range(robot.limb_count):
         limb, reached = robot.limbs[i], tried.limbs[i]
         unit = abs(limb.arm.a2 * limb.arm.a3) / robot.characteristic_length**3
@@ -57,34 +59,34 @@ def reach(robot: Robot, held: HeldStance, floor: float, tried: Tried, room: Post
 
 
 @entry
-def reach_all(robots: Any, held: Any, tried: Any, rooms: Any) -> None:
+def reach_all(robots: Any, held: Any, tried: Any, scratch_rows: Any) -> None:
     """`reach` of K stances, each at one base pose.
 
-    Rows of `Robot`, shape (1,), `HeldStance` and `Tried`, shape (K,), and `PostureRoom`, shape
-    (1,).
+    Rows of `RobotModel`, shape (1,), `HeldStance` and `CandidatePose`, shape (K,), and
+    `PostureScratch`, shape (1,).
     """
     for k in range(len(held)):
-        tried[k].bound = reach(robots[0], held[k], 0.0, tried[k], rooms[0])
+        tried[k].bound = reach(robots[0], held[k], 0.0, tried[k], scratch_rows[0])
 
 
 @entry
-def base_along(robots: Any, tried: Any, branches: IntArray, rooms: Any, w_b: Array) -> None:
+def base_along(robots: Any, tried: Any, branches: IntArray, scratch_rows: Any, w_b: Array) -> None:
     """`w_b` of K stances on given branches, shape (K, N), from what `reach_all` has found."""
-    robot, room = robots[0], rooms[0]
+    robot, scratch = robots[0], scratch_rows[0]
     count = robot.limb_count
     for k in range(len(tried)):
         for i in range(count):
             reached, b = tried[k].limbs[i], branches[k, i]
-            room.trial[i] = b
+            scratch.trial[i] = b
             limb_information(
                 robot.limbs[i],
                 FlangeAxis(vector(reached.p), vector(reached.z)),
                 b,
                 robot.characteristic_length,
-                room.inversion,
-                room.information[i, b],
+                scratch.inversion,
+                scratch.information[i, b],
             )
-        w_b[k] = combined(count, room)
+        w_b[k] = combined(count, scratch)
 
 
 @entry
@@ -96,7 +98,7 @@ def solve_postures(
     rules: Any,
     grid: BoxGrid,
     out: Any,
-    rooms: Any,
+    scratch_rows: Any,
 ) -> None:
     """Best posture of each stance from `start` to `stop`.
 
@@ -106,34 +108,34 @@ def solve_postures(
         start: First stance.
         stop: One past the last.
         stances: Rows of `HeldStance`, shape (k,).
-        robots: A row of `Robot`, shape (1,).
+        robots: A row of `RobotModel`, shape (1,).
         rules: A row of `PostureRule`: which base poses are tried, and which is taken.
         grid: The boxes.
         out: Rows of `Posture`, shape (k,), zeros; filled.
-        rooms: A row of `PostureRoom`, shape (1,).
+        scratch_rows: A row of `PostureScratch`, shape (1,).
     """
-    room = rooms[0]
+    scratch = scratch_rows[0]
     for g in range(start, stop):
-        _solve(stances[g], robots[0], rules[0], grid, out[g], room)
+        _solve(stances[g], robots[0], rules[0], grid, out[g], scratch)
 
 
 @part
 def _solve(
     held: HeldStance,
-    robot: Robot,
+    robot: RobotModel,
     rule: PostureRule,
     grid: BoxGrid,
     out: Posture,
-    room: PostureRoom,
+    scratch: PostureScratch,
 ) -> None:
     """The best posture of one stance, see `solve_postures`."""
-    count = _try_poses(held, robot, rule, room)
+    count = _try_poses(held, robot, rule, scratch)
     limits = rule.thresholds
     # First the best posture that does not penetrate the robot itself; only if that comes too close
     # to something, the best of those that keep the clearance.
     chosen, node, touches = NONE, False, CLEAR
-    loose = Search(robot, held, rule, grid, 0.0, count)
-    strict = Search(robot, held, rule, grid, limits.clearance, count)
+    loose = PostureSearch(robot, held, rule, grid, 0.0, count)
+    strict = PostureSearch(robot, held, rule, grid, limits.clearance, count)
     for avoid in range(2):
         if (avoid == 0 and rule.first_avoid) or (
             avoid == 1 and not (rule.first_avoid or touches != CLEAR)
@@ -143,37 +145,39 @@ def _solve(
         if avoid or rule.nodes_only:
             lowest = rule.nodes_margin
         out.cause = touches
-        found = best_posture(search, lowest, avoid == 0, room, out.branch)
+        found = best_posture(search, lowest, avoid == 0, scratch, out.branch)
         chosen = found.pose
-        node = _take(robot, rule, room, found.pose, found.w_b, out)
+        node = _take(robot, rule, scratch, found.pose, found.w_b, out)
         if avoid == 0:
             if not node and found.seen > rule.nodes_margin:
                 out.cause = SELF
-            if node and rule.collide and not _clear(strict, chosen, out, room):
+            if node and rule.collide and not _clear(strict, chosen, out, scratch):
                 touches = SELF
         elif node:
             out.cause = CLEAR
     if node and rule.check:
         search = strict if rule.collide else loose
-        enter(search, chosen, np.inf, chosen < 0, room)
-        tried = room.tried[chosen]
-        hold_masks(search, tried, room, out)
+        enter(search, chosen, np.inf, chosen < 0, scratch)
+        tried = scratch.tried[chosen]
+        hold_masks(search, tried, scratch, out)
     elif node:
         for i in range(robot.limb_count):
             out.mask[i] = ALL
 
 
 @kernel
-def _try_poses(held: HeldStance, robot: Robot, rule: PostureRule, room: PostureRoom) -> int:
+def _try_poses(
+    held: HeldStance, robot: RobotModel, rule: PostureRule, scratch: PostureScratch
+) -> int:
     """Set up the base poses of a stance; returns their number."""
     floor = rule.nodes_margin * rule.scale_m if rule.nodes_only else 0.0
     count = rule.roll_count * rule.height_count
     if held.opposed:
         count = rule.wide_roll_count * rule.wide_height_count
     for c in range(count):
-        tried = room.tried[c]
+        tried = scratch.tried[c]
         _set_pose(held, rule, c, tried.base)
-        tried.bound = reach(robot, held, floor, tried, room) / rule.scale_m
+        tried.bound = reach(robot, held, floor, tried, scratch) / rule.scale_m
     return count
 
 
@@ -216,7 +220,12 @@ def set_poses(stances: Any, rules: Any, numbers: IntArray, out: Any) -> None:
 
 @kernel
 def _take(
-    robot: Robot, rule: PostureRule, room: PostureRoom, chosen: int, w_b: float, out: Posture
+    robot: RobotModel,
+    rule: PostureRule,
+    scratch: PostureScratch,
+    chosen: int,
+    w_b: float,
+    out: Posture,
 ) -> bool:
     """Make base pose `chosen` the posture; whether it meets the thresholds. -1: there is none."""
     node = chosen >= 0 and w_b >= rule.thresholds.w_b
@@ -224,10 +233,10 @@ def _take(
     for i in range(robot.limb_count):
         out.w_m[i] = 0.0
         if chosen >= 0:
-            out.w_m[i] = room.tried[chosen].limbs[i].w[class_of(out.branch[i])]
+            out.w_m[i] = scratch.tried[chosen].limbs[i].w[class_of(out.branch[i])]
         node = node and out.w_m[i] >= rule.thresholds.w_m
     if chosen >= 0:
-        base = room.tried[chosen].base
+        base = scratch.tried[chosen].base
         for k in range(3):
             out.base.position[k] = base.position[k]
             for col in range(3):
@@ -236,9 +245,9 @@ def _take(
 
 
 @part
-def _clear(search: Search, chosen: int, out: Posture, room: PostureRoom) -> bool:
+def _clear(search: PostureSearch, chosen: int, out: Posture, scratch: PostureScratch) -> bool:
     """Whether a posture touches nothing, boxes apart."""
-    enter(search, chosen, np.inf, chosen < 0, room)
+    enter(search, chosen, np.inf, chosen < 0, scratch)
     for i in range(search.robot.limb_count):
-        room.trial[i] = out.branch[i]
-    return touches_nothing(search, chosen, room)
+        scratch.trial[i] = out.branch[i]
+    return touches_nothing(search, chosen, scratch)

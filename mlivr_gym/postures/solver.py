@@ -38,7 +38,7 @@ from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.queries import (
     PosturesHeld,
-    QueryRoom,
+    QueryScratch,
     Surroundings,
     clear_of_boxes,
     hands_clear,
@@ -51,19 +51,19 @@ from mlivr_gym.postures.geometries import (
     in_world,
     relative_geometries,
 )
-from mlivr_gym.postures.in_reach import ReachRoom, orders_of, reach_queries, sets_in_reach
+from mlivr_gym.postures.in_reach import ReachScratch, orders_of, reach_queries, sets_in_reach
 from mlivr_gym.postures.postures import FIELDS, Postures, PostureTable
 from mlivr_gym.postures.records import (
     HeldStance,
     Posture,
-    PostureRoom,
     PostureRule,
+    PostureScratch,
     Thresholds,
 )
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_postures
 from mlivr_gym.postures.tried_poses import Candidates, bases_of, held_in_world, rounded_in_world
-from mlivr_gym.postures.turns import first_limbs, turned, turned_frames
+from mlivr_gym.postures.turns import first_limbs, permuted_limbs, turned_frames
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
@@ -117,7 +117,7 @@ class PostureSolver:
     def hands_touch(self, grid: BoxGrid) -> IntArray:
         """What a hand touches that holds each point, 0 if nothing; shape (m,)."""
         out = np.zeros(len(self.grasp_map), dtype=np.int64)
-        hands_clear(self.shapes.rows, self.surroundings(grid), QueryRoom.rows(1), out)
+        hands_clear(self.shapes.rows, self.surroundings(grid), QueryScratch.rows(1), out)
         return out
 
     def clear_of_boxes(
@@ -141,7 +141,15 @@ class PostureSolver:
             np.array([others]),
         )
         robots, around = self.shapes.rows, self.surroundings(grid)
-        in_parallel(len(chosen), clear_of_boxes, chosen, held, robots, around, rooms=QueryRoom.rows)
+        in_parallel(
+            len(chosen),
+            clear_of_boxes,
+            chosen,
+            held,
+            robots,
+            around,
+            scratch_rows=QueryScratch.rows,
+        )
 
     @property
     def geometries(self) -> int:
@@ -157,7 +165,7 @@ class PostureSolver:
         if self.robot.limbs == 2:
             return self._solve(stances, nodes_only)
         turns = first_limbs(self.grasp_map, stances)
-        return self._solve(turned(stances, turns), nodes_only).turned(-turns)
+        return self._solve(permuted_limbs(stances, turns), nodes_only).permuted_limbs(-turns)
 
     def _solve(self, stances: IntArray, nodes_only: bool) -> Postures:
         """Postures of stances with whose limb 0 the rule begins; see `solve`."""
@@ -270,7 +278,7 @@ class PostureSolver:
         """
         points = np.array([stance], dtype=np.int64)
         turns = first_limbs(self.grasp_map, points)
-        held = held_in_world(self.grasp_map, turned(points, turns))
+        held = held_in_world(self.grasp_map, permuted_limbs(points, turns))
         frames, heights, rolls, *wide = Candidates.of(self.robot, held)
         frame, out, line, opposed = (part[0] for part in frames)
         if opposed:
@@ -299,7 +307,7 @@ class PostureSolver:
         queries = reach_queries(robot, w_m, tries, target, tolerance)
         out = np.zeros(len(sets), dtype=np.bool_)
         world = self.shapes.rows, self.grasps, queries, orders_of(robot.limbs)
-        in_parallel(len(sets), sets_in_reach, sets, world, out, rooms=ReachRoom.rows)
+        in_parallel(len(sets), sets_in_reach, sets, world, out, scratch_rows=ReachScratch.rows)
         return out
 
     def _solve_in_place(
@@ -349,7 +357,7 @@ class PostureSolver:
         robots, least = self.shapes.rows, LEAST_IN_THREADS if count == 2 else MANY_LIMBS_IN_THREADS
         in_parallel(
             k, solve_postures, stances, robots, rules, grid, out,
-            rooms=PostureRoom.rows, least=least,
+            scratch_rows=PostureScratch.rows, least=least,
         )  # fmt: skip
         return Postures(
             out["base"]["position"].copy(),

@@ -20,9 +20,9 @@ from mlivr_gym.postures.geometries import (
     in_world,
     relative_geometries,
 )
-from mlivr_gym.postures.records import HeldStance, PostureRule, list_tries
+from mlivr_gym.postures.records import HeldStance, PostureRule, set_candidates
 from mlivr_gym.postures.selection import set_poses
-from mlivr_gym.postures.turns import first_limbs, turned, turned_frames
+from mlivr_gym.postures.turns import first_limbs, permuted_limbs, turned_frames
 from mlivr_gym.robot.specification import RobotSpec, geometric_order
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -63,7 +63,7 @@ class Candidates(NamedTuple):
         """Put them into rows of `HeldStance` and a row of `PostureRule`."""
         for name, array in zip(("frame", "out", "line", "opposed"), self.frames, strict=True):
             stances[name] = array
-        list_tries(rules[0], self[1:])
+        set_candidates(rules[0], self[1:])
 
     @property
     def most(self) -> int:
@@ -125,5 +125,5 @@ def bases_at(
         Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3).
     """
     turns = first_limbs(grasp_map, stances)
-    positions, rotations = bases_of(grasp_map, robot, turned(stances, turns), numbers)
+    positions, rotations = bases_of(grasp_map, robot, permuted_limbs(stances, turns), numbers)
     return positions, turned_frames(rotations, -turns, robot.limbs)

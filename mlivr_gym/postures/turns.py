@@ -29,7 +29,7 @@ def same_after_turns(limbs: int) -> bool:
     return limbs == 4
 
 
-def turned(values: NDArray[Any], turns: NDArray[Any]) -> NDArray[Any]:
+def permuted_limbs(values: NDArray[Any], turns: NDArray[Any]) -> NDArray[Any]:
     """Values of the limbs after turns, shape (k, N, ...) and (k,) -> (k, N, ...)."""
     limbs = np.arange(values.shape[1])
     places = (limbs + turns[:, None]) % len(limbs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mlivr_gym.errors import ShapeError
-from mlivr_gym.schema import Choice, Place, Record, Tuples
+from mlivr_gym.schema import Choice, FieldPath, Struct, Tuples
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, Triple
 
 LINKS = ("base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3", "gripper")
@@ -30,7 +30,7 @@ class Capsule:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        place = Place("capsule", ShapeError)
+        place = FieldPath("capsule", ShapeError)
         CAPSULE.check(self, place)
         for name in ("start", "end") if self.link in LINKS[6:] else ():
             x, y, _ = getattr(self, name)
@@ -43,7 +43,7 @@ class Capsule:
 
 END = Tuples((3,), most=LONGEST_ROBOT, unit="m")
 
-CAPSULE = Record(
+CAPSULE = Struct(
     Capsule,
     {
         "link": Choice(LINKS),

@@ -9,7 +9,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.schema import Place, Record, Tuples
+from mlivr_gym.schema import FieldPath, Struct, Tuples
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 
 FARTHEST_TURN = 100.0
@@ -53,7 +53,7 @@ class Limb:
 
     def __post_init__(self) -> None:
         """Check lengths and limits."""
-        place = Place("limb", RobotError)
+        place = FieldPath("limb", RobotError)
         LIMB.check(self, place)
         for name in ("a2", "a3", "d4"):
             if abs(getattr(self, name)) < SMALLEST:
@@ -103,7 +103,7 @@ class Limb:
 LENGTH = Tuples((), most=LONGEST_ROBOT, unit="m")
 """A length of a robot that may be negative, as in the DH convention."""
 
-LIMB = Record(
+LIMB = Struct(
     Limb,
     {
         **dict.fromkeys(("d1", "a2", "a3", "d4", "d5", "d6"), LENGTH),

@@ -18,7 +18,7 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
 from mlivr_gym.robot.limb import Limb
-from mlivr_gym.schema import Choice, Kind, Place, Record, Tuples
+from mlivr_gym.schema import Choice, FieldPath, Kind, Struct, Tuples
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 
 ARMS = ("ur3e", "ur5e", "ur10e")
@@ -59,7 +59,7 @@ class LimbDynamics:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        place = Place("dynamics", RobotError)
+        place = FieldPath("dynamics", RobotError)
         LIMB_DYNAMICS.check(self, place)
         for link, (xx, yy, zz, xy, xz, yz) in enumerate(self.inertias):
             moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -128,14 +128,14 @@ class Named:
     kind: Kind[Any]
     make: Callable[[str], Any]
 
-    def read(self, value: object, place: Place) -> Any:
+    def read(self, value: object, place: FieldPath) -> Any:
         """The record."""
         if isinstance(value, str):
             return self.make(Choice(ARMS).read(value, place))
         return self.kind.read(value, place)
 
 
-LIMB_DYNAMICS = Record(
+LIMB_DYNAMICS = Struct(
     LimbDynamics,
     {
         "base_mass": Tuples((), *MASSES, "kg"),

@@ -19,7 +19,7 @@ import numpy as np
 
 from mlivr_gym.arguments import Raising, Via
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import RobotError, shown
+from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.files import load
 from mlivr_gym.robot.capsules import CAPSULE, LINKS, Capsule
 from mlivr_gym.robot.limb import FARTHEST_TURN, LIMB, Limb
@@ -34,7 +34,7 @@ from mlivr_gym.robot.limb_dynamics import (
     arm_limb,
     arm_of,
 )
-from mlivr_gym.schema import NAME, Listed, Maybe, Place, Record, Tuples, Whole
+from mlivr_gym.schema import NAME, FieldPath, Listed, Maybe, Struct, Tuples, Whole
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 
 LIMB_COLOURS = (
@@ -144,7 +144,7 @@ class RobotSpec:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        ROBOT.check(self, Place("", RobotError))
+        ROBOT.check(self, FieldPath("", RobotError))
         object.__setattr__(self, "heights", tuple(sorted(self.heights)))
         object.__setattr__(self, "rolls", geometric_order(self.rolls))
         if self.capsules is not None and all(shape.link == "base" for shape in self.capsules):
@@ -261,7 +261,7 @@ class RobotSpec:
             RobotError: naming an unknown field or a faulty value.
         """
         given = {"name": name} | data if isinstance(data, dict) else data
-        return ROBOT.read(given, Place("", RobotError))
+        return ROBOT.read(given, FieldPath("", RobotError))
 
     @classmethod
     def load(cls, path: str | Path) -> RobotSpec:
@@ -277,7 +277,7 @@ class RobotSpec:
 SIZE = Tuples((), 0.0, LONGEST_ROBOT, "m")
 """A length that may be zero."""
 
-ROBOT = Record(
+ROBOT = Struct(
     RobotSpec,
     {
         "name": NAME,
@@ -307,10 +307,10 @@ MLIVR2 = RobotSpec(name="mlivr2")
 ROBOTS = {f"mlivr{n}": replace(MLIVR2, name=f"mlivr{n}", limbs=n) for n in (2, 3, 4)}
 """The robots that ship with the package."""
 
-_PLACE = Place("robot", RobotError)
+_PLACE = FieldPath("robot", RobotError)
 
 
-def robot_spec(robot: str | RobotSpec | dict[str, Any], place: Place = _PLACE) -> RobotSpec:
+def robot_spec(robot: str | RobotSpec | dict[str, Any], place: FieldPath = _PLACE) -> RobotSpec:
     """A robot by name, by path of a JSON file, from plain data (`RobotSpec.to_dict`), or as it is.
 
     Raises:
@@ -325,7 +325,7 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any], place: Place = _PLACE) -
     if isinstance(robot, str) and os.path.isfile(robot):
         return RobotSpec.load(robot)
     raise RobotError(
-        f"unknown robot {shown(robot)}; valid names are {', '.join(ROBOTS)}, "
+        f"unknown robot {shortened(robot)}; valid names are {', '.join(ROBOTS)}, "
         "or give the path of a JSON file"
     )
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import Kind, Place, Record
+from mlivr_gym.schema import FieldPath, Kind, Struct
 
 
 class Figures:
@@ -21,7 +21,7 @@ class Figures:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        Record(type(self), self.kinds).check(self, Place(self.called, SettingError))
+        Struct(type(self), self.kinds).check(self, FieldPath(self.called, SettingError))
 
     @classmethod
     def of(cls, given: Self | dict[str, Any] | str | None) -> Self:
@@ -31,4 +31,4 @@ class Figures:
             SettingError: If there is no such name or field, or a field has a faulty value.
         """
         known = cls.named or None
-        return Record(cls, cls.kinds).given(given, Place(cls.called, SettingError), known)
+        return Struct(cls, cls.kinds).given(given, FieldPath(cls.called, SettingError), known)

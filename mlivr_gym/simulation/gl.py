@@ -11,7 +11,7 @@ import os
 import sys
 
 from mlivr_gym.errors import RenderError, SettingError
-from mlivr_gym.schema import Choice, Place
+from mlivr_gym.schema import Choice, FieldPath
 
 __all__ = ["mujoco", "no_gl"]
 
@@ -48,7 +48,7 @@ def _forget(error: BaseException) -> None:
 
 _backend = os.environ.get("MUJOCO_GL", "").lower().strip()
 if _backend not in ALIASES:
-    Choice(BACKENDS).read(_backend, Place("MUJOCO_GL", SettingError))
+    Choice(BACKENDS).read(_backend, FieldPath("MUJOCO_GL", SettingError))
 try:
     import mujoco
 except Exception as error:  # GL loaders raise errors of many kinds

@@ -24,7 +24,7 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-class Outcome(NamedTuple):
+class RunOutcome(NamedTuple):
     """How one walk went."""
 
     plan: int
@@ -84,7 +84,7 @@ def execute_many(
     samples: int = 1,
     seed: int = 1,
     workers: int | None = None,
-) -> Iterator[Outcome]:
+) -> Iterator[RunOutcome]:
     """Carry plans out many times.
 
     Sample k of plan p has the seed `seed + p * samples + k`, so that the same arguments give the
@@ -132,7 +132,7 @@ def execute_many(
             yield from outcomes
 
 
-def _outcomes(work: _Work) -> list[Outcome]:
+def _outcomes(work: _Work) -> list[RunOutcome]:
     """How one plan goes with several seeds."""
     found = []
     for seed in work.seeds:
@@ -141,7 +141,7 @@ def _outcomes(work: _Work) -> list[Outcome]:
         peaks, failure = Peaks.join([step.peaks for step in done]), done[-1].failure
         captures = [step.capture for step in done if step.capture is not None]
         found.append(
-            Outcome(
+            RunOutcome(
                 plan=work.plan,
                 seed=seed,
                 failure=None if failure is None else failure.kind,
@@ -160,7 +160,7 @@ def _outcomes(work: _Work) -> list[Outcome]:
     return found
 
 
-def success(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def success(outcomes: Sequence[RunOutcome]) -> dict[str, Any]:
     """Share of walks that were carried out, with its interval, and the failures by kind.
 
     The interval is Wilson's at 95 % (Journal of the American Statistical Association 22, 1927).

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.motion.pieces import Piece
+from mlivr_gym.motion.path_segments import PathSegment
 from mlivr_gym.motion.regrasp import PHASES, Regrasp
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.inverse_dynamics import needed
@@ -102,7 +102,7 @@ class PieceRows(NamedTuple):
         return Binding(shortest, ("grasp_force", "grasp_torque")[kind], self.holding[n], 0)
 
 
-def piece_rows(robot: RobotSpec, regrasp: Regrasp, piece: Piece, limits: Limits) -> PieceRows:
+def piece_rows(robot: RobotSpec, regrasp: Regrasp, piece: PathSegment, limits: Limits) -> PieceRows:
     """What a piece of a step asks for, in units of the limits.
 
     Raises:

@@ -11,7 +11,7 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Place, Record
+from mlivr_gym.schema import FieldPath, Struct
 from mlivr_gym.simulation.controller import Controller
 from mlivr_gym.simulation.disturbances import Disturbances
 from mlivr_gym.simulation.dynamics import Physics
@@ -40,7 +40,7 @@ class Setup:
 
     def __post_init__(self) -> None:
         """Check that each part is one."""
-        SETUP.check(self, Place("", SettingError))
+        SETUP.check(self, FieldPath("", SettingError))
 
     @classmethod
     def of(
@@ -85,7 +85,7 @@ class Setup:
         }
 
 
-SETUP = Record(
+SETUP = Struct(
     Setup,
     {
         "timing": Of(Limits, Durations),

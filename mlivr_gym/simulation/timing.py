@@ -15,7 +15,7 @@ from mlivr_gym.arguments import Of, checked
 from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.clocks import Durations, duration_of, quintic, stretched
-from mlivr_gym.motion.pieces import path_pieces
+from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
@@ -45,7 +45,7 @@ def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> T
         PlanError: If a limb that holds cannot follow the base.
     """
     limits = timing if isinstance(timing, Limits) else Limits()
-    pieces = path_pieces(path)
+    pieces = path_segments(path)
     rows = [piece_rows(path.graph.robot, path.regrasp, piece, limits) for piece in pieces]
     if isinstance(timing, Durations):
         clocks = timing.clocks(pieces)

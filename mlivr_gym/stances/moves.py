@@ -25,7 +25,7 @@ REMEMBERED = 4096
 """States and stances that `GraphMoves` remembers."""
 
 
-class Place(NamedTuple):
+class StanceProperties(NamedTuple):
     """Where the robot is in a state."""
 
     ids: tuple[str, ...]
@@ -59,14 +59,16 @@ class Moves(Protocol):
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Whether a limb that holds could be released after each step, shape (k,)."""
 
-    def place(self, state: State) -> Place:
+    def place(self, state: State) -> StanceProperties:
         """Where the robot is in a state."""
 
 
-def _place(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> Place:
+def _place(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> StanceProperties:
     position = tuple(posture.base_position[0].tolist())
     turn = quaternion(posture.base_rotation[0])
-    return Place(graph.ids(stance), position, turn, posture.w_m[0], float(posture.w_b[0]))
+    return StanceProperties(
+        graph.ids(stance), position, turn, posture.w_m[0], float(posture.w_b[0])
+    )
 
 
 class GraphMoves:
@@ -76,7 +78,7 @@ class GraphMoves:
         """Start with nothing known."""
         self.graph = graph
         self._steps: OrderedDict[State, Successors] = OrderedDict()
-        self._places: OrderedDict[tuple[int, ...], Place] = OrderedDict()
+        self._places: OrderedDict[tuple[int, ...], StanceProperties] = OrderedDict()
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
@@ -99,7 +101,7 @@ class GraphMoves:
         """Whether a limb that holds could be released after each step, shape (k,)."""
         return self.graph.releasable_after(state, steps)
 
-    def place(self, state: State) -> Place:
+    def place(self, state: State) -> StanceProperties:
         """Where the robot is in a state."""
         if state.pose is not None:
             return _place(self.graph, state.stance, self.graph.posture_of(state))
@@ -125,7 +127,7 @@ class TableMoves:
         self.stance_at[tables.points[:, 0], tables.points[:, 1]] = np.arange(len(tables.points))
         self._start = tables.start.tolist()
         self._quaternions = quaternion(graph.base_axes_in_world)
-        self._places: dict[tuple[int, ...], Place] = {}
+        self._places: dict[tuple[int, ...], StanceProperties] = {}
 
     def successors(self, state: State) -> Successors:
         """All steps that leave a state."""
@@ -163,7 +165,7 @@ class TableMoves:
         free = map(can_release, kept.tolist(), self.tables.releasable[after, held].tolist())
         return np.fromiter(free, dtype=np.bool_, count=len(after))
 
-    def place(self, state: State) -> Place:
+    def place(self, state: State) -> StanceProperties:
         """Where the robot is in a state."""
         if state.pose is not None:
             return self._from_given_pose.place(state)
@@ -171,7 +173,9 @@ class TableMoves:
         if found is None:
             graph, s = self.graph, int(self.stance_at[state.stance])
             base, turn = tuple(self.tables.base_in_world[s].tolist()), self._quaternions[s]
-            found = Place(graph.ids(state.stance), base, turn, graph.w_m[s], float(graph.w_b[s]))
+            found = StanceProperties(
+                graph.ids(state.stance), base, turn, graph.w_m[s], float(graph.w_b[s])
+            )
             self._places[state.stance] = found
         return found
 

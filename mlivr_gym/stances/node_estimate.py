@@ -9,7 +9,7 @@ import numpy as np
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import workers
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import Joined, Pair, count_pairs, list_pairs
+from mlivr_gym.stances.node_pairs import EdgeSet, Pair, count_pairs, list_pairs
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
 from mlivr_gym.stances.node_table_build import (
     FEW,
@@ -52,11 +52,11 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
     table = table_of(nodes)
     every, begun = len(chosen), np.flatnonzero(_of_rests(table, sets, chosen))
     members = table.members.astype(np.int64)
-    pairs, more = _pairs(table, begun), sets.rest_count / every
+    pairs, more = _pairs(table, begun), sets.support_count / every
     some = pairs[:: max(1, len(pairs) // PAIRS)]
     kept_at_most(graph, nodes, rotation[order], members, some[:1])
     began = time.perf_counter()
-    found = Joined(*kept_at_most(graph, nodes, rotation[order], members, some))
+    found = EdgeSet(*kept_at_most(graph, nodes, rotation[order], members, some))
     spent = time.perf_counter() - began
     seconds += spent * more * len(pairs) / max(len(some), 1)
     each = sum(one.itemsize * one[:1].size for one in table[:7]) + members.itemsize * graph.limbs
@@ -69,29 +69,29 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
 
 def _some(sets: StanceSets) -> tuple[IntArray, IntArray]:
     """Some rests, and the rows of all sets that have one of them."""
-    order = np.random.default_rng(0).permutation(sets.rest_count)
-    sizes = np.bincount(sets.rests.ravel(), minlength=sets.rest_count)
+    order = np.random.default_rng(0).permutation(sets.support_count)
+    sizes = np.bincount(sets.supports.ravel(), minlength=sets.support_count)
     count = 1 + int(np.searchsorted(np.cumsum(sizes[order]), SAMPLE))
     chosen = order[:count]
-    return chosen, np.flatnonzero(np.isin(sets.rests, chosen).any(axis=1))
+    return chosen, np.flatnonzero(np.isin(sets.supports, chosen).any(axis=1))
 
 
 def _of_rests(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArray:
     """Which rests of a table are some of the sets, whichever limb holds which point, shape (r,)."""
     points = table.points.astype(np.int64)
     place = np.argsort(np.argsort(points, axis=1), axis=1)
-    others = np.take_along_axis(sets.rests[sets.find(points)], place, axis=1)
+    others = np.take_along_axis(sets.supports[sets.find(points)], place, axis=1)
     found = np.zeros(len(table.start) - 1, dtype=np.bool_)
-    found[table.rests[np.isin(others, chosen)]] = True
+    found[table.supports[np.isin(others, chosen)]] = True
     return found
 
 
-def _pairs(table: NodeTable, rests: IntArray) -> IntArray:
+def _pairs(table: NodeTable, supports: IntArray) -> IntArray:
     """Pairs of members of some rests that share branches, shape (p, 2)."""
     found = [np.zeros((0, 2), dtype=np.int64)]
-    for rest in rests.tolist():
-        before = Pair.before(table, rest)
-        pairs = np.empty((count_pairs(table, before.copy(), rest + 1), 2), dtype=np.int64)
-        list_pairs(table, before, rest + 1, pairs)
+    for support in supports.tolist():
+        before = Pair.before(table, support)
+        pairs = np.empty((count_pairs(table, before.copy(), support + 1), 2), dtype=np.int64)
+        list_pairs(table, before, support + 1, pairs)
         found.append(pairs)
     return np.concatenate(found)

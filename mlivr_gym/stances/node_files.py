@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.cache import cache_folder
-from mlivr_gym.compiled.kept import mark_used
+from mlivr_gym.compiled.cached_files import mark_used
 from mlivr_gym.compiled.limb_masks import unpacked
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.files import write_whole
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import Joined, gather, spread
+from mlivr_gym.stances.node_pairs import EdgeSet, gather, spread
 from mlivr_gym.stances.node_table import (
     RESOLUTION,
     Nodes,
@@ -85,9 +85,9 @@ def write_table(table: NodeTable, graph: LazyGraph, path: str | Path) -> None:
         *_coded(np.rint(away / RESOLUTION).astype(np.int64)),
         *_coded(np.stack(masks, axis=2).reshape(-1, 3)),
         table.tried,
-        np.array([len(steps.joined), len(steps.losing)]),
+        np.array([len(steps.joined), len(steps.loses_branches)]),
         np.packbits(steps.joined),
-        np.packbits(steps.losing),
+        np.packbits(steps.loses_branches),
         *_coded(steps.lost),
     ]
     stream = io.BytesIO()
@@ -121,11 +121,11 @@ def read_table(path: str | Path, graph: LazyGraph) -> NodeTable | None:
         base = _centroids(graph.grasp_map, points) + places[place] * RESOLUTION
         masks, released, folds = threes[three].reshape(*points.shape, 3).transpose(2, 0, 1)
         table = table_of(Nodes(points, base, masks, released, folds, tried))
-        joined, losing = (
+        joined, loses_branches = (
             np.unpackbits(one, count=count).view(np.bool_)
             for one, count in zip(steps, counts.tolist(), strict=True)
         )
-        return spread(table, Joined(joined, losing, losses[lost]))
+        return spread(table, EdgeSet(joined, loses_branches, losses[lost]))
     except (OSError, ValueError, TypeError, IndexError, EOFError, lzma.LZMAError):
         raise NodeTableError(f"{str(path)!r} is no table of nodes of format {FORMAT}") from None
 

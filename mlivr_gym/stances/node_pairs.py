@@ -28,25 +28,25 @@ from mlivr_gym.compiled.records import Record
 from mlivr_gym.stances.node_table import NodeTable
 
 
-class Joined(NamedTuple):
+class EdgeSet(NamedTuple):
     """What is known of pairs that share branches, in the order of `list_pairs`."""
 
     joined: BoolArray
     """Whether a step may join each, there or back, shape (p,)."""
-    losing: BoolArray
+    loses_branches: BoolArray
     """Whether a step loses branches that both nodes have, for each of the joined, shape (j,)."""
     lost: NDArray[np.uint64]
     """Which, as `held_beside`, for each of the losing, shape (l,)."""
 
     @classmethod
-    def of(cls, shared: NDArray[np.uint64], kept: NDArray[np.uint64]) -> Joined:
+    def of(cls, shared: NDArray[np.uint64], kept: NDArray[np.uint64]) -> EdgeSet:
         """The same from the branches that both nodes have, and what may be kept, each (p,)."""
         joined = kept != NO_LIMB
         lost = shared[joined] & ~kept[joined]
         return cls(joined, lost != NO_LIMB, lost[lost != NO_LIMB])
 
     @classmethod
-    def joint(cls, parts: list[Joined]) -> Joined:
+    def joint(cls, parts: list[EdgeSet]) -> EdgeSet:
         """Several, one after the other."""
         return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
@@ -54,7 +54,7 @@ class Joined(NamedTuple):
 class Pair(Record):
     """A pair of members of a rest, for going from one pair to the next."""
 
-    rest: int
+    support: int
     """The rest."""
     first: int
     """Index of the first of the two in `members`."""
@@ -62,14 +62,18 @@ class Pair(Record):
     """Index of the second, larger."""
 
     @classmethod
-    def before(cls, table: NodeTable, rest: int) -> Any:
+    def before(cls, table: NodeTable, support: int) -> Any:
         """What comes before the first pair of a rest, a row."""
         pair = cls.row()
-        pair["rest"], pair["first"], pair["second"] = rest, table.start[rest], table.start[rest]
+        pair["support"], pair["first"], pair["second"] = (
+            support,
+            table.start[support],
+            table.start[support],
+        )
         return pair
 
 
-def ends_of(
+def edge_ends(
     table: NodeTable, bits: IntArray
 ) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray], IntArray]:
     """Members of pairs by their bits, and the bits of the same pairs the other way round.
@@ -81,12 +85,12 @@ def ends_of(
     Returns:
         Nodes and limbs of the rows, those of the columns, and bits, all of shape (k,).
     """
-    rests = np.searchsorted(table.offset, bits, side="right") - 1
-    begin, size = table.start[rests], np.diff(table.start)[rests].astype(np.int64)
-    inside: IntArray = bits - table.offset[rests]
+    supports = np.searchsorted(table.offset, bits, side="right") - 1
+    begin, size = table.start[supports], np.diff(table.start)[supports].astype(np.int64)
+    inside: IntArray = bits - table.offset[supports]
     a, b = inside // size, inside % size
     one, other = (table.members[begin + k].astype(np.int64) for k in (a, b))
-    back: IntArray = table.offset[rests] + b * size + a
+    back: IntArray = table.offset[supports] + b * size + a
     limbs = table.limbs
     return (one // limbs, one % limbs), (other // limbs, other % limbs), back
 
@@ -94,8 +98,8 @@ def ends_of(
 @kernel
 def row_of(table: NodeTable, node: int, limb: int) -> int:
     """The first bit of the row of a member of a rest; -1 if its limb cannot be released."""
-    rest, member = table.rests[node, limb], node * table.points.shape[1] + limb
-    first, last = int(table.start[rest]), int(table.start[rest + 1])
+    support, member = table.supports[node, limb], node * table.points.shape[1] + limb
+    first, last = int(table.start[support]), int(table.start[support + 1])
     low, high = first, last
     while low < high:
         middle = (low + high) // 2
@@ -104,7 +108,7 @@ def row_of(table: NodeTable, node: int, limb: int) -> int:
         else:
             high = middle
     if low < last and table.members[low] == member:
-        return int(table.offset[rest]) + (low - first) * (last - first)
+        return int(table.offset[support]) + (low - first) * (last - first)
     return -1
 
 
@@ -119,18 +123,18 @@ def share_branches(table: NodeTable, a: int, b: int) -> bool:
 
 
 @kernel
-def lost_on(table: NodeTable, bit: int) -> np.uint64:
+def branches_lost(table: NodeTable, bit: int) -> np.uint64:
     """Branches that both nodes of a pair have and no step between them keeps, as `held_beside`."""
-    if not has_bit(table.losing, bit):
+    if not has_bit(table.loses_branches, bit):
         return NO_LIMB
-    return np.uint64(table.lost[table.ranks[bit // WORD] + set_before(table.losing, bit)])
+    return np.uint64(table.lost[table.ranks[bit // WORD] + set_before(table.loses_branches, bit)])
 
 
 @kernel
 def next_pair(table: NodeTable, pair: Pair, last: int) -> bool:
     """Go on to the next pair that shares branches; False if there is none before a rest `last`."""
-    while pair.rest < last:
-        stop = int(table.start[pair.rest + 1])
+    while pair.support < last:
+        stop = int(table.start[pair.support + 1])
         pair.second += 1
         if pair.second >= stop:
             pair.first += 1
@@ -139,16 +143,16 @@ def next_pair(table: NodeTable, pair: Pair, last: int) -> bool:
             if share_branches(table, table.members[pair.first], table.members[pair.second]):
                 return True
         elif pair.first + 1 >= stop:
-            pair.rest += 1
+            pair.support += 1
             pair.first = pair.second = stop
     return False
 
 
 @kernel
-def _bit_of(table: NodeTable, rest: int, row: int, column: int) -> int:
+def _bit_of(table: NodeTable, support: int, row: int, column: int) -> int:
     """The bit of a pair of members of a rest."""
-    begin, end = int(table.start[rest]), int(table.start[rest + 1])
-    return int(table.offset[rest]) + (row - begin) * (end - begin) + column - begin
+    begin, end = int(table.start[support]), int(table.start[support + 1])
+    return int(table.offset[support]) + (row - begin) * (end - begin) + column - begin
 
 
 @entry
@@ -176,72 +180,75 @@ def list_pairs(table: NodeTable, pair: Pair, last: int, pairs: IntArray) -> None
         count += 1
 
 
-def spread(table: NodeTable, known: Joined) -> NodeTable:
+def spread(table: NodeTable, known: EdgeSet) -> NodeTable:
     """The table with what is known of all its pairs, which it does not have yet."""
-    words, rests = len(table.bits), len(table.offset) - 1
-    bits, losing = (np.zeros(words, dtype=np.uint64) for _ in range(2))
-    blank = table._replace(bits=bits, losing=losing)
-    _set_bits(blank, Pair.before(table, 0), rests, known)
-    counts = np.bitwise_count(losing)
+    words, supports = len(table.bits), len(table.offset) - 1
+    bits, loses_branches = (np.zeros(words, dtype=np.uint64) for _ in range(2))
+    blank = table._replace(bits=bits, loses_branches=loses_branches)
+    _set_bits(blank, Pair.before(table, 0), supports, known)
+    counts = np.bitwise_count(loses_branches)
     ranks = np.cumsum(counts, dtype=np.int32) - counts
     full = blank._replace(ranks=ranks, lost=np.empty(int(counts.sum()), dtype=np.uint64))
-    _set_lost(full, Pair.before(table, 0), rests, known)
+    _set_lost(full, Pair.before(table, 0), supports, known)
     return full
 
 
-def gather(table: NodeTable) -> Joined:
+def gather(table: NodeTable) -> EdgeSet:
     """What a table knows of all its pairs: the reverse of `spread`."""
-    rests, steps = len(table.offset) - 1, int(np.bitwise_count(table.bits).sum()) // 2
-    found = Joined(
-        np.zeros(count_pairs(table, Pair.before(table, 0), rests), dtype=np.bool_),
+    supports, steps = len(table.offset) - 1, int(np.bitwise_count(table.bits).sum()) // 2
+    found = EdgeSet(
+        np.zeros(count_pairs(table, Pair.before(table, 0), supports), dtype=np.bool_),
         np.zeros(steps, dtype=np.bool_),
         np.zeros(len(table.lost) // 2, dtype=np.uint64),
     )
-    _get(table, Pair.before(table, 0), rests, found)
+    _get(table, Pair.before(table, 0), supports, found)
     return found
 
 
 @entry
-def _set_bits(table: NodeTable, pair: Pair, last: int, known: Joined) -> None:
+def _set_bits(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
     """Set the bits of pairs that are joined, and of those that lose branches."""
     count, steps = 0, 0
     while next_pair(table, pair, last):
         if known.joined[count]:
-            there = _bit_of(table, pair.rest, pair.first, pair.second)
-            back = _bit_of(table, pair.rest, pair.second, pair.first)
+            there = _bit_of(table, pair.support, pair.first, pair.second)
+            back = _bit_of(table, pair.support, pair.second, pair.first)
             set_bit(table.bits, there)
             set_bit(table.bits, back)
-            if known.losing[steps]:
-                set_bit(table.losing, there)
-                set_bit(table.losing, back)
+            if known.loses_branches[steps]:
+                set_bit(table.loses_branches, there)
+                set_bit(table.loses_branches, back)
             steps += 1
         count += 1
 
 
 @entry
-def _set_lost(table: NodeTable, pair: Pair, last: int, known: Joined) -> None:
-    """Put what steps lose where `lost_on` looks for it."""
+def _set_lost(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
+    """Put what steps lose where `branches_lost` looks for it."""
     count = 0
     while next_pair(table, pair, last):
         for turn in range(2):
             first, second = (pair.second, pair.first) if turn else (pair.first, pair.second)
-            bit = _bit_of(table, pair.rest, first, second)
-            if has_bit(table.losing, bit):
-                place = table.ranks[bit // WORD] + set_before(table.losing, bit)
+            bit = _bit_of(table, pair.support, first, second)
+            if has_bit(table.loses_branches, bit):
+                place = table.ranks[bit // WORD] + set_before(table.loses_branches, bit)
                 table.lost[place] = known.lost[count]
                 count += turn
 
 
 @entry
-def _get(table: NodeTable, pair: Pair, last: int, found: Joined) -> None:
+def _get(table: NodeTable, pair: Pair, last: int, found: EdgeSet) -> None:
     """What is known of pairs, see `gather`."""
-    count, steps, losing = 0, 0, 0
+    count, steps, loses_branches = 0, 0, 0
     while next_pair(table, pair, last):
-        bit = _bit_of(table, pair.rest, pair.first, pair.second)
+        bit = _bit_of(table, pair.support, pair.first, pair.second)
         if has_bit(table.bits, bit):
             found.joined[count] = True
-            if has_bit(table.losing, bit):
-                found.losing[steps], found.lost[losing] = True, lost_on(table, bit)
-                losing += 1
+            if has_bit(table.loses_branches, bit):
+                found.loses_branches[steps], found.lost[loses_branches] = (
+                    True,
+                    branches_lost(table, bit),
+                )
+                loses_branches += 1
             steps += 1
         count += 1

@@ -11,15 +11,15 @@ from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.compiled.limb_masks import has_bit, unpacked
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.postures.tried_poses import bases_at
-from mlivr_gym.postures.turns import turned
+from mlivr_gym.postures.turns import permuted_limbs
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.node_pairs import row_of
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.transitions.records import Release, StanceSet
+from mlivr_gym.transitions.records import ReleaseRecord, StanceSet
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-class Moves(NamedTuple):
+class NodeMoves(NamedTuple):
     """What a step may lead to from a node."""
 
     limb: IntArray
@@ -44,30 +44,30 @@ def node_stances(
         rows: Which of them, shape (k,).
         turns: Turns of the robot, shape (k,).
     """
-    points = turned(table.points[rows].astype(np.int64), turns)
+    points = permuted_limbs(table.points[rows].astype(np.int64), turns)
     base = Pose.rows(len(rows))
     base["position"], base["rotation"] = bases_at(
         grasp_map, robot, points, table.tried[rows].astype(np.int64)
     )
     masks, branches, folds = (
-        turned(unpacked(one[rows], table.limbs), turns)
+        permuted_limbs(unpacked(one[rows], table.limbs), turns)
         for one in (table.masks, table.released, table.folds)
     )
-    released = Release.rows(*points.shape)
+    released = ReleaseRecord.rows(*points.shape)
     released["branches"], released["folds"], released["known"] = branches, folds, True
     return StanceSet(np.ascontiguousarray(points), base, masks, released)
 
 
-def moves_of(table: NodeTable, row: int, turn: int) -> Moves:
+def moves_of(table: NodeTable, row: int, turn: int) -> NodeMoves:
     """What a step may lead to from a node of a table, the robot turned; limbs in order."""
-    limbs, rests = table.limbs, table.rests[row]
-    most = int((table.start[rests + 1] - table.start[rests]).sum())
+    limbs, supports = table.limbs, table.supports[row]
+    most = int((table.start[supports + 1] - table.start[supports]).sum())
     found = np.empty((most, 3), dtype=np.int64)
     limb, member, bits = found[: list_moves(table, row, found)].T
     rows, moved = np.divmod(member, limbs)
     limb_now = (limb - turn) % limbs
     order = np.lexsort((table.points[rows, moved], limb_now))
-    return Moves(limb_now[order], rows[order], (moved - limb + turn)[order], bits[order])
+    return NodeMoves(limb_now[order], rows[order], (moved - limb + turn)[order], bits[order])
 
 
 @entry
@@ -78,8 +78,8 @@ def list_moves(table: NodeTable, node: int, found: IntArray) -> int:
         row = row_of(table, node, limb)
         if row < 0:
             continue
-        rest = table.rests[node, limb]
-        begin, end = int(table.start[rest]), int(table.start[rest + 1])
+        support = table.supports[node, limb]
+        begin, end = int(table.start[support]), int(table.start[support + 1])
         for k in range(end - begin):
             if has_bit(table.bits, row + k):
                 found[count, 0], found[count, 1] = limb, table.members[begin + k]

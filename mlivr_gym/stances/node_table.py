@@ -17,7 +17,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import packed
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.postures.turns import lowest_first, same_after_turns, turned
+from mlivr_gym.postures.turns import lowest_first, permuted_limbs, same_after_turns
 
 RESOLUTION = 1e-12
 """Base positions are kept from the grasps' centroid as whole multiples of it [m]."""
@@ -63,7 +63,7 @@ class NodeTable(NamedTuple):
     """Folds among which they can change, shape (n,)."""
     tried: NDArray[np.uint16]
     """Which of the base poses tried it is, shape (n,)."""
-    rests: NDArray[np.int32]
+    supports: NDArray[np.int32]
     """What the others hold beside each limb, in turn from it on, by number, shape (n, N).
 
     Where turns make a difference it is part of the number which limb that is."""
@@ -76,10 +76,10 @@ class NodeTable(NamedTuple):
     """First of the bits of each rest, and their number, shape (r + 1,)."""
     bits: NDArray[np.uint64]
     """Which members of a rest a step may join, see `node_pairs`; a bit for each two of them."""
-    losing: NDArray[np.uint64]
+    loses_branches: NDArray[np.uint64]
     """On which of these steps limbs lose branches that both nodes have; a bit for each two."""
     ranks: NDArray[np.int32]
-    """How many of those bits come before each number of `losing`, shape (len(losing),)."""
+    """How many of those bits come before each number of `loses_branches`, shape (len(losing),)."""
     lost: NDArray[np.uint64]
     """What is lost, as `held_beside`, in the order of these bits, shape (l,)."""
 
@@ -101,7 +101,7 @@ class NodeTable(NamedTuple):
         if same_after_turns(self.limbs):
             turns = lowest_first(stances)
         rows = np.empty(len(stances), dtype=np.int64)
-        find_rows(self.points, turned(stances, turns), rows)
+        find_rows(self.points, permuted_limbs(stances, turns), rows)
         return rows, turns
 
 
@@ -153,8 +153,8 @@ def table_of(nodes: Nodes) -> NodeTable:
     )
     if not same_after_turns(limbs):
         beside = beside * np.uint64(limbs) + np.arange(limbs, dtype=np.uint64)
-    known, rests = np.unique(beside, return_inverse=True)
-    numbers = rests.reshape(-1).astype(np.int32)
+    known, supports = np.unique(beside, return_inverse=True)
+    numbers = supports.reshape(-1).astype(np.int32)
     members = np.argsort(numbers, kind="stable").astype(np.int32)
     members = members[released.reshape(-1)[members] != 0]
     start = np.searchsorted(numbers[members], np.arange(len(known) + 1)).astype(np.int32)
@@ -168,12 +168,12 @@ def table_of(nodes: Nodes) -> NodeTable:
         released=packed(released),
         folds=packed(nodes.folds),
         tried=nodes.tried.astype(np.uint16),
-        rests=numbers.reshape(points.shape),
+        supports=numbers.reshape(points.shape),
         start=start,
         members=members,
         offset=offset,
         bits=none,
-        losing=none,
+        loses_branches=none,
         ranks=none[:0].astype(np.int32),
         lost=none[:0],
     )

@@ -14,12 +14,12 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import workers
 from mlivr_gym.compiled.limb_masks import packed
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.turns import same_after_turns, turned, turned_frames
+from mlivr_gym.postures.turns import permuted_limbs, same_after_turns, turned_frames
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import Joined, Pair, count_pairs, list_pairs, spread
+from mlivr_gym.stances.node_pairs import EdgeSet, Pair, count_pairs, list_pairs, spread
 from mlivr_gym.stances.node_table import Nodes, NodeTable, NodeTableError, codes, table_of
 from mlivr_gym.stances.parts import Arrays, Parts
 from mlivr_gym.stances.stance_sets import StanceSets
@@ -69,8 +69,8 @@ def build(
         table = table_of(nodes)
         shared = world, nodes, rotation[order], table
         steps = _in_blocks(processes, _joined, _rests(table), parts, shared)
-    nothing = Joined.of(*np.zeros((2, 0), dtype=np.uint64))
-    return spread(table, Joined.joint([nothing, *(Joined(*one) for one in steps)]))
+    nothing = EdgeSet.of(*np.zeros((2, 0), dtype=np.uint64))
+    return spread(table, EdgeSet.joint([nothing, *(EdgeSet(*one) for one in steps)]))
 
 
 def sets_of(graph: LazyGraph) -> StanceSets:
@@ -185,7 +185,7 @@ def _joined(
 
 def kept_at_most(
     graph: LazyGraph, nodes: Nodes, rotation: Array, members: IntArray, pairs: IntArray
-) -> Joined:
+) -> EdgeSet:
     """What steps between pairs of some members, shape (p, 2), keep at most: see `relaxed_steps`.
 
     It is what is kept on the step there or that back, in which the lines that are tried may differ.
@@ -193,7 +193,10 @@ def kept_at_most(
     limbs = graph.limbs
     rows, moved = np.divmod(members, limbs)
     turns = moved if same_after_turns(limbs) else np.zeros_like(moved)
-    points, masks = turned(nodes.points[rows], turns), turned(nodes.masks[rows], turns)
+    points, masks = (
+        permuted_limbs(nodes.points[rows], turns),
+        permuted_limbs(nodes.masks[rows], turns),
+    )
     frames, none = turned_frames(rotation[rows], turns, limbs), np.zeros_like(points)
     postures = Postures(
         nodes.base_position[rows], frames, none.astype(float), none[:, 0].astype(float), none,
@@ -201,24 +204,24 @@ def kept_at_most(
     )  # fmt: skip
     stances, world = graph.checks.stances(points, postures), graph.checks.world(None)
     for name, values in (("branches", nodes.released), ("folds", nodes.folds)):
-        stances.released[name] = turned(values[rows], turns)
+        stances.released[name] = permuted_limbs(values[rows], turns)
     stances.released["known"] = True
     first = moved - turns + 1  # the limb after the one that moves
 
     def at_most(one: IntArray, other: IntArray) -> NDArray[np.uint64]:
         steps = graph.step_rows(stances, one, other, masks[one])
         graph.checks.may_keep(steps, stances, world)
-        held = turned(steps["kept"][:, :limbs], first[one])[:, :-1]
+        held = permuted_limbs(steps["kept"][:, :limbs], first[one])[:, :-1]
         kept = packed(held)
         kept[~held.all(axis=1)] = 0
         return kept
 
     one, other = pairs.T
-    shared = packed(turned(masks[one] & masks[other], first[one])[:, :-1])
+    shared = packed(permuted_limbs(masks[one] & masks[other], first[one])[:, :-1])
     kept = at_most(one, other)
     less = np.flatnonzero(kept != shared)
     kept[less] |= at_most(other[less], one[less])
-    return Joined.of(shared, kept)
+    return EdgeSet.of(shared, kept)
 
 
 def _graph(world: World) -> LazyGraph:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
 from mlivr_gym.compiled.cache import cache_folder
-from mlivr_gym.compiled.kept import mark_used
+from mlivr_gym.compiled.cached_files import mark_used
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import write_whole
@@ -31,7 +31,7 @@ from mlivr_gym.stances.pair_steps import PairEdge
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import key_of
 from mlivr_gym.stances.table_heads import difference, head_of
-from mlivr_gym.transitions.records import Release
+from mlivr_gym.transitions.records import ReleaseRecord
 
 FORMAT = 5
 """Version of the file format."""
@@ -54,7 +54,7 @@ class PairStances(NamedTuple):
     counts: Mapping[str, int]
     """Numbers of `COUNTS`."""
     released: Any = None
-    """What can be released, rows of `Release`, shape (n, 2); None where it is not known."""
+    """What can be released, rows of `ReleaseRecord`, shape (n, 2); None where it is not known."""
     edges: Any = None
     """All steps, rows of `PairEdge` in the order of `KnownSteps`; None where they are unknown."""
 
@@ -171,7 +171,7 @@ def _checked(graph: StanceGraph, found: dict[str, NDArray[Any]]) -> PairStances:
     ]  # fmt: skip
     edges, released = found.get("edges"), found.get("released")
     if edges is not None and released is not None:
-        whole = PairEdge.rows(0).dtype, Release.rows(0).dtype
+        whole = PairEdge.rows(0).dtype, ReleaseRecord.rows(0).dtype
         if (edges.dtype, released.dtype) != whole:
             raise ValueError
         # A file does not tell that fields are aligned, which makes another type of them.

@@ -32,7 +32,7 @@ from mlivr_gym.stances.pair_steps import (
     pair_successors,
     unknown_steps,
 )
-from mlivr_gym.stances.pair_table import KnownSteps
+from mlivr_gym.stances.pair_table import PairEdges
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
@@ -89,7 +89,7 @@ class PairGraph(StanceGraph):
         stances = self.checks.stances(self.points, chosen)
         if known.released is not None:
             stances = stances._replace(released=known.released)
-        self._free = KnownSteps(self.checks, stances, rows, self.base_in_world, known.edges)
+        self._free = PairEdges(self.checks, stances, rows, self.base_in_world, known.edges)
         self._known = self._free
         self._table: NodeTable | None = None
         self._table_complete = False

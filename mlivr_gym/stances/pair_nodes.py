@@ -27,10 +27,10 @@ def pair_nodes(pairs: PairTable, tried: IntArray) -> NodeTable:
         released = np.where(known, pairs.released["branches"], pairs.mask).astype(np.int64)
         folds = pairs.released["folds"].astype(np.int64)
     table = table_of(Nodes(pairs.points, pairs.base, pairs.mask, released, folds, tried))
-    bits, losing = (np.zeros_like(table.bits) for _ in range(2))
-    table = table._replace(bits=bits, losing=losing)
+    bits, loses_branches = (np.zeros_like(table.bits) for _ in range(2))
+    table = table._replace(bits=bits, loses_branches=loses_branches)
     mark_steps(table, pairs)
-    counts = np.bitwise_count(losing)
+    counts = np.bitwise_count(loses_branches)
     ranks = np.cumsum(counts, dtype=np.int32) - counts
     table = table._replace(ranks=ranks, lost=np.empty(int(counts.sum()), dtype=np.uint64))
     fill_lost(table, pairs)
@@ -40,29 +40,29 @@ def pair_nodes(pairs: PairTable, tried: IntArray) -> NodeTable:
 @entry
 def mark_steps(table: NodeTable, pairs: PairTable) -> None:
     """Set the bits of steps that keep a branch, and of those that lose some."""
-    for rest in range(len(table.start) - 1):
-        first, last = int(table.start[rest]), int(table.start[rest + 1])
+    for support in range(len(table.start) - 1):
+        first, last = int(table.start[support]), int(table.start[support + 1])
         for i in range(first, last):
             for j in range(first, last):
                 shared, kept = _shared_and_kept(table.members[i], table.members[j], pairs)
                 if i != j and kept:
-                    bit = int(table.offset[rest]) + (i - first) * (last - first) + j - first
+                    bit = int(table.offset[support]) + (i - first) * (last - first) + j - first
                     set_bit(table.bits, bit)
                     if kept != shared:
-                        set_bit(table.losing, bit)
+                        set_bit(table.loses_branches, bit)
 
 
 @entry
 def fill_lost(table: NodeTable, pairs: PairTable) -> None:
     """Note what steps lose that lose some branches."""
-    for rest in range(len(table.start) - 1):
-        first, last = int(table.start[rest]), int(table.start[rest + 1])
+    for support in range(len(table.start) - 1):
+        first, last = int(table.start[support]), int(table.start[support + 1])
         for i in range(first, last):
             for j in range(first, last):
-                bit = int(table.offset[rest]) + (i - first) * (last - first) + j - first
-                if has_bit(table.losing, bit):
+                bit = int(table.offset[support]) + (i - first) * (last - first) + j - first
+                if has_bit(table.loses_branches, bit):
                     shared, kept = _shared_and_kept(table.members[i], table.members[j], pairs)
-                    place = table.ranks[bit // WORD] + set_before(table.losing, bit)
+                    place = table.ranks[bit // WORD] + set_before(table.loses_branches, bit)
                     table.lost[place] = np.uint64(shared & ~kept)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import IntArray
 
 
-class Rows(NamedTuple):
+class StanceRows(NamedTuple):
     """The rows of n stances on m points; an entry belongs to two stances of a row, in order."""
 
     rows: IntArray
@@ -26,7 +26,7 @@ class Rows(NamedTuple):
     """Place of each stance in its rows, shape (2, n)."""
 
 
-def rows_of(points: IntArray, m: int) -> Rows:
+def rows_of(points: IntArray, m: int) -> StanceRows:
     """The rows of stances given by the points of both limbs, shape (n, 2), in lexical order."""
     n = len(points)
     by_second = np.lexsort((points[:, 0], points[:, 1]))
@@ -38,7 +38,7 @@ def rows_of(points: IntArray, m: int) -> Rows:
     local: IntArray = np.empty((2, n), dtype=np.int64)
     for limb in range(2):
         local[limb, rows[limb]] = np.arange(n) - row_start[limb, ordered[limb]]
-    return Rows(rows, row_start, degree, offset, local)
+    return StanceRows(rows, row_start, degree, offset, local)
 
 
 def connected_parts(points: IntArray, m: int) -> tuple[int, NDArray[np.int32]]:

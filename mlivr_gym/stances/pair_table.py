@@ -8,13 +8,13 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.stances.pair_rows import Rows
+from mlivr_gym.stances.pair_rows import StanceRows
 from mlivr_gym.stances.pair_steps import PairEdge, PairTable
 from mlivr_gym.transitions.records import StanceSet
 from mlivr_gym.transitions.step_check import StepChecks
 
 
-class KnownSteps:
+class PairEdges:
     """What is known of releases and steps in one state of the world.
 
     Attributes:
@@ -26,7 +26,12 @@ class KnownSteps:
     """Whether every step is known."""
 
     def __init__(
-        self, checks: StepChecks, stances: StanceSet, rows: Rows, base: Array, edges: Any = None
+        self,
+        checks: StepChecks,
+        stances: StanceSet,
+        rows: StanceRows,
+        base: Array,
+        edges: Any = None,
     ) -> None:
         """Know nothing yet of the steps between stances, or all of them.
 
@@ -61,7 +66,7 @@ class KnownSteps:
 
     def among_obstacles(
         self, mask: IntArray, gone: BoolArray, close: BoolArray, obstacles: BoxGrid | None
-    ) -> StepsAmongObstacles:
+    ) -> PairEdgesAmongObstacles:
         """The same among obstacles and occupied points.
 
         Args:
@@ -70,7 +75,7 @@ class KnownSteps:
             close: Stances that may touch an obstacle on a step from or to them, shape (n,).
             obstacles: The obstacles, if there are any.
         """
-        return StepsAmongObstacles(self, mask, gone, close, obstacles)
+        return PairEdgesAmongObstacles(self, mask, gone, close, obstacles)
 
     def index(self, held: Any, before: Any, after: Any) -> Any:
         """Index of steps, see `pair_steps.edge_index`; of numbers or arrays."""
@@ -166,7 +171,7 @@ class KnownSteps:
         self.table.edges[self.index(held, after, before)] = found
 
 
-class StepsAmongObstacles(KnownSteps):
+class PairEdgesAmongObstacles(PairEdges):
     """What is known of releases and steps among obstacles and occupied points.
 
     Only the motions that are known without obstacles are checked, and only close to them.
@@ -174,13 +179,13 @@ class StepsAmongObstacles(KnownSteps):
 
     def __init__(
         self,
-        free: KnownSteps,
+        free: PairEdges,
         mask: IntArray,
         gone: BoolArray,
         close: BoolArray,
         obstacles: BoxGrid | None,
     ) -> None:
-        """See `KnownSteps.among_obstacles`."""
+        """See `PairEdges.among_obstacles`."""
         self.free, self.close = free, close
         self.checks, self.collisions = free.checks, free.collisions
         self._world = self.checks.world(obstacles, again=True)

@@ -15,7 +15,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
-from mlivr_gym.errors import RobotError, StanceError, shown
+from mlivr_gym.errors import RobotError, StanceError, shortened
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.postures.given_pose import (
@@ -28,12 +28,12 @@ from mlivr_gym.postures.given_pose import (
 from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Place
+from mlivr_gym.schema import FieldPath
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.checked_steps import CheckedSteps, join
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.point_pairs import pairs_within
-from mlivr_gym.transitions.state import State, Successors, check_numbers, check_state
+from mlivr_gym.transitions.state import State, Successors, check_integers, check_state
 from mlivr_gym.world.grasp_map import STANCE, GraspMap
 
 TOUCHED = {
@@ -94,10 +94,10 @@ class StanceGraph(CheckedSteps):
         Raises:
             StanceError: If the number of points, an id, or the points' distance is wrong.
         """
-        named = STANCE.read(stance, Place("stance", StanceError))
+        named = STANCE.read(stance, FieldPath("stance", StanceError))
         if len(named) != self.limbs:
             raise StanceError(
-                f"stance {shown(stance)} must name {self.limbs} points, one for each limb of "
+                f"stance {shortened(stance)} must name {self.limbs} points, one for each limb of "
                 f"{self.robot.name!r}"
             )
         points = tuple(self.grasp_map.index(point) for point in named)
@@ -145,7 +145,7 @@ class StanceGraph(CheckedSteps):
         inside = rows.dtype.kind in "iu" and rows.shape[1:] == (self.limbs,)
         if not inside or not ((rows >= 0) & (rows < m)).all():
             raise StanceError(
-                f"stances {shown(stances)} must be rows of {self.limbs} point indices "
+                f"stances {shortened(stances)} must be rows of {self.limbs} point indices "
                 f"from 0 to {m - 1}"
             )
         return rows.astype(np.int64)
@@ -163,7 +163,7 @@ class StanceGraph(CheckedSteps):
 
     def check_stance(self, stance: Sequence[int]) -> None:
         """Refuse what is not a point index for each limb, as `check` does."""
-        check_numbers(stance, self.limbs, len(self.grasp_map) - 1, "stance")
+        check_integers(stance, self.limbs, len(self.grasp_map) - 1, "stance")
 
     def posture(self, stance: Sequence[int]) -> Postures:
         """Posture of one stance given by point indices, every array with a leading 1."""

@@ -59,8 +59,8 @@ class StanceSets:
     """
 
     points: NDArray[np.uint16]
-    rests: NDArray[np.int32]
-    rest_count: int
+    supports: NDArray[np.int32]
+    support_count: int
 
     def __len__(self) -> int:
         """Number of sets."""
@@ -167,9 +167,9 @@ def _worked_out(graph: StanceGraph, progress: Progress | None) -> StanceSets | N
 def _of_points(points: NDArray[np.uint16]) -> StanceSets:
     """Sets that are given by their points, with what is left of each."""
     limbs = points.shape[1]
-    rests = np.stack([_codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
-    codes, numbers = np.unique(rests, return_inverse=True)
-    return StanceSets(points, numbers.reshape(rests.shape).astype(np.int32), len(codes))
+    supports = np.stack([_codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
+    codes, numbers = np.unique(supports, return_inverse=True)
+    return StanceSets(points, numbers.reshape(supports.shape).astype(np.int32), len(codes))
 
 
 @entry
@@ -232,7 +232,9 @@ def _codes(points: IntArray | NDArray[np.uint16]) -> NDArray[np.uint64]:
 def _write(sets: StanceSets, path: Path) -> None:
     """Write the sets; they are not kept if that fails."""
     buffer = io.BytesIO()
-    np.savez(buffer, format=FORMAT, points=sets.points, rests=sets.rests, count=sets.rest_count)
+    np.savez(
+        buffer, format=FORMAT, points=sets.points, supports=sets.supports, count=sets.support_count
+    )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, buffer.getvalue())
@@ -245,7 +247,7 @@ def _read(path: Path) -> StanceSets | None:
     try:
         with path.open("rb") as stream, np.load(stream) as data:
             if int(data["format"]) == FORMAT:
-                return StanceSets(data["points"], data["rests"], int(data["count"]))
+                return StanceSets(data["points"], data["supports"], int(data["count"]))
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         pass
     logging.getLogger(__name__).warning("%r holds no stance sets: worked out anew", str(path))

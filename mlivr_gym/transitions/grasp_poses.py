@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mlivr_gym.collisions.limb_shapes import Limb, Robot
+from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, both_flips, has_branch
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.kinematics.arm import FlangeAxis, in_window
@@ -12,11 +12,11 @@ from mlivr_gym.kinematics.families import branch_angles
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles, flange_seen, wrap
 from mlivr_gym.kinematics.poses import Pose, along
-from mlivr_gym.transitions.records import StepRoom
+from mlivr_gym.transitions.records import StepScratch
 
 
 @kernel
-def folded(robot: Robot, fold: int, joint_6: float, to: Angles) -> None:
+def folded(robot: RobotModel, fold: int, joint_6: float, to: Angles) -> None:
     """The joint angles of a fold, into `to`, with an angle of joint 6 [rad]."""
     for joint in range(5):
         to.q[joint] = robot.folds[fold, joint]
@@ -48,7 +48,7 @@ def line_end(first: Angles, last: Angles, to: Angles) -> float:
 
 @kernel
 def lifted_angles(
-    limb: Limb, base: Pose, grasp: Grasp, branch: int, lift: float, to: Angles
+    limb: LimbModel, base: Pose, grasp: Grasp, branch: int, lift: float, to: Angles
 ) -> bool:
     """Joint angles of a limb that has departed from a grasp, with flip 0.
 
@@ -75,7 +75,13 @@ def lifted_angles(
 
 @kernel
 def lifted_branches(
-    robot: Robot, limb: Limb, base: Pose, grasp: Grasp, mask: int, side: int, room: StepRoom
+    robot: RobotModel,
+    limb: LimbModel,
+    base: Pose,
+    grasp: Grasp,
+    mask: int,
+    side: int,
+    scratch: StepScratch,
 ) -> int:
     """Joint angles of a limb that has departed from a grasp, on each branch of a mask.
 
@@ -88,14 +94,14 @@ def lifted_branches(
         grasp: The grasp.
         mask: Branches and flips.
         side: 0 before a step, 1 after it.
-        room: Scratch.
+        scratch: Scratch.
 
     Returns:
         The branches and flips of the mask that exist there.
     """
     found = EMPTY
     for b in range(BRANCHES):
-        q = room.q[side, b]
+        q = scratch.q[side, b]
         if has_branch(mask, b) and lifted_angles(limb, base, grasp, b, robot.lift, q):
             found |= both_flips(b)
     return found & mask
@@ -103,5 +109,5 @@ def lifted_branches(
 
 @entry
 def angles_above(robots: Any, i: int, base: Pose, grasp: Grasp, branch: int, to: Angles) -> bool:
-    """`lifted_angles` of limb `i` of a row of `Robot`, shape (1,)."""
+    """`lifted_angles` of limb `i` of a row of `RobotModel`, shape (1,)."""
     return lifted_angles(robots[0].limbs[i], base, grasp, branch, robots[0].lift, to)

@@ -15,8 +15,8 @@ from mlivr_gym.compiled.bit_sets import (
 )
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.postures.records import Limbs
-from mlivr_gym.transitions.motions import compare_with, is_clear, let_hold, let_swing
-from mlivr_gym.transitions.records import Scene, Step, StepRoom
+from mlivr_gym.transitions.motions import compare_with, is_clear, set_support, set_swing
+from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 
 STANDING, MOVER, BOTH = (cast(int, k) for k in np.arange(3))
 """Parts of what a limb that holds is checked against: boxes, body, itself and other limbs that
@@ -26,36 +26,36 @@ hold; the limb that moves; and both."""
 @kernel
 def hold_apart(
     parts: int,
-    step: Step,
-    scene: Scene,
+    step: StepRecord,
+    scene: StepContext,
     masks: Limbs,
-    room: StepRoom,
+    scratch: StepScratch,
 ) -> bool:
     """Take out of `masks` the branches on which limbs hold not clear of each other and of a swing.
 
-    The limb that moves goes from `room.start` to `room.end` while the base follows the path in
-    `room.sweep`.
+    The limb that moves goes from `scratch.start` to `scratch.end` while the base follows the path
+    in `scratch.sweep`.
 
     Args:
         parts: `STANDING`, `MOVER` or `BOTH`.
         step: The step.
         scene: The stances, the robot and the world.
         masks: Branches of each limb that holds, changed.
-        room: Scratch.
+        scratch: Scratch.
 
     Returns:
         Whether every limb that holds has one left; if one has none the others are not looked at.
     """
     robot, world = scene.robots[0], scene.world
     for layer in range(world.first, world.stop):
-        if not each_clear(parts, layer, step, scene, masks, room):
+        if not each_clear(parts, layer, step, scene, masks, scratch):
             return False
         if layer > 0 or parts == MOVER:
             continue
         for i in range(robot.limb_count):
             for j in range(i + 1, robot.limb_count):
                 if i != step.limb and j != step.limb:
-                    _both_apart(i, j, step, scene, masks, room)
+                    _both_apart(i, j, step, scene, masks, scratch)
                     if masks[i] == 0 or masks[j] == 0:
                         return False
     return True
@@ -63,7 +63,7 @@ def hold_apart(
 
 @kernel
 def each_clear(
-    parts: int, layer: int, step: Step, scene: Scene, masks: Limbs, room: StepRoom
+    parts: int, layer: int, step: StepRecord, scene: StepContext, masks: Limbs, scratch: StepScratch
 ) -> bool:
     """As `hold_apart`, in one layer, whatever the other limbs that hold do."""
     robot = scene.robots[0]
@@ -71,7 +71,9 @@ def each_clear(
         if i == step.limb:
             continue
         for b in range(BRANCHES):
-            if has_branch(masks[i], b) and not _hold_clear(parts, i, b, layer, step, scene, room):
+            if has_branch(masks[i], b) and not _hold_clear(
+                parts, i, b, layer, step, scene, scratch
+            ):
                 masks[i] = without_branch(masks[i], b)
         if masks[i] == 0:
             return False
@@ -80,25 +82,33 @@ def each_clear(
 
 @part
 def _hold_clear(
-    parts: int, i: int, b: int, layer: int, step: Step, scene: Scene, room: StepRoom
+    parts: int,
+    i: int,
+    b: int,
+    layer: int,
+    step: StepRecord,
+    scene: StepContext,
+    scratch: StepScratch,
 ) -> bool:
     """Whether limb `i` can hold on branch `b` along the base path, clear of some parts."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    inside, sweep = layer == 0, room.sweep
-    let_hold(sweep.motion.first, i, b, world.grasps[stances.points[step.after, i]])
-    let_swing(sweep.motion.second, step.limb, room.start, room.end)
+    inside, sweep = layer == 0, scratch.sweep
+    set_support(sweep.motion.first, i, b, world.grasps[stances.points[step.after, i]])
+    set_swing(sweep.motion.second, step.limb, scratch.start, scratch.end)
     standing, mover = parts != MOVER, parts != STANDING
     compare_with(sweep, standing, standing and inside, parts < STANDING, mover and inside)
     return is_clear(robot, world, layer, sweep)
 
 
 @kernel
-def holds_apart(i: int, b: int, j: int, c: int, step: Step, scene: Scene, room: StepRoom) -> bool:
+def holds_apart(
+    i: int, b: int, j: int, c: int, step: StepRecord, scene: StepContext, scratch: StepScratch
+) -> bool:
     """Whether limb `i` on branch `b` keeps clear of `j` on `c` while both hold along the path."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    sweep, points = room.sweep, stances.points
-    let_hold(sweep.motion.first, i, b, world.grasps[points[step.after, i]])
-    let_hold(sweep.motion.second, j, c, world.grasps[points[step.after, j]])
+    sweep, points = scratch.sweep, stances.points
+    set_support(sweep.motion.first, i, b, world.grasps[points[step.after, i]])
+    set_support(sweep.motion.second, j, c, world.grasps[points[step.after, j]])
     compare_with(sweep, i < 0, i < 0, i < 0, i >= 0)
     return is_clear(robot, world, world.first, sweep)
 
@@ -107,10 +117,10 @@ def holds_apart(i: int, b: int, j: int, c: int, step: Step, scene: Scene, room: 
 def _both_apart(
     i: int,
     j: int,
-    step: Step,
-    scene: Scene,
+    step: StepRecord,
+    scene: StepContext,
     masks: Limbs,
-    room: StepRoom,
+    scratch: StepScratch,
 ) -> None:
     """Branches of two limbs that hold, all of which keep clear of each other along the base path.
 
@@ -121,7 +131,7 @@ def _both_apart(
     for c in range(BRANCHES):
         for b in range(BRANCHES):
             wanted = has_branch(kept, c) and has_branch(masks[i], b)
-            if wanted and not holds_apart(i, b, j, c, step, scene, room):
+            if wanted and not holds_apart(i, b, j, c, step, scene, scratch):
                 kept = without_branch(kept, c)
     if kept:
         masks[j] = kept
@@ -129,5 +139,5 @@ def _both_apart(
     chosen = first_branch(masks[j])
     masks[j] &= both_flips(chosen)
     for b in range(BRANCHES):
-        if has_branch(masks[i], b) and not holds_apart(i, b, j, chosen, step, scene, room):
+        if has_branch(masks[i], b) and not holds_apart(i, b, j, chosen, step, scene, scratch):
             masks[i] = without_branch(masks[i], b)

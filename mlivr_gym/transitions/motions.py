@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.limb_shapes import Robot
+from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.motion import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep
 from mlivr_gym.collisions.sweep import sweep
 from mlivr_gym.compiled.kernels import entry, kernel, part
@@ -14,10 +14,10 @@ from mlivr_gym.kinematics.base_path import BasePath, set_path
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.poses import vector
-from mlivr_gym.transitions.records import World
+from mlivr_gym.transitions.records import WorldRecord
 
 
-class Piece(Record):
+class SwingSegment(Record):
     """A line in joint space while the base goes along a part of its path, or a rounded corner."""
 
     path: BasePath
@@ -40,7 +40,7 @@ class Piece(Record):
     """Those at the end."""
 
 
-class Hold(Record):
+class SupportRecord(Record):
     """A limb that holds meanwhile."""
 
     limb: int
@@ -52,16 +52,16 @@ class Hold(Record):
 
 
 @kernel
-def follow_path(room: Sweep, path: BasePath, begin: float, finish: float) -> None:
+def set_base_motion(scratch: Sweep, path: BasePath, begin: float, finish: float) -> None:
     """Let the base go from `begin` to `finish` on a path, and limbs swing in lines."""
-    motion = room.motion
+    motion = scratch.motion
     motion.rounded = False
     set_path(motion.path, path.first, path.last, path.kind, vector(path.pivot))
     motion.begin, motion.finish = begin, finish
 
 
 @kernel
-def let_swing(motion: LimbMotion, limb: int, start: Angles, end: Angles) -> None:
+def set_swing(motion: LimbMotion, limb: int, start: Angles, end: Angles) -> None:
     """Let a limb swing along a line in joint space."""
     motion.limb, motion.kind = limb, SWINGS
     for joint in range(6):
@@ -69,23 +69,23 @@ def let_swing(motion: LimbMotion, limb: int, start: Angles, end: Angles) -> None
 
 
 @kernel
-def let_round(room: Sweep, piece: Piece) -> None:
+def set_corner(scratch: Sweep, piece: SwingSegment) -> None:
     """Let base and swinging limbs round the corner of a piece."""
-    motion = room.motion
+    motion = scratch.motion
     motion.rounded, motion.corner = True, piece.turning
     for joint in range(6):
         motion.first.corner[joint] = motion.second.corner[joint] = piece.corner.q[joint]
 
 
 @kernel
-def let_hold(motion: LimbMotion, limb: int, branch: int, grasp: Grasp) -> None:
+def set_support(motion: LimbMotion, limb: int, branch: int, grasp: Grasp) -> None:
     """Let a limb hold a grasp on a branch."""
     motion.limb, motion.kind, motion.branch = limb, HOLDS, branch
     _set_flange(motion, grasp)
 
 
 @kernel
-def let_depart(motion: LimbMotion, limb: int, branch: int, grasp: Grasp) -> None:
+def set_departure(motion: LimbMotion, limb: int, branch: int, grasp: Grasp) -> None:
     """Let a limb depart from a grasp on a branch."""
     motion.limb, motion.kind, motion.branch = limb, DEPARTS, branch
     _set_flange(motion, grasp)
@@ -100,63 +100,71 @@ def _set_flange(motion: LimbMotion, grasp: Grasp) -> None:
 
 
 @kernel
-def compare_with(room: Sweep, boxes: bool, body: bool, resting: bool, meeting: bool) -> None:
+def compare_with(scratch: Sweep, boxes: bool, body: bool, resting: bool, meeting: bool) -> None:
     """What the first limb is compared with; it is at no grasp."""
-    motion = room.motion
+    motion = scratch.motion
     motion.boxes, motion.body, motion.resting, motion.meeting = boxes, body, resting, meeting
-    room.behind.applies = False
+    scratch.behind.applies = False
 
 
 @part
-def is_clear(robot: Robot, world: World, layer: int, room: Sweep) -> bool:
-    """Whether the motion in `room` keeps clear in a layer of the world.
+def is_clear(robot: RobotModel, world: WorldRecord, layer: int, scratch: Sweep) -> bool:
+    """Whether the motion in `scratch` keeps clear in a layer of the world.
 
     Layer 0 are the boxes of the map, layer 1 the obstacles.
     """
     grid = world.boxes if layer == 0 else world.obstacles
-    return sweep(robot, grid, world.thresholds[0].clearance, room) == CLEAR
+    return sweep(robot, grid, world.thresholds[0].clearance, scratch) == CLEAR
 
 
 @kernel
 def swing_clear(
-    robot: Robot, world: World, layer: int, limb: int, start: Angles, end: Angles, room: Sweep
+    robot: RobotModel,
+    world: WorldRecord,
+    layer: int,
+    limb: int,
+    start: Angles,
+    end: Angles,
+    scratch: Sweep,
 ) -> bool:
-    """Whether a limb can swing along a line while the base does what `room` says.
+    """Whether a limb can swing along a line while the base does what `scratch` says.
 
-    Limbs that hold are not looked at; those at rest in `room` are.
+    Limbs that hold are not looked at; those at rest in `scratch` are.
     """
     inside = layer == 0
-    let_swing(room.motion.first, limb, start, end)
-    let_swing(room.motion.second, limb, start, end)
-    compare_with(room, layer >= 0, inside, inside, layer < 0)
-    return is_clear(robot, world, layer, room)
+    set_swing(scratch.motion.first, limb, start, end)
+    set_swing(scratch.motion.second, limb, start, end)
+    compare_with(scratch, layer >= 0, inside, inside, layer < 0)
+    return is_clear(robot, world, layer, scratch)
 
 
 @entry
-def piece_clear(pieces: Any, holds: Any, robots: Any, world: World, rooms: Any) -> bool:
+def segment_clear(
+    pieces: Any, holds: Any, robots: Any, world: WorldRecord, scratch_rows: Any
+) -> bool:
     """Whether the robot touches nothing along a piece of a swing.
 
     Args:
-        pieces: The piece, a row of `Piece`, shape (1,).
-        holds: Rows of `Hold`: limbs that hold meanwhile.
-        robots: A row of `Robot`, shape (1,).
+        pieces: The piece, a row of `SwingSegment`, shape (1,).
+        holds: Rows of `SupportRecord`: limbs that hold meanwhile.
+        robots: A row of `RobotModel`, shape (1,).
         world: What is checked.
-        rooms: A row of `Sweep`, shape (1,).
+        scratch_rows: A row of `Sweep`, shape (1,).
     """
-    piece, robot, room = pieces[0], robots[0], rooms[0]
-    room.resting.count = 0
-    follow_path(room, piece.path, piece.begin, piece.finish)
+    piece, robot, scratch = pieces[0], robots[0], scratch_rows[0]
+    scratch.resting.count = 0
+    set_base_motion(scratch, piece.path, piece.begin, piece.finish)
     if piece.rounded:
-        let_round(room, piece)
+        set_corner(scratch, piece)
     for layer in range(world.first, world.stop):
-        if not swing_clear(robot, world, layer, piece.limb, piece.start, piece.end, room):
+        if not swing_clear(robot, world, layer, piece.limb, piece.start, piece.end, scratch):
             return False
         inside = layer == 0
         for k in range(len(holds)):
             hold = holds[k]
-            let_hold(room.motion.first, hold.limb, hold.branch, world.grasps[hold.point])
-            let_swing(room.motion.second, piece.limb, piece.start, piece.end)
-            compare_with(room, layer >= 0, inside, layer < 0, inside)
-            if not is_clear(robot, world, layer, room):
+            set_support(scratch.motion.first, hold.limb, hold.branch, world.grasps[hold.point])
+            set_swing(scratch.motion.second, piece.limb, piece.start, piece.end)
+            compare_with(scratch, layer >= 0, inside, layer < 0, inside)
+            if not is_clear(robot, world, layer, scratch):
                 return False
     return True

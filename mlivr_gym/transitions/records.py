@@ -19,7 +19,7 @@ from mlivr_gym.postures.records import Limbs
 from mlivr_gym.robot.specification import MOST_LIMBS
 
 
-class Release(Record):
+class ReleaseRecord(Record):
     """On which branches a limb can be released at a stance and change from one to the other."""
 
     known: bool
@@ -44,10 +44,10 @@ class StanceSet(NamedTuple):
     mask: IntArray
     """Branches and flips each limb may hold on, shape (K, N)."""
     released: Any
-    """Rows of `Release`, shape (K, N)."""
+    """Rows of `ReleaseRecord`, shape (K, N)."""
 
 
-class World(NamedTuple):
+class WorldRecord(NamedTuple):
     """What motions are checked against."""
 
     grasps: Any
@@ -64,16 +64,16 @@ class World(NamedTuple):
     """1 to end with the map, 2 to check obstacles too, 0 to check no collisions."""
 
 
-class Scene(NamedTuple):
+class StepContext(NamedTuple):
     """A robot at stances in a world."""
 
     stances: StanceSet
     robots: Any
     """A row of `Robot`, shape (1,)."""
-    world: World
+    world: WorldRecord
 
 
-class Step(Record):
+class StepRecord(Record):
     """A step that is to be checked, and the edge that it is if it passes."""
 
     limb: int
@@ -102,7 +102,7 @@ class Step(Record):
     """Branches between which it can swing along a line, `8 * before + after`, or -1."""
 
 
-class StepRoom(Record):
+class StepScratch(Record):
     """Room for the check of one step."""
 
     sweep: Sweep

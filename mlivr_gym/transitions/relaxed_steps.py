@@ -17,12 +17,12 @@ from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.postures.records import Limbs
 from mlivr_gym.transitions.grasp_poses import folded
 from mlivr_gym.transitions.holds import MOVER, STANDING, each_clear, holds_apart
-from mlivr_gym.transitions.motions import follow_path, swing_clear
-from mlivr_gym.transitions.records import Scene, Step, StepRoom
+from mlivr_gym.transitions.motions import set_base_motion, swing_clear
+from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 from mlivr_gym.transitions.steps import (
     TRIES,
     all_hold,
-    forget,
+    clear_step,
     line_clear,
     lines_by_travel,
     set_step_path,
@@ -30,41 +30,41 @@ from mlivr_gym.transitions.steps import (
 
 
 @entry
-def may_keep_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> None:
+def may_keep_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
     """What limbs that hold may keep on steps from `start` to `stop`, see `steps.check_all`."""
     for k in range(start, stop):
-        _may_keep(steps[k], scene, rooms[0])
+        _may_keep(steps[k], scene, scratch_rows[0])
 
 
 @kernel
-def _may_keep(step: Step, scene: Scene, room: StepRoom) -> None:
+def _may_keep(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     """Write what limbs that hold may keep into `step.kept`.
 
     What is kept already is no more looked for.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    forget(step, robot, room)
+    clear_step(step, robot, scratch)
     before = stances.released[step.before, step.limb]
     after = stances.released[step.after, step.limb]
     if world.stop > 0 and (before.branches == 0 or after.branches == 0):
         return
     for kind in range(2):
-        if not all_hold(kind, step, scene, room):
+        if not all_hold(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            room.standing[i] = room.holds[kind, i]
+            scratch.standing[i] = scratch.holds[kind, i]
         if world.stop == 0:
-            _add(step, room.standing, robot.limb_count)
-        elif not _enough(step, room.standing, robot.limb_count):
-            set_step_path(kind, step, scene, room)
-            follow_path(room.sweep, room.path, 0.0, 1.0)
-            if _each_stands(STANDING, room.standing, step, scene, room):
-                _in_folds(before.folds & after.folds, step, scene, room)
-                _on_lines(step, scene, room)
+            _add(step, scratch.standing, robot.limb_count)
+        elif not _enough(step, scratch.standing, robot.limb_count):
+            set_step_path(kind, step, scene, scratch)
+            set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
+            if _each_stands(STANDING, scratch.standing, step, scene, scratch):
+                _in_folds(before.folds & after.folds, step, scene, scratch)
+                _on_lines(step, scene, scratch)
 
 
 @kernel
-def _enough(step: Step, wanted: Limbs, limbs: int) -> bool:
+def _enough(step: StepRecord, wanted: Limbs, limbs: int) -> bool:
     """Whether all that is wanted is kept."""
     missing = EMPTY
     for i in range(limbs):
@@ -74,7 +74,7 @@ def _enough(step: Step, wanted: Limbs, limbs: int) -> bool:
 
 
 @kernel
-def _add(step: Step, masks: Limbs, limbs: int) -> None:
+def _add(step: StepRecord, masks: Limbs, limbs: int) -> None:
     """Add what serves to what may be kept."""
     for i in range(limbs):
         if i != step.limb:
@@ -82,72 +82,76 @@ def _add(step: Step, masks: Limbs, limbs: int) -> None:
 
 
 @kernel
-def _each_stands(parts: int, masks: Limbs, step: Step, scene: Scene, room: StepRoom) -> bool:
+def _each_stands(
+    parts: int, masks: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
+) -> bool:
     """Take out branches that touch something, whatever the others; whether each limb has some."""
     world = scene.world
     for layer in range(world.first, world.stop):
-        if not each_clear(parts, layer, step, scene, masks, room):
+        if not each_clear(parts, layer, step, scene, masks, scratch):
             return False
     return True
 
 
 @kernel
-def _in_folds(folds: int, step: Step, scene: Scene, room: StepRoom) -> None:
+def _in_folds(folds: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     """Add what serves while the limb that moves stays in one of some folds."""
     robot, world = scene.robots[0], scene.world
     for k in range(robot.fold_count):
-        if not has(folds, k) or _enough(step, room.standing, robot.limb_count):
+        if not has(folds, k) or _enough(step, scratch.standing, robot.limb_count):
             continue
-        folded(robot, k, 0.0, room.start)
-        folded(robot, k, 0.0, room.end)
+        folded(robot, k, 0.0, scratch.start)
+        folded(robot, k, 0.0, scratch.end)
         clear = True
         for layer in range(world.first, world.stop):
             clear = clear and swing_clear(
-                robot, world, layer, step.limb, room.start, room.end, room.sweep
+                robot, world, layer, step.limb, scratch.start, scratch.end, scratch.sweep
             )
         if clear:
-            _beside_swing(step, scene, room)
+            _beside_swing(step, scene, scratch)
 
 
 @kernel
-def _on_lines(step: Step, scene: Scene, room: StepRoom) -> None:
+def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     """Add what serves while the limb that moves swings along one of the lines that are tried."""
     limbs = scene.robots[0].limb_count
-    if _enough(step, room.standing, limbs):
+    if _enough(step, scratch.standing, limbs):
         return
-    count = lines_by_travel(step, scene, room)
+    count = lines_by_travel(step, scene, scratch)
     for k in range(min(count, TRIES)):
-        done = _enough(step, room.standing, limbs)
-        if not done and line_clear(room.order[k], step, scene, room):
-            _beside_swing(step, scene, room)
+        done = _enough(step, scratch.standing, limbs)
+        if not done and line_clear(scratch.order[k], step, scene, scratch):
+            _beside_swing(step, scene, scratch)
 
 
 @kernel
-def _beside_swing(step: Step, scene: Scene, room: StepRoom) -> None:
-    """Add what serves beside the swing in `room`."""
-    limbs, masks = scene.robots[0].limb_count, room.now_on_line
+def _beside_swing(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+    """Add what serves beside the swing in `scratch`."""
+    limbs, masks = scene.robots[0].limb_count, scratch.now_on_line
     for i in range(limbs):
-        masks[i] = room.standing[i]
-    if not _each_stands(MOVER, masks, step, scene, room):
+        masks[i] = scratch.standing[i]
+    if not _each_stands(MOVER, masks, step, scene, scratch):
         return
     if scene.world.first == 0:
         for i in range(limbs):
             for j in range(i + 1, limbs):
                 if i != step.limb and j != step.limb:
-                    _some_apart(i, j, masks, step, scene, room)
+                    _some_apart(i, j, masks, step, scene, scratch)
                     if masks[i] == 0:
                         return
     _add(step, masks, limbs)
 
 
 @kernel
-def _some_apart(i: int, j: int, masks: Limbs, step: Step, scene: Scene, room: StepRoom) -> None:
+def _some_apart(
+    i: int, j: int, masks: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
+) -> None:
     """Take out branches of two limbs that hold which come too close to all of the other limb."""
     alone_i, alone_j = masks[i], masks[j]
     for b in range(BRANCHES):
         for c in range(BRANCHES):
             both = has_branch(masks[i], b) and has_branch(masks[j], c)
             new = has_branch(alone_i, b) or has_branch(alone_j, c)
-            if both and new and holds_apart(i, b, j, c, step, scene, room):
+            if both and new and holds_apart(i, b, j, c, step, scene, scratch):
                 alone_i, alone_j = without_branch(alone_i, b), without_branch(alone_j, c)
     masks[i], masks[j] = masks[i] & ~alone_i, masks[j] & ~alone_j

@@ -18,7 +18,7 @@ from typing import Any
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.against_boxes import set_behind
-from mlivr_gym.collisions.placing import axis_of, place
+from mlivr_gym.collisions.placement import axis_of, place
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,
@@ -36,16 +36,18 @@ from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
 from mlivr_gym.transitions.motions import (
     compare_with,
-    follow_path,
     is_clear,
-    let_depart,
+    set_base_motion,
+    set_departure,
     swing_clear,
 )
-from mlivr_gym.transitions.records import Release, Scene, StepRoom
+from mlivr_gym.transitions.records import ReleaseRecord, StepContext, StepScratch
 
 
 @entry
-def release_all(start: int, stop: int, todo: IntArray, scene: Scene, rooms: Any) -> None:
+def release_all(
+    start: int, stop: int, todo: IntArray, scene: StepContext, scratch_rows: Any
+) -> None:
     """Work out `StanceSet.released` of some limbs at some stances.
 
     Args:
@@ -54,7 +56,7 @@ def release_all(start: int, stop: int, todo: IntArray, scene: Scene, rooms: Any)
         todo: Stance and limb, shape (k, 2).
         scene: The stances, the robot and what is checked; where that begins with the obstacles,
             only the motions of the answers that are there.
-        rooms: A row of scratch, shape (1,).
+        scratch_rows: A row of scratch, shape (1,).
     """
     stances, world = scene.stances, scene.world
     for k in range(start, stop):
@@ -66,7 +68,7 @@ def release_all(start: int, stop: int, todo: IntArray, scene: Scene, rooms: Any)
             answer.branches = 0
         for layer in range(world.first, world.stop):
             if wanted:
-                release(s, limb, wanted, scene, layer, rooms[0])
+                release(s, limb, wanted, scene, layer, scratch_rows[0])
             else:
                 answer.branches = 0
             wanted = answer.branches
@@ -76,7 +78,9 @@ def release_all(start: int, stop: int, todo: IntArray, scene: Scene, rooms: Any)
 
 
 @part
-def release(s: int, limb: int, mask: int, scene: Scene, layer: int, room: StepRoom) -> None:
+def release(
+    s: int, limb: int, mask: int, scene: StepContext, layer: int, scratch: StepScratch
+) -> None:
     """On which branches a limb can be released at a stance and change from one to the other.
 
     All else is at rest. Branches with the elbow up are preferred: of twins that differ in the elbow
@@ -89,59 +93,61 @@ def release(s: int, limb: int, mask: int, scene: Scene, layer: int, room: StepRo
         mask: Branches and flips to check.
         scene: The stances, the robot and the world.
         layer: 0 for the map and the robot itself, 1 for obstacles.
-        room: Scratch.
+        scratch: Scratch.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     answer, base = stances.released[s, limb], stances.base[s]
     arm, grasp = robot.limbs[limb], world.grasps[stances.points[s, limb]]
-    resting(room.path, base)
-    follow_path(room.sweep, room.path, 0.0, 0.0)
-    room.sweep.resting.count = 0
+    resting(scratch.path, base)
+    set_base_motion(scratch.sweep, scratch.path, 0.0, 0.0)
+    scratch.sweep.resting.count = 0
     first = mask
     if layer == 0:
         for other in range(robot.limb_count):
             if other != limb:
-                _add_resting(s, other, scene, room)
-        first = _elbow_up(s, limb, mask, scene, room)
+                _add_resting(s, other, scene, scratch)
+        first = _elbow_up(s, limb, mask, scene, scratch)
     known_folds, free = answer.folds, EMPTY
     answer.branches = 0
     for turn in range(2):
         rest = first if turn == 0 else mask & ~first
         if not rest:
             continue
-        rest = lifted_branches(robot, arm, base, grasp, rest, turn & 0, room)
+        rest = lifted_branches(robot, arm, base, grasp, rest, turn & 0, scratch)
         for b in range(BRANCHES):
             if has_branch(rest, b):
-                _depart(limb, b, stances.points[s, limb], scene, layer, room)
-                if not is_clear(robot, world, layer, room.sweep):
+                _depart(limb, b, stances.points[s, limb], scene, layer, scratch)
+                if not is_clear(robot, world, layer, scratch.sweep):
                     rest = without_branch(rest, b)
         free |= rest
         if rest and (layer == 0 or known_folds):
-            _fold(limb, rest, scene, layer, room, answer)
+            _fold(limb, rest, scene, layer, scratch, answer)
             if answer.branches:
                 return
     answer.folds = 0
     if free:
-        answer.branches = _joined_by_lines(limb, free, scene, layer, room)
+        answer.branches = _joined_by_lines(limb, free, scene, layer, scratch)
 
 
 @kernel
-def _depart(limb: int, branch: int, point: int, scene: Scene, layer: int, room: StepRoom) -> None:
+def _depart(
+    limb: int, branch: int, point: int, scene: StepContext, layer: int, scratch: StepScratch
+) -> None:
     """Set up the departure of a limb from a point."""
-    grasp, inside, sweep = scene.world.grasps[point], layer == 0, room.sweep
-    let_depart(sweep.motion.first, limb, branch, grasp)
-    let_depart(sweep.motion.second, limb, branch, grasp)
+    grasp, inside, sweep = scene.world.grasps[point], layer == 0, scratch.sweep
+    set_departure(sweep.motion.first, limb, branch, grasp)
+    set_departure(sweep.motion.second, limb, branch, grasp)
     compare_with(sweep, layer >= 0, inside, inside, layer < 0)
     set_behind(sweep.behind, vector(grasp.point), vector(grasp.normal))
 
 
 @kernel
-def _add_resting(s: int, limb: int, scene: Scene, room: StepRoom) -> None:
+def _add_resting(s: int, limb: int, scene: StepContext, scratch: StepScratch) -> None:
     """Put a limb at rest on each branch on which it may hold at a stance."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    arm, others = robot.limbs[limb], room.sweep.resting
+    arm, others = robot.limbs[limb], scratch.sweep.resting
     seen, _ = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
-    placed, axes = room.sweep.first, room.axes
+    placed, axes = scratch.sweep.first, scratch.axes
     for b in range(BRANCHES):
         if has_branch(stances.mask[s, limb], b) and branch_frames(
             arm.arm, seen, b, axes, placed.frames
@@ -152,7 +158,7 @@ def _add_resting(s: int, limb: int, scene: Scene, room: StepRoom) -> None:
 
 
 @kernel
-def _elbow_up(s: int, limb: int, mask: int, scene: Scene, room: StepRoom) -> int:
+def _elbow_up(s: int, limb: int, mask: int, scene: StepContext, scratch: StepScratch) -> int:
     """The branches of a mask with the elbow up.
 
     A branch is dropped if the mask has its twin, with the elbow on the other side, and that keeps
@@ -160,7 +166,7 @@ def _elbow_up(s: int, limb: int, mask: int, scene: Scene, room: StepRoom) -> int
     halves the work and costs few steps.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    arm, placed = robot.limbs[limb], room.sweep.first
+    arm, placed = robot.limbs[limb], scratch.sweep.first
     seen, _ = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
     for b in range(0, BRANCHES, 2):
         if not (has_branch(mask, b) and has_branch(mask, b + 1)):
@@ -168,7 +174,7 @@ def _elbow_up(s: int, limb: int, mask: int, scene: Scene, room: StepRoom) -> int
         lower = 0.0
         for side in range(2):
             height = 0.0
-            if branch_frames(arm.arm, seen, b + side, room.axes, placed.frames):
+            if branch_frames(arm.arm, seen, b + side, scratch.axes, placed.frames):
                 place(arm, placed.frames, placed.in_body)
                 for c in range(arm.capsule_count):
                     a, e = axis_of(placed.in_body.ends, c)
@@ -180,35 +186,42 @@ def _elbow_up(s: int, limb: int, mask: int, scene: Scene, room: StepRoom) -> int
 
 
 @kernel
-def _fold(limb: int, free: int, scene: Scene, layer: int, room: StepRoom, answer: Release) -> None:
+def _fold(
+    limb: int,
+    free: int,
+    scene: StepContext,
+    layer: int,
+    scratch: StepScratch,
+    answer: ReleaseRecord,
+) -> None:
     """Branches of `free` from which a limb can fold, into `answer`; none if it cannot.
 
     It folds through one fold or those that it can change to from there. The limb is above its
     point, with the joint angles `room.q[0]`.
     """
     robot, world = scene.robots[0], scene.world
-    again, sweep = layer > 0, room.sweep
+    again, sweep = layer > 0, scratch.sweep
     for root in range(robot.fold_count):
         if again and answer.root != root:
             continue
         changeable = only(root)
-        folded(robot, root, 0.0, room.start)
+        folded(robot, root, 0.0, scratch.start)
         for other in range(robot.fold_count):
             if other == root or (again and not has(answer.folds, other)):
                 continue
-            folded(robot, other, 0.0, room.end)
-            if swing_clear(robot, world, layer, limb, room.start, room.end, sweep):
+            folded(robot, other, 0.0, scratch.end)
+            if swing_clear(robot, world, layer, limb, scratch.start, scratch.end, sweep):
                 changeable |= only(other)
         able = EMPTY
         for b in range(BRANCHES):
             if not has_branch(free, b):
                 continue
-            q = room.q[0, b]
+            q = scratch.q[0, b]
             for fold in range(robot.fold_count):
                 if not has(changeable, fold) or (again and answer.via[b] != fold):
                     continue
-                folded(robot, fold, q.q[5], room.end)
-                if swing_clear(robot, world, layer, limb, q, room.end, sweep):
+                folded(robot, fold, q.q[5], scratch.end)
+                if swing_clear(robot, world, layer, limb, q, scratch.end, sweep):
                     able |= both_flips(b)
                     answer.via[b] = fold
                     break
@@ -218,13 +231,15 @@ def _fold(limb: int, free: int, scene: Scene, layer: int, room: StepRoom, answer
 
 
 @kernel
-def _joined_by_lines(limb: int, free: int, scene: Scene, layer: int, room: StepRoom) -> int:
+def _joined_by_lines(
+    limb: int, free: int, scene: StepContext, layer: int, scratch: StepScratch
+) -> int:
     """The most branches of `free` among which a limb can change along lines at rest.
 
     Among obstacles the first branch alone.
     """
     robot, world = scene.robots[0], scene.world
-    group = room.group
+    group = scratch.group
     for a in range(BRANCHES):
         group[a] = a
     for a in range(BRANCHES):
@@ -235,9 +250,9 @@ def _joined_by_lines(limb: int, free: int, scene: Scene, layer: int, room: StepR
         for b in range(a + 1, BRANCHES):
             if not has_branch(free, b) or group[a] == group[b]:
                 continue
-            start = room.q[0, a]
-            line_end(start, room.q[0, b], room.end)
-            if swing_clear(robot, world, layer, limb, start, room.end, room.sweep):
+            start = scratch.q[0, a]
+            line_end(start, scratch.q[0, b], scratch.end)
+            if swing_clear(robot, world, layer, limb, start, scratch.end, scratch.sweep):
                 gone = group[b]
                 for c in range(BRANCHES):
                     if group[c] == gone:

@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL
-from mlivr_gym.errors import StanceError, shown
+from mlivr_gym.errors import StanceError, shortened
 
 
 class State(NamedTuple):
@@ -71,7 +71,7 @@ def moving_limb(before: tuple[int, ...], after: tuple[int, ...]) -> int:
     return next(i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b)
 
 
-def check_numbers(given: Any, count: int, most: int, what: str) -> None:
+def check_integers(given: Any, count: int, most: int, what: str) -> None:
     """Refuse what is not one whole number a limb, from 0 to `most`.
 
     Compiled code looks things up by them.
@@ -86,11 +86,11 @@ def check_numbers(given: Any, count: int, most: int, what: str) -> None:
         else:
             return
     raise StanceError(
-        f"{what} {shown(given)} must be {count} whole numbers from 0 to {most}, one a limb"
+        f"{what} {shortened(given)} must be {count} whole numbers from 0 to {most}, one a limb"
     )
 
 
 def check_state(state: State, limbs: int, points: int) -> None:
-    """Refuse a state of other limbs or points; see `check_numbers`."""
-    check_numbers(state.stance, limbs, points - 1, "stance")
-    check_numbers(state.masks, limbs, ALL, "masks")
+    """Refuse a state of other limbs or points; see `check_integers`."""
+    check_integers(state.stance, limbs, points - 1, "stance")
+    check_integers(state.masks, limbs, ALL, "masks")

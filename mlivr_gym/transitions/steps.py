@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mlivr_gym.collisions.limb_shapes import Robot
+from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.compiled.bit_sets import (
     ALL,
     BRANCHES,
@@ -29,10 +29,10 @@ from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
 from mlivr_gym.transitions.holds import BOTH, MOVER, STANDING, hold_apart
 from mlivr_gym.transitions.motions import (
-    follow_path,
+    set_base_motion,
     swing_clear,
 )
-from mlivr_gym.transitions.records import Scene, Step, StepRoom
+from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 
 TRIES = 8
 """Pairs of branches that are checked for one base path."""
@@ -42,49 +42,49 @@ TIE = 1e-9
 
 
 @entry
-def hold_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> None:
+def hold_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
     """Whether every limb that holds can follow some base path, for steps from `start` to `stop`.
 
-    This is quick; `Step.kept` is then not empty, and says no more.
+    This is quick; `StepRecord.kept` is then not empty, and says no more.
     """
     robot = scene.robots[0]
     for k in range(start, stop):
-        step, room = steps[k], rooms[0]
-        forget(step, robot, room)
+        step, scratch = steps[k], scratch_rows[0]
+        clear_step(step, robot, scratch)
         held = (step.limb + 1) % robot.limb_count
         for kind in range(2):
-            if all_hold(kind, step, scene, room):
+            if all_hold(kind, step, scene, scratch):
                 step.kept[held] = ALL
 
 
 @entry
-def check_all(start: int, stop: int, steps: Any, scene: Scene, rooms: Any) -> None:
+def check_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
     """Check steps from `start` to `stop`.
 
     Args:
         start: First row of `steps`.
         stop: One past the last.
-        steps: Rows of `Step`, shape (k,); what is found is written into them.
+        steps: Rows of `StepRecord`, shape (k,); what is found is written into them.
         scene: The stances before and after them, with what can be released there, and what is
             checked.
-        rooms: A row of `StepRoom`, shape (1,).
+        scratch_rows: A row of `StepScratch`, shape (1,).
     """
     for k in range(start, stop):
-        check(steps[k], scene, rooms[0])
+        check(steps[k], scene, scratch_rows[0])
 
 
 @kernel
-def forget(step: Step, robot: Robot, room: StepRoom) -> None:
+def clear_step(step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
     """Start with no answer, and with no limb at rest."""
-    room.sweep.resting.count = 0
+    scratch.sweep.resting.count = 0
     for kind in range(2):
         # Of an edge that is known it is known on which branches limbs can hold on either path.
-        room.holds_known[kind] = step.again
+        scratch.holds_known[kind] = step.again
         for i in range(robot.limb_count):
             on_path = step.on_arc if kind == ARC else ~step.on_arc
-            room.holds[kind, i] = step.kept[i] & step.wanted[i] & on_path
+            scratch.holds[kind, i] = step.kept[i] & step.wanted[i] & on_path
     for i in range(robot.limb_count):
-        step.kept[i], room.now[i] = 0, ALL
+        step.kept[i], scratch.now[i] = 0, ALL
     step.on_arc = 0
     if not step.again:
         step.kind, step.pair = STRAIGHT, -1
@@ -92,60 +92,60 @@ def forget(step: Step, robot: Robot, room: StepRoom) -> None:
 
 
 @kernel
-def all_hold(kind: int, step: Step, scene: Scene, room: StepRoom) -> bool:
-    """Work out `room.holds` for a kind of path, once; whether all limbs that hold can follow it."""
+def all_hold(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
+    """Whether all limbs that hold can follow a kind of path; `scratch.holds` is filled once."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    if not room.holds_known[kind]:
-        room.holds_known[kind] = True
-        set_step_path(kind, step, scene, room)
+    if not scratch.holds_known[kind]:
+        scratch.holds_known[kind] = True
+        set_step_path(kind, step, scene, scratch)
         floor = world.thresholds[0].floor * robot.characteristic_length**3
         able = True
         for i in range(robot.limb_count):
-            room.holds[kind, i] = 0
+            scratch.holds[kind, i] = 0
             if i != step.limb and able:
                 mask = step.wanted[i]
                 if not step.given:
                     mask &= stances.mask[step.after, i]
                 flange = world.grasps[stances.points[step.after, i]].flange
-                limb, holding = robot.limbs[i], room.holding
-                room.holds[kind, i] = hold_mask(limb, flange, room.path, floor, mask, holding)
-                able = room.holds[kind, i] != 0
-    return _each_holds(kind, step, robot, room)
+                limb, holding = robot.limbs[i], scratch.holding
+                scratch.holds[kind, i] = hold_mask(limb, flange, scratch.path, floor, mask, holding)
+                able = scratch.holds[kind, i] != 0
+    return _each_holds(kind, step, robot, scratch)
 
 
 @kernel
-def _each_holds(kind: int, step: Step, robot: Robot, room: StepRoom) -> bool:
+def _each_holds(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> bool:
     """Whether every limb that holds has one of the branches `now` on which it can follow a path."""
     for i in range(robot.limb_count):
-        if i != step.limb and room.holds[kind, i] & room.now[i] == 0:
+        if i != step.limb and scratch.holds[kind, i] & scratch.now[i] == 0:
             return False
     return True
 
 
 @kernel
-def set_step_path(kind: int, step: Step, scene: Scene, room: StepRoom) -> None:
+def set_step_path(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     """Set up the base path of a step, for the sweeps too."""
     stances = scene.stances
     before, after = stances.base[step.before], stances.base[step.after]
-    set_path(room.path, before, after, kind, vector(step.pivot))
+    set_path(scratch.path, before, after, kind, vector(step.pivot))
 
 
 @part
-def check(step: Step, scene: Scene, room: StepRoom) -> None:
+def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     """Check a step; what is found is written into it.
 
     Of an edge that is known already its motion alone is checked, on the branches it keeps.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     on_line = step.again and step.pair >= 0
-    forget(step, robot, room)
+    clear_step(step, robot, scratch)
     able = False
     for kind in range(2):
-        able = able or all_hold(kind, step, scene, room)
+        able = able or all_hold(kind, step, scene, scratch)
     if not able:
         return
     if world.stop == 0:
-        _folded(step, scene, EMPTY, room)
+        _folded(step, scene, EMPTY, scratch)
         return
     before = stances.released[step.before, step.limb]
     after = stances.released[step.after, step.limb]
@@ -156,17 +156,17 @@ def check(step: Step, scene: Scene, room: StepRoom) -> None:
     for stage in range(stages):
         if not _any_kept(step, robot) and not on_line:
             if stages > 1:
-                _set_stage(stage, step, scene, room)
+                _set_stage(stage, step, scene, scratch)
             if folds:
-                _folded(step, scene, folds, room)
+                _folded(step, scene, folds, scratch)
     if (on_line or not step.again) and not _any_kept(step, robot):
         for i in range(robot.limb_count):
-            room.now[i] = ALL
-        _on_lines(step, scene, room)
+            scratch.now[i] = ALL
+        _on_lines(step, scene, scratch)
 
 
 @kernel
-def _any_kept(step: Step, robot: Robot) -> bool:
+def _any_kept(step: StepRecord, robot: RobotModel) -> bool:
     """Whether limbs keep a branch."""
     kept = EMPTY
     for i in range(robot.limb_count):
@@ -175,7 +175,7 @@ def _any_kept(step: Step, robot: Robot) -> bool:
 
 
 @kernel
-def _set_stage(stage: int, step: Step, scene: Scene, room: StepRoom) -> None:
+def _set_stage(stage: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     """Which branches of the limb that holds alone are looked at, in three stages.
 
     First those on which it can be released before the step and after it, as one must be that
@@ -189,15 +189,15 @@ def _set_stage(stage: int, step: Step, scene: Scene, room: StepRoom) -> None:
         first = any_flip(stances.released[step.before, i].branches)
         second = any_flip(stances.released[step.after, i].branches)
         if stage == 0:
-            room.now[i] = first & second
+            scratch.now[i] = first & second
         elif stage == 1:
-            room.now[i] = (first | second) & ~(first & second)
+            scratch.now[i] = (first | second) & ~(first & second)
         else:
-            room.now[i] = ALL & ~(first | second)
+            scratch.now[i] = ALL & ~(first | second)
 
 
 @kernel
-def _folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> None:
+def _folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> None:
     """Branches that limbs that hold keep while the other moves folded, in one of some folds.
 
     Without collisions there are no folds. One limb that holds may take some branches along the line
@@ -208,39 +208,39 @@ def _folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> None:
     for kind in range(2):
         for i in range(robot.limb_count):
             if alone:
-                room.now[i] &= ~step.kept[i]
-        if not all_hold(kind, step, scene, room):
+                scratch.now[i] &= ~step.kept[i]
+        if not all_hold(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            room.standing[i] = room.holds[kind, i] & room.now[i]
+            scratch.standing[i] = scratch.holds[kind, i] & scratch.now[i]
         fold = NONE
         if world.stop > 0:
-            set_step_path(kind, step, scene, room)
-            follow_path(room.sweep, room.path, 0.0, 1.0)
+            set_step_path(kind, step, scene, scratch)
+            set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
             some = folds & only(step.folds[kind]) if step.again else folds
-            fold = _stays_folded(step, scene, some, room)
-            if fold < 0 or not hold_apart(BOTH, step, scene, room.standing, room):
+            fold = _stays_folded(step, scene, some, scratch)
+            if fold < 0 or not hold_apart(BOTH, step, scene, scratch.standing, scratch):
                 continue
         step.folds[kind] = fold
-        _keep(kind, step, robot, room)
+        _keep(kind, step, robot, scratch)
         if step.given or not alone:
             return
 
 
 @kernel
-def _keep(kind: int, step: Step, robot: Robot, room: StepRoom) -> None:
-    """Keep the branches that are left in `room.standing`."""
+def _keep(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
+    """Keep the branches that are left in `scratch.standing`."""
     if not _any_kept(step, robot):
         step.kind = kind
     for i in range(robot.limb_count):
         if i != step.limb:
-            step.kept[i] |= room.standing[i]
+            step.kept[i] |= scratch.standing[i]
             if kind == ARC:
-                step.on_arc |= room.standing[i]
+                step.on_arc |= scratch.standing[i]
 
 
 @part
-def _stays_folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> int:
+def _stays_folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> int:
     """The first fold of a set in which the limb can stay along the base path, -1 if none serves.
 
     Another fold might serve the obstacles; the first that serves the map must serve all.
@@ -251,9 +251,11 @@ def _stays_folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> int:
         found = NONE
         for k in range(robot.fold_count):
             if found < 0 and has(folds, k):
-                folded(robot, k, 0.0, room.start)
-                folded(robot, k, 0.0, room.end)
-                if swing_clear(robot, world, layer, step.limb, room.start, room.end, room.sweep):
+                folded(robot, k, 0.0, scratch.start)
+                folded(robot, k, 0.0, scratch.end)
+                if swing_clear(
+                    robot, world, layer, step.limb, scratch.start, scratch.end, scratch.sweep
+                ):
                     found = k
         if found < 0:
             return -1
@@ -262,40 +264,40 @@ def _stays_folded(step: Step, scene: Scene, folds: int, room: StepRoom) -> int:
 
 
 @kernel
-def _on_lines(step: Step, scene: Scene, room: StepRoom) -> None:
+def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     """Branches that limbs that hold keep while the other swings along a line in joint space."""
     robot = scene.robots[0]
-    count = lines_by_travel(step, scene, room)
+    count = lines_by_travel(step, scene, scratch)
     for kind in range(2):
-        if not all_hold(kind, step, scene, room):
+        if not all_hold(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            room.standing[i] = room.holds[kind, i] & room.now[i]
-        set_step_path(kind, step, scene, room)
-        follow_path(room.sweep, room.path, 0.0, 1.0)
+            scratch.standing[i] = scratch.holds[kind, i] & scratch.now[i]
+        set_step_path(kind, step, scene, scratch)
+        set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
         stood = False
         for k in range(count if step.again else min(count, TRIES)):
-            pair = room.order[k]
-            if (step.again and pair != step.pair) or not line_clear(pair, step, scene, room):
+            pair = scratch.order[k]
+            if (step.again and pair != step.pair) or not line_clear(pair, step, scene, scratch):
                 continue
             if not stood:
                 # Whether the limbs that hold can stay does not depend on the swing, but for the
                 # limb that makes it.
                 stood = True
-                if not hold_apart(STANDING, step, scene, room.standing, room):
+                if not hold_apart(STANDING, step, scene, scratch.standing, scratch):
                     break
             for i in range(robot.limb_count):
-                room.now_on_line[i] = room.standing[i]
-            if hold_apart(MOVER, step, scene, room.now_on_line, room):
+                scratch.now_on_line[i] = scratch.standing[i]
+            if hold_apart(MOVER, step, scene, scratch.now_on_line, scratch):
                 for i in range(robot.limb_count):
-                    room.standing[i] = room.now_on_line[i]
+                    scratch.standing[i] = scratch.now_on_line[i]
                 step.pair = pair
-                _keep(kind, step, robot, room)
+                _keep(kind, step, robot, scratch)
                 return
 
 
 @kernel
-def lines_by_travel(step: Step, scene: Scene, room: StepRoom) -> int:
+def lines_by_travel(step: StepRecord, scene: StepContext, scratch: StepScratch) -> int:
     """The lines along which a limb may swing, see `pairs_by_travel`, and their number."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     limb = robot.limbs[step.limb]
@@ -304,21 +306,21 @@ def lines_by_travel(step: Step, scene: Scene, room: StepRoom) -> int:
         grasp = world.grasps[stances.points[s, step.limb]]
         mask = stances.released[s, step.limb].branches
         base = stances.base[s]
-        room.lifted[side] = lifted_branches(robot, limb, base, grasp, mask, side, room)
-    return pairs_by_travel(room)
+        scratch.lifted[side] = lifted_branches(robot, limb, base, grasp, mask, side, scratch)
+    return pairs_by_travel(scratch)
 
 
 @kernel
-def pairs_by_travel(room: StepRoom) -> int:
-    """Pairs of branches above both points, those with the shortest line first, into `room.order`.
+def pairs_by_travel(scratch: StepScratch) -> int:
+    """Pairs of branches above both points, the shortest line first, into `scratch.order`.
 
     Returns the number of pairs.
     """
-    order, travel, count = room.order, room.travel, 0
+    order, travel, count = scratch.order, scratch.travel, 0
     for b0 in range(BRANCHES):
         for b1 in range(BRANCHES):
-            if has_branch(room.lifted[0], b0) and has_branch(room.lifted[1], b1):
-                length = line_end(room.q[0, b0], room.q[1, b1], room.end)
+            if has_branch(scratch.lifted[0], b0) and has_branch(scratch.lifted[1], b1):
+                length = line_end(scratch.q[0, b0], scratch.q[1, b1], scratch.end)
                 place = count
                 while place > 0 and travel[place - 1] > length + TIE:
                     travel[place], order[place] = travel[place - 1], order[place - 1]
@@ -329,14 +331,16 @@ def pairs_by_travel(room: StepRoom) -> int:
 
 
 @part
-def line_clear(pair: int, step: Step, scene: Scene, room: StepRoom) -> bool:
+def line_clear(pair: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
     """Whether the limb can swing along the line between a pair of branches, along the base path."""
     robot, world = scene.robots[0], scene.world
-    first, last = room.q[0, pair // BRANCHES], room.q[1, pair % BRANCHES]
-    line_end(first, last, room.end)
+    first, last = scratch.q[0, pair // BRANCHES], scratch.q[1, pair % BRANCHES]
+    line_end(first, last, scratch.end)
     for joint in range(6):
-        room.start.q[joint] = first.q[joint]
+        scratch.start.q[joint] = first.q[joint]
     for layer in range(world.first, world.stop):
-        if not swing_clear(robot, world, layer, step.limb, room.start, room.end, room.sweep):
+        if not swing_clear(
+            robot, world, layer, step.limb, scratch.start, scratch.end, scratch.sweep
+        ):
             return False
     return True

@@ -58,7 +58,7 @@ def _recorded(page: Page, graph: StanceGraph, plan: Plan, recording: Recording |
     eye = drawing.view(page, places, ASPECT)
     drawing.draw_module(page, "module", scene)
     drawing.draw_points(page, grasp_map)
-    drawing.mark_points(page, grasp_map, marks.plain(graph))
+    drawing.mark_points(page, grasp_map, marks.plain_marks(graph))
     drawing.draw_obstacles(page, graph.obstacles)
     drawing.draw_occupied(page, grasp_map, graph.occupied)
     drawing.draw_goal(page, np.array(plan.query.goal), plan.query.goal_tolerance)

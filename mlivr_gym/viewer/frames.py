@@ -13,7 +13,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import PlanError, one_line
 from mlivr_gym.motion.clocks import Durations
-from mlivr_gym.motion.pieces import path_pieces
+from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
@@ -115,7 +115,7 @@ def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
     parts = []
     for index in range(len(plan.steps)):
         path = RegraspPath(graph, planned_regrasp(graph, plan, index))
-        pieces = path_pieces(path)
+        pieces = path_segments(path)
         clocks = Durations.of_step(STEP_TIME).clocks(pieces)
         parts.append(trajectory(TimedPath(path, pieces, clocks), FRAME_TIME))
     return reduce(lambda before, after: after.after(before), parts)

@@ -54,7 +54,7 @@ class Marks(NamedTuple):
     """Indices of the points that the colours are about, which are drawn larger."""
 
 
-def plain(graph: StanceGraph) -> Marks:
+def plain_marks(graph: StanceGraph) -> Marks:
     """Points in one colour, occupied ones dark."""
     colours = [POINT_COLOUR] * len(graph.grasp_map)
     for point in graph.occupied:
@@ -63,7 +63,7 @@ def plain(graph: StanceGraph) -> Marks:
     return _marks(colours, legend)
 
 
-def reach(graph: StanceGraph, state: State) -> Marks:
+def reach_marks(graph: StanceGraph, state: State) -> Marks:
     """Points that limbs can step to, in the colours of the limbs."""
     steps = graph.successors(state)
     limbs = _limbs_by_point(steps)
@@ -77,7 +77,7 @@ def reach(graph: StanceGraph, state: State) -> Marks:
     return _marks(colours, legend, sorted(limbs))
 
 
-def blocked(graph: StanceGraph, state: State, limb: int) -> Marks:
+def blocked_marks(graph: StanceGraph, state: State, limb: int) -> Marks:
     """Why points cannot be stepped to by a limb."""
     steps, count = graph.successors(state), Counter[str]()
     colours = [FAINT_COLOUR] * len(graph.grasp_map)
@@ -95,7 +95,7 @@ def blocked(graph: StanceGraph, state: State, limb: int) -> Marks:
     return _marks(colours, legend, chosen)
 
 
-def chances(graph: StanceGraph, chance: Array) -> Marks:
+def chance_marks(graph: StanceGraph, chance: Array) -> Marks:
     """Probabilities of a policy's actions, shape (N, m): the darker the likelier."""
     colours = [FAINT_COLOUR] * len(graph.grasp_map)
     best = chance.argmax(axis=0)

@@ -280,22 +280,22 @@ class Viewer:
         try:
             found = self._marks(state)
         except MlivrError as error:
-            found = marks.plain(graph)._replace(legend=(("#c92a2a", str(error)),))
+            found = marks.plain_marks(graph)._replace(legend=(("#c92a2a", str(error)),))
         drawing.mark_points(self.page, graph.grasp_map, found)
         self.page.write("legend", legend(found))
 
     def _marks(self, state: State | None) -> marks.Marks:
         graph, asked = self.live.graph, self.live.asked
         if self.points == PLAIN or state is None:
-            return marks.plain(graph)
+            return marks.plain_marks(graph)
         if self.points == REACH:
-            return marks.reach(graph, state)
+            return marks.reach_marks(graph, state)
         if self.points.startswith(WHY):
-            return marks.blocked(graph, state, int(self.points.removeprefix(WHY)))
+            return marks.blocked_marks(graph, state, int(self.points.removeprefix(WHY)))
         if self._policy is None:
             self._policy = PolicyView(graph)
         chance = self._policy.chances(state, np.array(asked.goal), asked.goal_tolerance)
-        return marks.chances(graph, chance)
+        return marks.chance_marks(graph, chance)
 
     def see_from(self, eye: Array) -> None:
         """Leave out what stands between a camera at `eye` [m] and the inside."""

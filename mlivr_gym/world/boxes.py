@@ -12,9 +12,9 @@ import numpy as np
 
 from mlivr_gym.arguments import Via
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import ShapeError, shown
+from mlivr_gym.errors import ShapeError, shortened
 from mlivr_gym.files import load
-from mlivr_gym.schema import NAME, Choice, Fields, Listed, Place, Record, Rotation, Text, Tuples
+from mlivr_gym.schema import NAME, Choice, FieldPath, Fields, Listed, Rotation, Struct, Text, Tuples
 from mlivr_gym.values import LONGEST, MOST_POINTS, SMALLEST, Triple, triple, unique
 
 KINDS = ("panel", "rack", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
@@ -57,7 +57,7 @@ class Box:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        BOX_DATA.check(self, Place(f"box {shown(self.id)}", ShapeError))
+        BOX_DATA.check(self, FieldPath(f"box {shortened(self.id)}", ShapeError))
 
     @staticmethod
     def rows(rotation: Array) -> tuple[Triple, Triple, Triple]:
@@ -70,7 +70,7 @@ class Box:
         cls, id: str, kind: str, low: Sequence[float], high: Sequence[float], face: str = ""
     ) -> Box:
         """A box along the world's axes from its lower to its upper corner [m]."""
-        place = Place(f"box {shown(id)}", ShapeError)
+        place = FieldPath(f"box {shortened(id)}", ShapeError)
         lower = np.array(CORNER.read(low, place.field("min")))
         upper = np.array(CORNER.read(high, place.field("max")))
         if not (lower < upper).all():
@@ -89,7 +89,7 @@ class Box:
         Raises:
             ShapeError: If a field is missing, unknown or faulty.
         """
-        return Boxes(kind).box(data, Place("", ShapeError))
+        return Boxes(kind).box(data, FieldPath("", ShapeError))
 
     def to_dict(self) -> dict[str, Any]:
         """The box as plain data, the inverse of `from_dict`."""
@@ -108,7 +108,7 @@ class Box:
 CORNER = Tuples((3,), most=LONGEST, unit="m")
 """A point of the world."""
 
-BOX_DATA = Record(
+BOX_DATA = Struct(
     Box,
     {
         "id": NAME,
@@ -138,13 +138,13 @@ class Boxes:
 
     kind: str = "obstacle"
 
-    def read(self, value: object, place: Place) -> tuple[Box, ...]:
+    def read(self, value: object, place: FieldPath) -> tuple[Box, ...]:
         """The boxes."""
         boxes = Listed(Via(self.box)).read(value, place)
         unique([box.id for box in boxes], f"{place.path}: box", place.error)
         return boxes
 
-    def box(self, value: object, place: Place) -> Box:
+    def box(self, value: object, place: FieldPath) -> Box:
         """One box: `min` and `max`, or `centre`, `half` and, if turned, `rotation`."""
         if not isinstance(value, dict):
             return BOX_DATA.read(value, place)
@@ -170,6 +170,6 @@ def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
         ShapeError: If the file cannot be read or an entry is faulty; it names file and entry.
     """
     data = load(
-        path, "obstacles", ShapeError, lambda data: OBSTACLES.read(data, Place("", ShapeError))
+        path, "obstacles", ShapeError, lambda data: OBSTACLES.read(data, FieldPath("", ShapeError))
     )
     return data.get("boxes", ()), data.get("occupied", ())

@@ -24,17 +24,17 @@ from mlivr_gym.errors import (
     SettingError,
     StanceError,
     UnknownPointError,
-    shown,
+    shortened,
 )
 from mlivr_gym.files import load
-from mlivr_gym.schema import Listed, Maybe, Numbers, Place, Tuples, are_rotations
+from mlivr_gym.schema import FieldPath, Listed, Maybe, Numbers, Tuples, are_rotations
 from mlivr_gym.values import MOST_POINTS, unique
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.map_entries import (
     CLEARANCE,
+    MARGIN,
     MODULE,
     POINTS,
-    ROOM,
     SPACING,
     clear_of_handrails,
     discretise,
@@ -48,7 +48,7 @@ def _point_number(value: object) -> bool:
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
-def _point(value: Any, place: Place) -> str | int:
+def _point(value: Any, place: FieldPath) -> str | int:
     """A point by id or index."""
     if not isinstance(value, str) and not _point_number(value):
         raise place.refused(value, "the id of a point, or its index")
@@ -92,7 +92,7 @@ class GraspMap:
 
     def __post_init__(self) -> None:
         """Check shapes and values, and freeze the arrays."""
-        place = Place(f"map {shown(self.name)}", MapError)
+        place = FieldPath(f"map {shortened(self.name)}", MapError)
         if not len(self.ids):
             raise place.fault("has no graspable point")
         for name, kind in POINTS.required.items():
@@ -187,7 +187,7 @@ class GraspMap:
         Raises:
             GoalError: If it is not three finite numbers inside the cabin.
         """
-        array, (low, high) = GOAL.read(goal, Place("goal", GoalError)), self.cabin
+        array, (low, high) = GOAL.read(goal, FieldPath("goal", GoalError)), self.cabin
         if (array < low).any() or (array > high).any():
             raise GoalError(
                 f"goal {array.tolist()} lies outside the cabin, which reaches from {low.tolist()} "
@@ -259,10 +259,10 @@ class GraspMap:
             SettingError: If spacing or clearance are.
         """
         given = _given(spacing, clearance)
-        return Place("", MapError).build(_built, data, given, name)
+        return FieldPath("", MapError).build(_built, data, given, name)
 
 
-_PLACE = Place("map", MapError)
+_PLACE = FieldPath("map", MapError)
 
 
 def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
@@ -270,7 +270,7 @@ def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
     return GraspMap.load(asset_path("jem.json"), spacing, clearance)
 
 
-def as_map(given: Any, place: Place = _PLACE) -> GraspMap:
+def as_map(given: Any, place: FieldPath = _PLACE) -> GraspMap:
     """A map as it is, from plain data or a file, or the measured JEM for None.
 
     Raises:
@@ -295,7 +295,7 @@ def _given(spacing: float | None, clearance: float | None) -> dict[str, float]:
     """What a caller says in place of a file."""
     kinds = {"spacing": (SPACING, spacing), "clearance": (CLEARANCE, clearance)}
     return {
-        name: kind.read(value, Place(name, SettingError))
+        name: kind.read(value, FieldPath(name, SettingError))
         for name, (kind, value) in kinds.items()
         if value is not None
     }
@@ -303,7 +303,7 @@ def _given(spacing: float | None, clearance: float | None) -> dict[str, float]:
 
 def _built(data: Any, given: dict[str, float], name: str) -> GraspMap:
     """A map from plain data; see `GraspMap.from_dict`."""
-    root = Place("", MapError)
+    root = FieldPath("", MapError)
     if isinstance(data, dict) and "ids" in data:
         return GraspMap(**POINTS.read(data, root))
     read = MODULE.read(data, root) | given
@@ -319,7 +319,7 @@ def _built(data: Any, given: dict[str, float], name: str) -> GraspMap:
     if not rows:
         raise MapError("the map has no graspable point; give 'points' or 'segments'")
     ids, faces, positions, rotations, _ = zip(*rows, strict=True)
-    around = {"min": np.min(positions, axis=0) - ROOM, "max": np.max(positions, axis=0) + ROOM}
+    around = {"min": np.min(positions, axis=0) - MARGIN, "max": np.max(positions, axis=0) + MARGIN}
     cabin = read.get("cabin", around)
     return GraspMap(
         ids=ids,

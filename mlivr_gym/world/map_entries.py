@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.schema import NAME, Anything, Fields, Listed, Numbers, Place, Tuples
+from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, Listed, Numbers, Tuples
 from mlivr_gym.values import LONGEST, MOST_POINTS, SMALLEST
 from mlivr_gym.world.boxes import CORNER, Boxes
 from mlivr_gym.world.rails import DIRECTION, HANDRAIL, SEGMENT, Handrail, Segment
 
-ROOM = 1.5
+MARGIN = 1.5
 """How far from the box of all points the base may be [m] where a map gives no cabin.
 
 The robots that ship hold a point at most 1.46 m from the middle of their body.
@@ -70,7 +70,7 @@ Row = tuple[str, str, Array, Array, float]
 """Id, face, position and rotation in the map's frame, width of the rail across [m]."""
 
 
-def _frame(place: Place, rail: Array, normal: Array) -> Array:
+def _frame(place: FieldPath, rail: Array, normal: Array) -> Array:
     length = float(np.linalg.norm(normal))
     if abs(length - 1.0) > UNIT_TOLERANCE:
         raise place.field("normal").fault(
@@ -84,18 +84,18 @@ def _frame(place: Place, rail: Array, normal: Array) -> Array:
     return np.column_stack([rail, np.cross(normal, rail), normal])
 
 
-def point_row(data: dict[str, Any], place: Place) -> Row:
+def point_row(data: dict[str, Any], place: FieldPath) -> Row:
     """A point that `POINT` has read, its rail without width."""
     frame = _frame(place, np.array(data["rail"]), np.array(data["normal"]))
     return data["id"], data["face"], np.array(data["position"]), frame, 0.0
 
 
-def discretise(segment: Segment, spacing: float, room: int, place: Place) -> list[Row]:
-    """Points at multiples of `spacing` [m] from the segment's middle, about `room` at most."""
+def discretise(segment: Segment, spacing: float, most: int, place: FieldPath) -> list[Row]:
+    """Points at multiples of `spacing` [m] from the segment's middle, about `most` at most."""
     start, end = np.array(segment.start), np.array(segment.end)
     length = float(np.linalg.norm(end - start))
     frame = _frame(place, end - start, np.array(segment.normal))
-    if length > spacing * room:
+    if length > spacing * most:
         raise place.fault(
             f"is {length:g} m long and has too many points {spacing:g} m apart: "
             f"a map has at most {MOST_POINTS}; take a larger spacing"

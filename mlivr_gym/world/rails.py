@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mlivr_gym.errors import MapError, shown
-from mlivr_gym.schema import NAME, Choice, Maybe, Place, Record, Tuples
+from mlivr_gym.errors import MapError, shortened
+from mlivr_gym.schema import NAME, Choice, FieldPath, Maybe, Struct, Tuples
 from mlivr_gym.values import LONGEST, SMALLEST, Triple, triple
 from mlivr_gym.world.boxes import CORNER, Box
 
@@ -32,7 +32,7 @@ class Segment:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        SEGMENT.check(self, Place(f"segment {shown(self.id)}", MapError))
+        SEGMENT.check(self, FieldPath(f"segment {shortened(self.id)}", MapError))
 
     @property
     def box(self) -> Box:
@@ -67,7 +67,7 @@ class Handrail:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        place = Place(f"handrail {shown(self.id)}", MapError)
+        place = FieldPath(f"handrail {shortened(self.id)}", MapError)
         HANDRAIL.check(self, place)
         if (self.bar_min is None) != (self.bar_max is None):
             raise place.fault("has one of bar_min and bar_max; it must have both or neither")
@@ -95,7 +95,7 @@ DIRECTION = Tuples((3,), -1e6, 1e6)
 LENGTH = Tuples((), SMALLEST, LONGEST, "m")
 """A length above zero."""
 
-SEGMENT = Record(
+SEGMENT = Struct(
     Segment,
     {
         "id": NAME, "face": NAME, "start": CORNER, "end": CORNER, "normal": DIRECTION,
@@ -104,7 +104,7 @@ SEGMENT = Record(
 )  # fmt: skip
 """Fields of a `Segment`."""
 
-HANDRAIL = Record(
+HANDRAIL = Struct(
     Handrail,
     {
         "id": NAME, "face": NAME, "min": CORNER, "max": CORNER, "axis": Choice(("x", "y", "z")),

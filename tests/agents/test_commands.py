@@ -10,7 +10,7 @@ import torch
 
 from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.test_set import SPLITS, load_test_set
-from mlivr_gym.cli.evaluate import _worlds, told_of
+from mlivr_gym.cli.evaluate import _worlds, summary_of
 from mlivr_gym.cli.main import main
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -75,8 +75,8 @@ def test_what_is_told_are_means_over_what_reached_the_goal():
     )  # fmt: skip
     none = replace(one, success=np.zeros(3, dtype=bool))
     other = replace(one, success=np.array([False, True, False]))
-    told = told_of([one, other, none])
+    told = summary_of([one, other, none])
     assert (told["episodes"], told["successes"]) == (9, 3)
     means = told["mean_steps"], told["mean_base_translation"], told["mean_first_action_time"]
     assert means == pytest.approx((97.0 / 3.0, 12.5 / 3.0, 0.02))
-    assert told_of([none])["mean_steps"] is None
+    assert summary_of([none])["mean_steps"] is None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mlivr_gym.agents import ExpertPolicy, RandomPolicy, Task, evaluate
+from mlivr_gym.agents import EvaluationTask, ExpertPolicy, RandomPolicy, evaluate
 from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
@@ -38,7 +38,7 @@ def test_an_episode_that_is_cut_off_is_no_success(env):
         env.reset(seed=seed)
         plan = planner.plan(env.state.stance, env.goal.tolist(), "steps").unwrap()
         if len(plan.steps) > 1:
-            tasks.append(Task(plan.stances[0], tuple(env.goal)))
+            tasks.append(EvaluationTask(plan.stances[0], tuple(env.goal)))
     result = evaluate(env, RandomPolicy(0), tasks, max_steps=1)
     assert len(tasks) > 10
     assert not result.success.any()
@@ -79,7 +79,7 @@ def test_reaching_the_goal_is_a_success_and_the_walk_is_told(env):
             limb, point = plan.actions[env.steps]
             return limb * len(env.graph.grasp_map) + env.graph.grasp_map.index(point)
 
-    tasks = [Task(plan.stances[0], plan.query.goal)]
+    tasks = [EvaluationTask(plan.stances[0], plan.query.goal)]
     result = evaluate(env, Follow(), tasks, execute=lambda env, states: walks.append(states))
     assert result.success.all()
     assert result.steps.tolist() == [len(plan.steps)]
@@ -109,7 +109,7 @@ def test_tasks_are_evaluated_with_their_points_occupied(table_env):
         if other is not None:
             break
     assert other is not None
-    tasks = [Task(start, tuple(goal)), Task(start, tuple(goal), (taken,))]
+    tasks = [EvaluationTask(start, tuple(goal)), EvaluationTask(start, tuple(goal), (taken,))]
     seen = []
     result = evaluate(
         table_env,

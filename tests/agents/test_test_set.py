@@ -7,7 +7,7 @@ from mlivr_gym import GraspMap
 from mlivr_gym.agents.test_set import (
     FAR,
     SPLITS,
-    World,
+    HeldOutWorld,
     _draw,
     freeze_test_set,
     held_out_goals,
@@ -39,9 +39,9 @@ def test_tasks_are_far_apart_inside_the_cabin_and_have_a_plan(small_map, monkeyp
     """As many as asked for, and with groups as many on each set of occupied points."""
     low, high = small_map.cabin.tolist()
     small_map = GraspMap.from_dict(small_map.to_dict() | {"cabin": [low, [2.3, *high[1:]]]})
-    monkeypatch.setattr(World, "map", lambda world: small_map)
+    monkeypatch.setattr(HeldOutWorld, "map", lambda world: small_map)
     monkeypatch.setattr("mlivr_gym.agents.test_set.FAR", 0.7)
-    world = _draw(World("same", 0.2, None, ()), 12, np.random.default_rng(0), groups)
+    world = _draw(HeldOutWorld("same", 0.2, None, ()), 12, np.random.default_rng(0), groups)
     assert len(world.tasks) == 12
     sets = [task.occupied for task in world.tasks]
     assert [sets.count(taken) for taken in dict.fromkeys(sets)] == ([4] * 3 if groups else [12])
@@ -64,7 +64,7 @@ def test_tasks_are_far_apart_inside_the_cabin_and_have_a_plan(small_map, monkeyp
 
 def test_a_frozen_test_set_is_drawn_again_from_its_seed(small_map, monkeypatch, tmp_path):
     """Sizes are those asked for; a seed gives the same tasks, another seed others."""
-    monkeypatch.setattr(World, "map", lambda world: small_map)
+    monkeypatch.setattr(HeldOutWorld, "map", lambda world: small_map)
     monkeypatch.setattr("mlivr_gym.agents.test_set.FAR", 0.5)
     sizes = {"same": 3, "half": 8, "dense": 2, "occupied": 10}
     one, again, other = (

@@ -135,7 +135,7 @@ def test_only_what_cannot_be_ends_with_1(
         }
     }
     monkeypatch.setattr(table1, "run_cases", lambda *_: ({3: plan}, data))
-    monkeypatch.setattr(table1, "told", lambda _: "")
+    monkeypatch.setattr(table1, "report", lambda _: "")
     monkeypatch.setattr(table1, "draw", lambda *_: None)
     code, out, _ = run("table1", "--out", str(tmp_path))
     bad = kind == CONSTRUCTION and mode == "steps"

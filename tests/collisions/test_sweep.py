@@ -51,13 +51,13 @@ HANDS = {f"limb0/{link}/0" for link in SHAPES.names[HAND:]}
 class Case(NamedTuple):
     """A motion to be checked, and where the robot is at samples of it."""
 
-    room: object
+    scratch: object
     moments: list
     grasps: tuple = ()
 
     def compared(self, first, second):
         """Whether two shapes, the second of which may be the box, are compared."""
-        moves = self.room["motion"]
+        moves = self.scratch["motion"]
         fixed = [name == "body" or "/base/" in name for name in (first, second)]
         checked = [name.startswith("limb0/") for name in (first, second)]
         if second == "box":
@@ -72,7 +72,7 @@ class Case(NamedTuple):
 
     @property
     def held(self):
-        return self.room["motion"]["first"]["kind"] == 1
+        return self.scratch["motion"]["first"]["kind"] == 1
 
     def least(self, ruler, below):
         """Least distance, the same with a body that is larger, and the two shapes.
@@ -89,15 +89,15 @@ class Case(NamedTuple):
 
     def agrees(self, ruler, boxes=(), most=0.1):
         """Check at both clearances; the nearest shapes, or None if they are too near or too far."""
-        middle = Case(self.room, self.moments[60:61], self.grasps).least(ruler, 1.5 * most)[0][0]
+        middle = Case(self.scratch, self.moments[60:61], self.grasps).least(ruler, 1.5 * most)[0][0]
         if not 0.0 < middle < 1.5 * most:
             return None
         (gap, *pair), wide = self.least(ruler, 1.5 * most)
         if not 0.02 < gap < most:
             return None
-        assert answer(self.room, gap / 0.8, boxes) != CLEAR
+        assert answer(self.scratch, gap / 0.8, boxes) != CLEAR
         if wide > 0.02:
-            assert answer(self.room, wide / 1.2, boxes) == CLEAR
+            assert answer(self.scratch, wide / 1.2, boxes) == CLEAR
         return pair
 
 
@@ -172,16 +172,16 @@ def test_a_swing_keeps_clear_and_no_more(compared, kind, rounded):
         ours, theirs = knots(rng), knots(rng)
         name = {"limb": "resting" if kind is None else "meeting"}.get(compared, compared)
         lines = [swinging(i, joints[0], joints[2]) for i, joints in enumerate((ours, theirs))]
-        room = motion(path, (base[0], base[2]), *lines, (name,))
+        scratch = motion(path, (base[0], base[2]), *lines, (name,))
         if rounded:
-            round_corner(room, base[1], ours[1], theirs[1])
+            round_corner(scratch, base[1], ours[1], theirs[1])
         at = along(*base[:, None], rounded)[:, 0]
         second = along(*theirs, rounded)
         if name == "resting":
             second = theirs[0]
             far = in_body(1, [second])
-            let_rest(room, 1, rng.permutation(np.concatenate([far, far + 9.0, far - 9.0])))
-        return Case(room, moments_of(path, at, along(*ours, rounded), second))
+            let_rest(scratch, 1, rng.permutation(np.concatenate([far, far + 9.0, far - 9.0])))
+        return Case(scratch, moments_of(path, at, along(*ours, rounded), second))
 
     found = carry_on(rng, make, compared == "boxes", 8)
     assert len(found) > 1
@@ -215,12 +215,12 @@ def test_a_limb_that_holds_keeps_clear_and_no_more(small_checked_graph, compared
         base, theirs = np.array([0.0, rng.uniform(), 1.0]), knots(rng)
         names = (compared if compared in ("boxes", "body") else "meeting",)
         line = swinging(1, theirs[0], theirs[2])
-        room = motion(path, (0.0, 1.0), holds, line, names)
+        scratch = motion(path, (0.0, 1.0), holds, line, names)
         if rounded:
-            round_corner(room, base[1], np.zeros(6), theirs[1])
+            round_corner(scratch, base[1], np.zeros(6), theirs[1])
         at = along(*base[:, None], rounded)[:, 0]
         ours = held_joints(small_checked_graph, 0, point, branch, path, at)
-        return Case(room, moments_of(path, at, ours, along(*theirs, rounded)))
+        return Case(scratch, moments_of(path, at, ours, along(*theirs, rounded)))
 
     carry_on(rng, make, compared == "boxes", 8)
 
@@ -247,8 +247,8 @@ def test_two_limbs_that_hold_keep_clear_and_no_more(small_checked_graph):
                 holding(i, branches[i], flanges["position"][i], flanges["rotation"][i])
                 for i in (0, 1)
             ]
-            room = motion(path, (0.0, 1.0), *limbs, ("meeting",))
-            return Case(room, moments_of(path, SHARES, *joints))
+            scratch = motion(path, (0.0, 1.0), *limbs, ("meeting",))
+            return Case(scratch, moments_of(path, SHARES, *joints))
 
     carry_on(rng, make, False, 4, most=0.6)
 
@@ -275,11 +275,11 @@ def test_a_departure_keeps_clear_and_no_more(small_checked_graph, compared):
             lifted = pose(place + height * normal, turned)
             assert called(angles_at)(SHAPES.limb, pose(*at), lifted, bits[0] & 7, 0.0, q)
         path, lift = path_between(at * 2), departing(0, bits[0] & 7, place, turned)
-        room = motion(path, (0.0, 0.0), lift, lift, (compared,))
-        let_rest(room, 1, in_body(1, [here[2][1]]))
-        behind = room["behind"]
+        scratch = motion(path, (0.0, 0.0), lift, lift, (compared,))
+        let_rest(scratch, 1, in_body(1, [here[2][1]]))
+        behind = scratch["behind"]
         behind["applies"], behind["point"], behind["normal"] = True, point, normal
-        return Case(room, moments_of(path, 0.0 * SHARES, joints, here[2][1]), tuple(grasp))
+        return Case(scratch, moments_of(path, 0.0 * SHARES, joints, here[2][1]), tuple(grasp))
 
     carry_on(rng, make, compared == "boxes", 6)
 
@@ -290,11 +290,11 @@ def test_no_thin_plate_is_skipped():
     for n in range(60):
         path, base = base_motion(rng, STRAIGHT)
         ours = knots(rng, 2.5)
-        room = motion(path, (0.0, 1.0), swinging(0, ours[0], ours[2]), compared=("boxes",))
+        scratch = motion(path, (0.0, 1.0), swinging(0, ours[0], ours[2]), compared=("boxes",))
         moments = moments_of(path, along(*base[:, None], False)[:, 0], along(*ours, False), 0.0)
-        case = Case(room, moments)
+        case = Case(scratch, moments)
         plate = thin_box(rng, case, n % 2)
-        if answer(room, 0.02, (plate,)) == CLEAR:
+        if answer(scratch, 0.02, (plate,)) == CLEAR:
             clear += 1
             assert case.least(ruler.among([plate]), 0.05)[0][0] >= 0.02 - 1e-9
     assert clear > 5

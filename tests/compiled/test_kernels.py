@@ -16,8 +16,8 @@ from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners import (
     Planner,
     backward_search,
+    checked_edges,
     fewest_steps,
-    known_steps,
     label_search,
     table_search,
     table_values,
@@ -27,8 +27,8 @@ from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions import release, steps
 
 ENTRIES = (
-    label_search._cheapest, label_search.put_back_checked, backward_search._search,
-    fewest_steps._go_back, known_steps._put, table_values.relax, node_table.find_rows,
+    label_search._search, label_search.put_back_checked, backward_search._search,
+    fewest_steps._go_back, checked_edges._put, table_values.relax, node_table.find_rows,
     pair_nodes.mark_steps, pair_nodes.fill_lost, pair_steps.pair_successors,
     limb_masks.clear_bits, release.release_all, steps.check_all,
 )  # fmt: skip
@@ -67,22 +67,22 @@ def test_in_parallel_covers_every_item_once(count, cores, monkeypatch):
     monkeypatch.setattr(kernels, "_cores", lambda: cores)
     seen, made = np.zeros(count + 3, dtype=int), []
 
-    def rooms(number):
+    def scratch_rows(number):
         made.append(Room.rows(number))
         return made[-1]
 
-    def visit(start, stop, target, room):
-        assert room.shape == (1,)
-        room[0]["visits"] += stop - start
+    def visit(start, stop, target, scratch):
+        assert scratch.shape == (1,)
+        scratch[0]["visits"] += stop - start
         target[start:stop] += 1
 
-    in_parallel(count, visit, seen, rooms=rooms, least=2)
+    in_parallel(count, visit, seen, scratch_rows=scratch_rows, least=2)
     assert (seen[:count] == 1).all()
     assert (seen[count:] == 0).all()
-    (room,) = made
-    assert len(room) == (min(cores, 8) if count >= 2 else 1) == workers(count, 2)
-    assert room["visits"].sum() == count
-    assert np.ptp(room["visits"]) <= 1
+    (scratch,) = made
+    assert len(scratch) == (min(cores, 8) if count >= 2 else 1) == workers(count, 2)
+    assert scratch["visits"].sum() == count
+    assert np.ptp(scratch["visits"]) <= 1
 
 
 def test_each_thread_has_scratch_of_its_own(monkeypatch):
@@ -90,25 +90,25 @@ def test_each_thread_has_scratch_of_its_own(monkeypatch):
     monkeypatch.setattr(kernels, "_cores", lambda: 2)
     meet, found = threading.Barrier(2, timeout=20.0), []
 
-    def visit(start, stop, room):
+    def visit(start, stop, scratch):
         if stop > start:
-            room[0]["visits"] = start + 1
+            scratch[0]["visits"] = start + 1
             meet.wait()
-            found.append((start + 1, int(room[0]["visits"])))
+            found.append((start + 1, int(scratch[0]["visits"])))
 
-    in_parallel(10, visit, rooms=Room.rows, least=2)
+    in_parallel(10, visit, scratch_rows=Room.rows, least=2)
     assert sorted(found) == [(1, 1), (6, 6)]
 
 
 def test_an_error_in_a_thread_is_not_lost(monkeypatch):
     monkeypatch.setattr(kernels, "_cores", lambda: 4)
 
-    def visit(start, stop, room):
+    def visit(start, stop, scratch):
         if start > 0:
             raise MlivrError("no")
 
     with pytest.raises(MlivrError, match="no"):
-        in_parallel(100, visit, rooms=Room.rows, least=2)
+        in_parallel(100, visit, scratch_rows=Room.rows, least=2)
 
 
 CODE = """

@@ -15,7 +15,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.passive_env_checker import env_render_passive_checker
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.moments import shown
+from mlivr_gym.envs.moments import moment_pictures
 from mlivr_gym.envs.wrappers import RecordVideo
 from mlivr_gym.errors import SettingError
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
@@ -55,7 +55,7 @@ def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
     environment = gymnasium.make("MLIVR-JEM-v0", **settings)
     moments, graph = acted(environment, 4), environment.unwrapped.graph
     model = scene_spec(graph.grasp_map, graph.robot).compile()
-    data, film = mujoco.MjData(model), shown(graph, moments)
+    data, film = mujoco.MjData(model), moment_pictures(graph, moments)
     assert [len(part) for part in film] == [1, 25, 25, 25, 25]
     before = moments[0].state.stance
     for moment, part in zip(moments, film, strict=True):
@@ -79,7 +79,7 @@ def test_an_action_that_changes_nothing_shows_the_robot_standing():
     moments = [environment.unwrapped.moment]
     environment.step(int(np.flatnonzero(info["action_mask"] == 0)[0]))
     moments.append(environment.unwrapped.moment)
-    film = shown(environment.unwrapped.graph, moments)
+    film = moment_pictures(environment.unwrapped.graph, moments)
     assert [len(part) for part in film] == [1, 25]
     assert all(configuration is film[0][0] for configuration in film[1])
     assert moments[1].words.endswith(", not possible")
@@ -88,7 +88,7 @@ def test_an_action_that_changes_nothing_shows_the_robot_standing():
 def test_a_simulated_step_is_shown_as_it_went():
     environment = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco")
     moments = acted(environment, 1)
-    film, simulated = shown(environment.unwrapped.graph, moments), moments[1].simulated
+    film, simulated = moment_pictures(environment.unwrapped.graph, moments), moments[1].simulated
     assert [len(part) for part in film] == [1, 25]
     for shot, values in zip(film[1][-1], simulated, strict=True):
         np.testing.assert_array_equal(shot, values[-1])

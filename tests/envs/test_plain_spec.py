@@ -9,7 +9,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from mlivr_gym import Limb, RobotSpec
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.plain_spec import plain
+from mlivr_gym.envs.plain_spec import plain_value
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
@@ -85,5 +85,5 @@ def test_the_spec_does_not_change_with_its_environment(ladder):
     arguments = {"map": ladder, "collisions": False}
     env = gymnasium.make("MLIVR-JEM-v0", **arguments)
     assert arguments["map"] is ladder
-    assert env.unwrapped.spec.kwargs["map"] == plain(ladder.to_dict())
+    assert env.unwrapped.spec.kwargs["map"] == plain_value(ladder.to_dict())
     assert MlivrEnv(**arguments).spec is None

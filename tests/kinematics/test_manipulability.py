@@ -24,7 +24,7 @@ ARM, ARM_ROW = pinocchio_arm(LIMB), arm_of(LIMB)
 
 def information(robot, i, pose, branch, l_c):
     """`K^-1` of a limb of a robot."""
-    limb, out = limb_shapes.Limb.row(), np.full((6, 6), np.nan)
+    limb, out = limb_shapes.LimbModel.row(), np.full((6, 6), np.nan)
     limb["mount"] = pose_row(robot.mount_positions[i], robot.mount_rotations[i])
     limb["arm"] = ARM_ROW
     assert called(limb_information)(limb, flange_axis(pose), branch, l_c, Inversion.row(), out)

@@ -43,11 +43,11 @@ def test_a_run_rounds_the_corner_that_the_sweep_checks():
     """Of two lines that are corner all along, at the shares of that corner."""
     rng = np.random.default_rng(0)
     knots = rng.normal(size=(3, 7))
-    room = motion(REST, (0.0, 1.0), swinging(0, knots[0, 1:], knots[2, 1:]))
-    round_corner(room, 0.5, knots[1, 1:])
+    scratch = motion(REST, (0.0, 1.0), swinging(0, knots[0, 1:], knots[2, 1:]))
+    round_corner(scratch, 0.5, knots[1, 1:])
     q = np.zeros(6)
     for t in np.linspace(0.0, 1.0, 9):
-        assert called(joints_at)(LimbShapes(ROBOT).robot, room["motion"]["first"], t, room, q)
+        assert called(joints_at)(LimbShapes(ROBOT).robot, scratch["motion"]["first"], t, scratch, q)
         values = Run(knots, np.ones((1, 2))).at(np.array([t]))[0]
         np.testing.assert_allclose(q, values[1:], atol=1e-12)
         np.testing.assert_allclose(values, at_corner(*knots, np.array([t]))[0], atol=1e-12)

@@ -30,8 +30,8 @@ def test_balls_are_inside_the_picture_and_one_touches_its_edge(aspect):
         pixels = camera.pixels(surfaces(places, 0.15), width, height)
         assert pixels.min() >= 0.0
         assert (pixels <= [width, height]).all()
-        room = min(*pixels.min(axis=0), *([width, height] - pixels.max(axis=0)))
-        assert room < 1.5
+        margin = min(*pixels.min(axis=0), *([width, height] - pixels.max(axis=0)))
+        assert margin < 1.5
 
 
 def test_what_is_behind_the_camera_has_no_place_in_its_picture():

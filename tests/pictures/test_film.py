@@ -55,16 +55,16 @@ def test_every_shape_of_the_robot_is_in_every_picture(checked_graph, walk):
     robot, shapes = checked_graph.robot, LimbShapes(checked_graph.robot)
     configurations = shown(walk[1])
     cameras = film_cameras(robot, configurations, 2.0)
-    room = []
+    margin = []
     for configuration, camera in zip(configurations, cameras, strict=True):
         ends = capsule_ends(robot, shapes, configuration)
         for axis in (0, 1, 2):
             off = np.eye(3)[axis] * shapes.radii[:, None, None]
             for places in (ends + off, ends - off):
                 pixels = camera.pixels(places.reshape(-1, 3), *SIZE)
-                room.append(min(pixels.min(), *(np.array(SIZE) - pixels.max(axis=0))))
-    assert min(room) > 0.0
-    assert min(room) < 12.0  # nor is it farther away than that needs
+                margin.append(min(pixels.min(), *(np.array(SIZE) - pixels.max(axis=0))))
+    assert min(margin) > 0.0
+    assert min(margin) < 12.0  # nor is it farther away than that needs
     assert len({camera.distance for camera in cameras}) == 1
     for (base, _, _), camera in zip(configurations, cameras, strict=True):
         assert camera.lookat == (base[0], *cameras[0].lookat[1:])

@@ -20,8 +20,8 @@ def geoms(scene, kind):
     return [geom for geom in scene.geoms[: scene.ngeom] if geom.type == kind]
 
 
-def scene_of(graph, room=2000):
-    return mujoco.MjvScene(compiled(scene_spec(graph.grasp_map, graph.robot)), room)
+def scene_of(graph, most=2000):
+    return mujoco.MjvScene(compiled(scene_spec(graph.grasp_map, graph.robot)), most)
 
 
 @pytest.mark.parametrize("kind", PATH_KINDS)

@@ -9,7 +9,7 @@ from mlivr_gym import Box
 from mlivr_gym.pictures import walk_figure as module
 from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE
 from mlivr_gym.pictures.route import base_line
-from mlivr_gym.pictures.walk_figure import Leg, Walk, hides, least_distance
+from mlivr_gym.pictures.walk_figure import Leg, WalkedPath, hides, least_distance
 from mlivr_gym.planners import Planner
 
 BOX = Box.between("cargo", "obstacle", (3.0, -0.2, -0.2), (3.4, 0.2, 0.2))
@@ -54,7 +54,7 @@ def drawn(graph, monkeypatch, tmp_path):
 
 def test_a_walk_is_what_was_walked(drawn):
     _, legs = drawn
-    walk = Walk.of(legs)
+    walk = WalkedPath.of(legs)
     first, second = (leg.plan.motion.base_positions for leg in legs)
     np.testing.assert_allclose(walk.stances, np.vstack([first[:2], second[1:]]))
     np.testing.assert_allclose(walk.breaks, first[1:2])

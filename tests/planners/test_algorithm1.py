@@ -15,7 +15,7 @@ from mlivr_gym.planners import Cost, Planner
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import EXHAUSTED, FOUND, LIMIT
-from mlivr_gym.planners.query import Goal, Search, SearchOptions
+from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
 from mlivr_gym.planners.table_search import search_table
 
 COSTS = [("base", None), ("steps", None), ("weighted", 0.1)]
@@ -72,7 +72,7 @@ def least_costs(truth, positions, start, cost, goals):
 def compiled_cost(graph, start, goal, cost):
     """Cost that the compiled search finds, inf if it finds none."""
     options = SearchOptions(heuristic="consistent", limit=10**6)
-    search = Search.checked(graph, Goal(goal, 0.2, cost), options)
+    search = SearchQuery.checked(graph, Goal(goal, 0.2, cost), options)
     path = search_table(LowerBounds(graph), search, graph.state(start))
     return path.cost if path is not None and path.status == FOUND else np.inf
 

@@ -14,29 +14,29 @@ from mlivr_gym.compiled.limb_masks import packed, unpacked
 from mlivr_gym.planners import backward_search, bucket_queue, label_search
 from mlivr_gym.planners.backward_search import LEAST, costs_to_goal
 from mlivr_gym.planners.bucket_queue import put
+from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.costs import weights_of
-from mlivr_gym.planners.known_steps import KnownSteps
 from mlivr_gym.planners.label_search import (
     NO_LABEL,
     Labels,
-    Manner,
     NodeOrigins,
-    Running,
-    _covered,
-    _note,
+    SearchParameters,
+    SearchStatus,
+    _add_label,
+    _is_dominated,
     cheapest_walk,
 )
-from mlivr_gym.postures.turns import turned
+from mlivr_gym.postures.turns import permuted_limbs
 from mlivr_gym.stances.node_pairs import (
-    Joined,
+    EdgeSet,
     Pair,
+    branches_lost,
     count_pairs,
     list_pairs,
-    lost_on,
     spread,
 )
 
-EXACT = Manner(1.0, 1 << 30, 1 << 30, 1 << 30)
+EXACT = SearchParameters(1.0, 1 << 30, 1 << 30, 1 << 30)
 
 
 @pytest.fixture(scope="module", params=[2, 3, 4])
@@ -46,16 +46,16 @@ def known(request):
 
 def losing_some(table, rng):
     """The table with random branches lost between the pairs that share some."""
-    rests, limbs = len(table.offset) - 1, table.limbs
+    supports, limbs = len(table.offset) - 1, table.limbs
     first = Pair.before(table, 0)
-    pairs = np.empty((count_pairs(table, first.copy(), rests), 2), dtype=np.int64)
-    list_pairs(table, first.copy(), rests, pairs)
+    pairs = np.empty((count_pairs(table, first.copy(), supports), 2), dtype=np.int64)
+    list_pairs(table, first.copy(), supports, pairs)
     (a, i), (b, j) = (np.divmod(table.members[column], limbs) for column in pairs.T)
     masks = unpacked(table.masks, limbs)
-    shared = turned(masks[a], i + 1)[:, :-1] & turned(masks[b], j + 1)[:, :-1]
+    shared = permuted_limbs(masks[a], i + 1)[:, :-1] & permuted_limbs(masks[b], j + 1)[:, :-1]
     kept = shared & rng.integers(0, 8, shared.shape) | shared & rng.integers(0, 8, shared.shape)
     kept[~kept.all(axis=1)] = 0
-    return spread(table, Joined.of(packed(shared), packed(kept)))
+    return spread(table, EdgeSet.of(packed(shared), packed(kept)))
 
 
 def price(table, rows, cost):
@@ -72,7 +72,7 @@ def exact_costs(table, goals, weights, start):
 
 @pytest.mark.parametrize("cost", COSTS)
 def test_costs_to_a_goal_are_those_of_another_library(known, cost, monkeypatch):
-    monkeypatch.setattr(backward_search, "ROOM", 4)
+    monkeypatch.setattr(backward_search, "CAPACITY", 4)
     graph, table = known
     goal, pairs, count = goal_at(graph, table, 7, cost), every_pair(table), len(table.points)
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
@@ -122,9 +122,11 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
     pairs, masks = every_pair(table), unpacked(table.masks, limbs)
     released, kept = unpacked(table.released, limbs), {}
     for a, i, b, j, bit in pairs.tolist():
-        lost = unpacked(np.array([called(lost_on)(table, bit)], dtype=np.uint64), limbs - 1)[0]
+        lost = unpacked(np.array([called(branches_lost)(table, bit)], dtype=np.uint64), limbs - 1)[
+            0
+        ]
         kept[bit] = np.roll(masks[a], -i - 1)[:-1] & np.roll(masks[b], -j - 1)[:-1] & ~lost
-    steps = KnownSteps.none(count)
+    steps = CheckedEdges.none(count)
     for row in pairs[rng.random(len(pairs)) < 0.3].tolist():
         kept[row[4]] = kept[row[4]] & rng.integers(0, 1 << 16, limbs - 1) * (rng.random() < 0.8)
         number = sum(int(mask) << 16 * k for k, mask in enumerate(kept[row[4]]))
@@ -185,9 +187,9 @@ def test_too_many_labels_leave_a_bound(known, monkeypatch):
     h = exact_costs(table, goals, weights_of(goal.cost), 9)
     far = int(np.where(np.isfinite(h), h, -1.0).argmax())
     origins = NodeOrigins(np.array([far]), table.masks[[far]], np.zeros(1))
-    world = table, KnownSteps.none(count), weights_of(goal.cost)
+    world = table, CheckedEdges.none(count), weights_of(goal.cost)
     _, least, *_ = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
-    monkeypatch.setattr(label_search, "ROOM", 64)
+    monkeypatch.setattr(label_search, "CAPACITY", 64)
     walk, low, *_ = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
     assert walk is None
     assert h[far] - 1e-9 <= low <= least
@@ -195,7 +197,7 @@ def test_too_many_labels_leave_a_bound(known, monkeypatch):
     labels = Labels.of(count)
     cheapest_walk(world, h, origins, labels, EXACT)
     most = labels.used // 2
-    walk, low, *_ = cheapest_walk(world, h, origins, labels, EXACT._replace(room=most))
+    walk, low, *_ = cheapest_walk(world, h, origins, labels, EXACT._replace(max_labels=most))
     assert walk is None
     assert h[far] - 1e-9 <= low <= least
     assert 1 <= labels.used <= most
@@ -204,8 +206,8 @@ def test_too_many_labels_leave_a_bound(known, monkeypatch):
 @pytest.mark.parametrize("most", [2, 9])
 def test_a_label_is_covered_by_one_that_costs_no_more_and_has_all_its_branches(most):
     rng, labels = np.random.default_rng(0), Labels.of(1)
-    how = Running.row()
-    how["most"] = most
+    how = SearchStatus.row()
+    how["labels_per_node"] = most
     for _ in range(60):
         labels.last[0], plain = NO_LABEL, []
         labels.waiting.empty(0.0, 1.0)
@@ -214,8 +216,8 @@ def test_a_label_is_covered_by_one_that_costs_no_more_and_has_all_its_branches(m
             union = np.bitwise_or.reduce([m for m, c in plain if c <= cost] or [np.uint64(0)])
             covered = masks & ~union == 0
             expected = covered or len(plain) >= most
-            assert called(_covered)(labels, 0, masks, cost, -1, how) == expected
-            called(_note)(labels, 0, masks, cost, -1, -1)
+            assert called(_is_dominated)(labels, 0, masks, cost, -1, how) == expected
+            called(_add_label)(labels, 0, masks, cost, -1, -1)
             called(put)(labels.waiting, cost, 0)
             plain.append((masks, cost))
             for k, (m, c) in enumerate(plain):
@@ -223,5 +225,5 @@ def test_a_label_is_covered_by_one_that_costs_no_more_and_has_all_its_branches(m
                 before = [b for b, o, j in others if o < c or j < k]
                 beaten = m & ~np.bitwise_or.reduce(before or [np.uint64(0)]) == 0
                 beaten = beaten or any(m & ~b == 0 and b != m for b, *_ in others)
-                assert called(_covered)(labels, 0, m, c, k, how) == beaten
+                assert called(_is_dominated)(labels, 0, m, c, k, how) == beaten
             assert item == len(plain) - 1

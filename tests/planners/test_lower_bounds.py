@@ -193,7 +193,7 @@ def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
     """They cost the same: both are proved to cost the least."""
     table = known[1]
     monkeypatch.setattr(node_files, "_kept", {key_of(known[0]): table})
-    monkeypatch.setattr(table_search, "ROUNDS", (*table_search.ROUNDS[:1], table_search.ROUNDS[-2]))
+    monkeypatch.setattr(table_search, "STAGES", (*table_search.STAGES[:1], table_search.STAGES[-2]))
     graph, rng, plans = fresh(known), np.random.default_rng(6), 0
     planner, goals = Planner(graph), rng.integers(len(table.points), size=2)
     for k in range(16):

@@ -118,12 +118,14 @@ def test_fewest_moves_are_those_of_networkx(stances_and_steps):
     sets, rng = graph.sets(), np.random.default_rng(0)
     over = nx.Graph()
     over.add_nodes_from(range(len(sets)))
-    over.add_edges_from((s, ("rest", r)) for s, row in enumerate(sets.rests.tolist()) for r in row)
+    over.add_edges_from(
+        (s, ("support", r)) for s, row in enumerate(sets.supports.tolist()) for r in row
+    )
     for _ in range(5):
         goals = rng.choice(len(sets), 2, replace=False).tolist()
         moves = np.full(len(sets), -1, dtype=np.int16)
         moves[goals] = 0
-        fewest_moves(sets.rests, moves, np.zeros(sets.rest_count, dtype=np.bool_))
+        fewest_moves(sets.supports, moves, np.zeros(sets.support_count, dtype=np.bool_))
         found = nx.multi_source_dijkstra_path_length(over, set(goals), weight=None)
         assert moves.tolist() == [found.get(s, -2) // 2 for s in range(len(sets))]
 

@@ -13,11 +13,11 @@ from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import FOUND
-from mlivr_gym.postures.turns import turned
+from mlivr_gym.postures.turns import permuted_limbs
 from mlivr_gym.stances import node_files
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import (
-    ends_of,
+    edge_ends,
 )
 from mlivr_gym.stances.node_steps import moves_of
 from mlivr_gym.stances.random_states import random_state
@@ -138,7 +138,7 @@ def test_obstacles_add_no_step_to_those_of_the_table(known):
             continue
         found = graph.successors(state)
         moves = moves_of(table, row, 0)
-        after = turned(table.points[moves.rows].astype(np.int64), moves.turns)
+        after = permuted_limbs(table.points[moves.rows].astype(np.int64), moves.turns)
         free = after[np.arange(len(after)), moves.limb]
         some = set(zip(moves.limb.tolist(), free.tolist(), strict=True))
         assert some.issuperset(zip(found.limb.tolist(), found.point.tolist(), strict=True))
@@ -185,7 +185,7 @@ def test_bounds_rest_on_what_steps_may_keep_at_most(known):
         if goal.reached(graph.posture_of(start).base_position[0], start.stance):
             continue
         search = searching(LowerBounds(graph), goal, start)
-        nodes = ends_of(table, bits)[0][0]
+        nodes = edge_ends(table, bits)[0][0]
         none = np.zeros(len(bits), dtype=np.uint64)
         search._world.known = search._world.known.with_steps(nodes, bits, none)
         assert not list(search.walks())

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, stance_graph
-from mlivr_gym.postures.turns import first_limbs, lowest_first, turned, turned_frames
+from mlivr_gym.postures.turns import first_limbs, lowest_first, permuted_limbs, turned_frames
 
 
 def stances_of(graph, count, seed):
@@ -108,7 +108,9 @@ def test_of_a_rectangle_the_limb_before_a_short_side_is_the_first():
 
 def test_turns_put_limbs_in_the_places_of_others():
     values = np.arange(8).reshape(2, 4)
-    np.testing.assert_array_equal(turned(values, np.array([1, -1])), [[1, 2, 3, 0], [7, 4, 5, 6]])
+    np.testing.assert_array_equal(
+        permuted_limbs(values, np.array([1, -1])), [[1, 2, 3, 0], [7, 4, 5, 6]]
+    )
     np.testing.assert_array_equal(lowest_first(np.array([[5, 2, 9], [1, 7, 3]])), [1, 0])
     frames = turned_frames(np.eye(3)[None], np.array([1]), 4)
     np.testing.assert_allclose(frames[0, :, 0], [0.0, 1.0, 0.0], atol=1e-15)

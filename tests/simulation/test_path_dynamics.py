@@ -7,7 +7,7 @@ import pytest
 
 from mlivr_gym.errors import TimingError
 from mlivr_gym.motion.clocks import Durations, duration_of, quintic, stretched
-from mlivr_gym.motion.pieces import path_pieces
+from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
@@ -27,7 +27,7 @@ def paths(checked_graph, walk):
 
 
 def rows_of(path, limits):
-    pieces = path_pieces(path)
+    pieces = path_segments(path)
     return [piece_rows(path.graph.robot, path.regrasp, piece, limits) for piece in pieces]
 
 
@@ -39,7 +39,7 @@ def bindings(timed, limits):
 
 def test_derivatives_of_a_piece_are_those_of_finite_differences(paths):
     for path in paths[:2]:
-        for coarse, fine in zip(path_pieces(path), path_pieces(path, 385), strict=True):
+        for coarse, fine in zip(path_segments(path), path_segments(path, 385), strict=True):
             step = fine.shares[1]
             joints = fine.joints.reshape(len(fine.shares), -1)
             first = (joints[2:] - joints[:-2]) / (2.0 * step)

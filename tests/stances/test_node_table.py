@@ -10,7 +10,7 @@ from small_tables import small_table
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.compiled.limb_masks import unpacked
 from mlivr_gym.postures.tried_poses import bases_at
-from mlivr_gym.postures.turns import same_after_turns, turned
+from mlivr_gym.postures.turns import permuted_limbs, same_after_turns
 from mlivr_gym.stances import node_files
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.node_files import (
@@ -23,11 +23,11 @@ from mlivr_gym.stances.node_files import (
 )
 from mlivr_gym.stances.node_pairs import (
     Pair,
+    branches_lost,
     count_pairs,
-    ends_of,
+    edge_ends,
     gather,
     list_pairs,
-    lost_on,
     row_of,
     spread,
 )
@@ -78,7 +78,7 @@ def test_it_has_every_node_and_what_the_graph_says_of_it(graph, table):
     np.testing.assert_array_equal(rows >= 0, nodes)
     assert nodes.sum() > 100
     every, postures, rows, turns = every[nodes], postures.take(nodes), rows[nodes], turns[nodes]
-    np.testing.assert_array_equal(turned(every, turns), table.points[rows])
+    np.testing.assert_array_equal(permuted_limbs(every, turns), table.points[rows])
     away = np.linalg.norm(table.base_position[rows] - postures.base_position, axis=1)
     assert away.max() < ROUNDED
     for mine, theirs in (
@@ -86,7 +86,7 @@ def test_it_has_every_node_and_what_the_graph_says_of_it(graph, table):
         (table.released, graph.all_released(every, postures)["branches"]),
         (table.folds, graph.all_released(every, postures)["folds"]),
     ):
-        np.testing.assert_array_equal(unpacked(mine[rows], limbs), turned(theirs, turns))
+        np.testing.assert_array_equal(unpacked(mine[rows], limbs), permuted_limbs(theirs, turns))
     if same_after_turns(limbs):
         assert len(set(rows.tolist())) * limbs == len(rows)
 
@@ -103,15 +103,15 @@ def test_no_step_of_the_graph_is_ruled_out(graph, table):
         rows, turns = table.find(after.reshape(-1, limbs))
         joined = set()
         for limb in range(limbs):
-            rest = table.rests[s, limb]
-            begin, end = table.start[rest], table.start[rest + 1]
+            support = table.supports[s, limb]
+            begin, end = table.start[support], table.start[support + 1]
             mine = np.flatnonzero(table.members[begin:end] == s * limbs + limb)
             row = called(row_of)(table, s, limb)
             if not len(mine):
                 assert row == -1
                 assert int(table.released[s]) >> 16 * limb & 0xFFFF == 0
                 continue
-            assert row == table.offset[rest] + int(mine[0]) * (end - begin)
+            assert row == table.offset[support] + int(mine[0]) * (end - begin)
             for k in range(end - begin):
                 if is_set(table.bits, row + k):
                     other, moved = divmod(int(table.members[begin + k]), limbs)
@@ -126,8 +126,8 @@ def test_no_step_of_the_graph_is_ruled_out(graph, table):
 
 
 def test_pairs_are_those_that_share_branches(graph, table):
-    limbs, rests = graph.limbs, len(table.offset) - 1
-    pairs = listed(table, 0, rests)
+    limbs, supports = graph.limbs, len(table.offset) - 1
+    pairs = listed(table, 0, supports)
     masks, expected = unpacked(table.masks, limbs), []
     for begin, end in itertools.pairwise(table.start.tolist()):
         for k, m in itertools.combinations(range(begin, end), 2):
@@ -136,8 +136,8 @@ def test_pairs_are_those_that_share_branches(graph, table):
             if held.all():
                 expected.append([k, m])
     assert pairs.tolist() == expected
-    some = listed(table, rests // 3, 2 * rests // 3)
-    inside = (table.start[rests // 3], table.start[2 * rests // 3])
+    some = listed(table, supports // 3, 2 * supports // 3)
+    inside = (table.start[supports // 3], table.start[2 * supports // 3])
     assert some.tolist() == [one for one in expected if inside[0] <= one[0] < inside[1]]
 
 
@@ -145,10 +145,10 @@ def kept_at_most(graph, table, bits):
     """What limbs may keep on steps there or back, and what both nodes have, each (k, N - 1)."""
     limbs, masks = graph.limbs, unpacked(table.masks, graph.limbs)
     points = table.points.astype(np.int64)
-    (a, i), (b, j), _ = ends_of(table, bits)
-    stances = points[a], turned(points[b], j - i)
+    (a, i), (b, j), _ = edge_ends(table, bits)
+    stances = points[a], permuted_limbs(points[b], j - i)
     postures = tuple(map(graph.nodes, stances))
-    shared = turned(masks[a], i + 1)[:, :-1] & turned(masks[b], j + 1)[:, :-1]
+    shared = permuted_limbs(masks[a], i + 1)[:, :-1] & permuted_limbs(masks[b], j + 1)[:, :-1]
     both, count = graph.checks.stances(np.concatenate(stances), join(*postures)), len(bits)
     graph._know_released(both, np.indices(both.points.shape).reshape(2, -1).T)
     kept = np.zeros((count, limbs - 1), dtype=np.int64)
@@ -156,7 +156,7 @@ def kept_at_most(graph, table, bits):
     for one, other in ((0, count), (count, 0)):
         steps = graph.step_rows(both, rows + one, rows + other, both.mask[rows + one])
         graph.checks.may_keep(steps, both, graph.checks.world(None))
-        found = turned(steps["kept"][:, :limbs], i[rows] + 1)[:, :-1]
+        found = permuted_limbs(steps["kept"][:, :limbs], i[rows] + 1)[:, :-1]
         kept[rows] |= found * found.all(axis=1)[:, None]
     return kept, shared
 
@@ -166,14 +166,14 @@ def assert_kept(graph, table, bits):
     kept, shared = kept_at_most(graph, table, bits)
     joined = np.array([is_set(table.bits, bit) for bit in bits.tolist()])
     np.testing.assert_array_equal(joined, kept.all(axis=1))
-    losing = 0
-    for these in (bits, ends_of(table, bits)[2]):
-        lost = np.array([called(lost_on)(table, int(bit)) for bit in these], dtype=np.uint64)
+    loses_branches = 0
+    for these in (bits, edge_ends(table, bits)[2]):
+        lost = np.array([called(branches_lost)(table, int(bit)) for bit in these], dtype=np.uint64)
         told = unpacked(lost, table.limbs - 1)
         np.testing.assert_array_equal(told[joined], (shared & ~kept)[joined])
         assert not lost[~joined].any()
-        losing += (lost != 0).sum()
-    assert losing
+        loses_branches += (lost != 0).sum()
+    assert loses_branches
     assert 5 < joined.sum() < len(bits)
 
 
@@ -230,13 +230,13 @@ def test_among_obstacles_steps_are_not_those_of_the_table(graph, table):
 
 def test_a_bit_tells_its_pair(table):
     ends = {}
-    for rest, (begin, end) in enumerate(itertools.pairwise(table.start.tolist())):
+    for support, (begin, end) in enumerate(itertools.pairwise(table.start.tolist())):
         for k, m in itertools.product(range(begin, end), repeat=2):
-            bit = int(table.offset[rest]) + (k - begin) * (end - begin) + m - begin
+            bit = int(table.offset[support]) + (k - begin) * (end - begin) + m - begin
             ends[bit] = tuple(divmod(int(table.members[x]), table.limbs) for x in (k, m))
     bits = np.array(sorted(ends))
     assert bits.tolist() == list(range(int(table.offset[-1])))
-    one, other, back = ends_of(table, bits)
+    one, other, back = edge_ends(table, bits)
     found = zip(zip(*one, strict=True), zip(*other, strict=True), strict=True)
     assert list(found) == [ends[bit] for bit in bits.tolist()]
     assert [ends[bit] for bit in back.tolist()] == [ends[bit][::-1] for bit in bits.tolist()]
@@ -245,7 +245,7 @@ def test_a_bit_tells_its_pair(table):
 def test_what_is_known_of_pairs_is_spread_as_it_was_gathered(table):
     blank = table._replace(bits=np.zeros_like(table.bits))
     again = spread(blank, gather(table))
-    for name in ("bits", "losing", "ranks", "lost"):
+    for name in ("bits", "loses_branches", "ranks", "lost"):
         np.testing.assert_array_equal(getattr(again, name), getattr(table, name))
         assert getattr(again, name).dtype == getattr(table, name).dtype
     assert table.bits.any()

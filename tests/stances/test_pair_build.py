@@ -13,7 +13,7 @@ import pytest
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
-from mlivr_gym.compiled.kept import kept
+from mlivr_gym.compiled.cached_files import cached_files
 from mlivr_gym.files import FileError
 from mlivr_gym.stances import parts
 from mlivr_gym.stances.pair_build import SAMPLE, build_pairs, estimate_pairs, fill_rows
@@ -189,10 +189,10 @@ def test_time_and_size_are_told_beforehand(small_map, whole):
 def test_a_table_that_is_read_counts_as_used(fewer, whole):
     path = build_pairs(stance_graph(fewer))
     os.utime(path, (100, 100))
-    (one,) = kept()
+    (one,) = cached_files()
     assert one.used == 100
     stance_graph(fewer)
-    (one,) = kept()
+    (one,) = cached_files()
     assert one.used > time.time() - 600
     assert path.stat().st_mtime > 100  # reading alone does not change that
 

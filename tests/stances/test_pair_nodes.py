@@ -6,7 +6,7 @@ from compiled import called
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.compiled.limb_masks import unpacked
-from mlivr_gym.stances.node_pairs import ends_of, lost_on
+from mlivr_gym.stances.node_pairs import branches_lost, edge_ends
 from mlivr_gym.stances.pair_nodes import pair_nodes
 
 
@@ -31,21 +31,21 @@ def test_the_table_tells_what_is_known_of_every_step(small_map, transitions):
     np.testing.assert_array_equal(unpacked(table.masks, 2), graph.mask)
     told = {}
     bits = np.arange(int(table.offset[-1]))
-    (before, moving), (after, moved), _ = ends_of(table, bits)
+    (before, moving), (after, moved), _ = edge_ends(table, bits)
     np.testing.assert_array_equal(moving, moved)
     for bit, a, b, limb in zip(bits, before, after, moving, strict=True):
         if a != b and int(table.bits[bit // 64]) >> int(bit % 64) & 1:
-            told[1 - int(limb), int(a), int(b)] = int(called(lost_on)(table, int(bit)))
-    expected, losing = {}, 0
+            told[1 - int(limb), int(a), int(b)] = int(called(branches_lost)(table, int(bit)))
+    expected, loses_branches = {}, 0
     for held, a, b in steps:
         shared = int(graph.mask[a, held] & graph.mask[b, held])
         edge = graph.steps.edges[graph._known.index(held, a, b)] if transitions else None
         kept = shared & int(edge["kept"]) if transitions and edge["known"] else shared
         if kept:
             expected[held, a, b] = shared & ~kept
-            losing += kept != shared
+            loses_branches += kept != shared
     assert told == expected
-    assert (losing > 0) == transitions
+    assert (loses_branches > 0) == transitions
     known = graph.steps.released["known"] if transitions else np.zeros(points.shape, dtype=bool)
     released = np.where(known, graph.releasable, graph.mask) if transitions else graph.mask
     np.testing.assert_array_equal(unpacked(table.released, 2), released)

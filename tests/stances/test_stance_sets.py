@@ -39,9 +39,9 @@ def test_sets_are_all_in_reach_in_order_with_what_is_a_move_away(graph, empty_ca
     assert len(sets) == len(expected) > 10
     held = [set(row) for row in expected.tolist()]
     for a, b in combinations(range(0, len(sets), 3), 2):
-        common = set(sets.rests[a].tolist()) & set(sets.rests[b].tolist())
+        common = set(sets.supports[a].tolist()) & set(sets.supports[b].tolist())
         assert bool(common) == (len(held[a] & held[b]) == limbs - 1)
-    assert sets.rests.max() + 1 == sets.rest_count
+    assert sets.supports.max() + 1 == sets.support_count
 
 
 def test_sets_of_stances_are_found_in_any_order(graph):
@@ -51,7 +51,7 @@ def test_sets_of_stances_are_found_in_any_order(graph):
     np.testing.assert_array_equal(sets.find(stances), rows)
     none = np.array([[0, 0, 0, 0][: graph.limbs]])
     assert sets.find(none).tolist() == [-1]
-    nothing = StanceSets(sets.points[:0], sets.rests[:0], 0)
+    nothing = StanceSets(sets.points[:0], sets.supports[:0], 0)
     assert nothing.find(stances[:2]).tolist() == [-1, -1]
 
 
@@ -85,7 +85,7 @@ def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_c
     read = StanceSets.of(graph, told.append, work_out=False)
     assert told == again
     np.testing.assert_array_equal(read.points, first.points)
-    np.testing.assert_array_equal(read.rests, first.rests)
+    np.testing.assert_array_equal(read.supports, first.supports)
     for content in (b"nothing", file.read_bytes()[:200]):
         stance_sets._kept.clear()
         file.write_bytes(content)

@@ -39,7 +39,7 @@ def mounted(limb=LIMB):
     It is a limb with shapes, as in the program: what was compiled for less serves those with a
     warning, and warnings are errors here.
     """
-    out = limb_shapes.Limb.row()
+    out = limb_shapes.LimbModel.row()
     out["mount"] = pose(ORIGIN, MOUNT)
     out["arm"] = arm_of(limb)
     return out

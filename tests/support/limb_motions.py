@@ -54,15 +54,15 @@ def at_corner(first, corner, last, t):
     return corner + rest * (first - corner) + share * (last - corner)
 
 
-def round_corner(room, corner, *joints):
+def round_corner(scratch, corner, *joints):
     """Let a motion, a row of `Sweep`, round a corner.
 
     Args:
-        room: The motion, in a line so far.
+        scratch: The motion, in a line so far.
         corner: Where the base is on its path at the corner.
         joints: Joint angles of the first and of the second limb there [rad].
     """
-    moves = room["motion"]
+    moves = scratch["motion"]
     moves["rounded"], moves["corner"] = True, corner
     for limb, q in zip(("first", "second"), joints, strict=False):
         moves[limb]["corner"] = q
@@ -97,26 +97,26 @@ def motion(path, places, first, second=NOBODY, compared=()):
         second: What another limb does meanwhile.
         compared: Names of what it is compared with: "boxes", "body", "resting" and "meeting".
     """
-    room = Sweep.row()
-    moves = room["motion"]
+    scratch = Sweep.row()
+    moves = scratch["motion"]
     moves["path"], moves["first"], moves["second"] = path, first, second
     moves["begin"], moves["finish"] = places
     for name in compared:
         moves[name] = True
-    return room
+    return scratch
 
 
-def let_rest(room, limb, ends):
+def let_rest(scratch, limb, ends):
     """Put a limb at rest on each of some branches: ends of its capsules, shape (k, c, 2, 3)."""
-    resting = room["resting"]
+    resting = scratch["resting"]
     resting["count"], resting["limb"][: len(ends)] = len(ends), limb
     for shapes, here in zip(resting["shapes"], ends, strict=False):
         shapes["ends"][: len(SHAPES)] = here
 
 
-def answer(room, clearance, boxes=()):
+def answer(scratch, clearance, boxes=()):
     """What the compiled check says of a motion, among boxes and with a clearance [m]."""
-    return called(sweep)(SHAPES.robot, box_grid(boxes), clearance, room)
+    return called(sweep)(SHAPES.robot, box_grid(boxes), clearance, scratch)
 
 
 def held_joints(graph, limb, point, branch, path, places):

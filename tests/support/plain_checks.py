@@ -75,19 +75,19 @@ class PlainChecks:
         """
         stays = path.dtype.names == ("position", "rotation")
         moves = base_path(path, path, STRAIGHT, np.zeros(3)) if stays else path
-        room = motion(moves, (0.0, 0.0) if stays else places, first, second, compared)
-        room["resting"]["count"] = len(resting)
+        scratch = motion(moves, (0.0, 0.0) if stays else places, first, second, compared)
+        scratch["resting"]["count"] = len(resting)
         for k, (limb, ends) in enumerate(resting):
-            room["resting"]["limb"][k] = limb
-            room["resting"]["shapes"][k]["ends"][: len(ends)] = ends
+            scratch["resting"]["limb"][k] = limb
+            scratch["resting"]["shapes"][k]["ends"][: len(ends)] = ends
         if corner is not None:
-            round_corner(room, corner[0], corner[1:], corner[1:])
+            round_corner(scratch, corner[0], corner[1:], corner[1:])
         if grasp is not None:
-            behind = room["behind"]
+            behind = scratch["behind"]
             behind["applies"], behind["point"] = True, grasp["point"]
             behind["normal"] = grasp["normal"]
         boxes, clearance = self.checks.solver.boxes, float(self.limits["clearance"])
-        return called(sweep)(self.robot, boxes, clearance, room) == CLEAR
+        return called(sweep)(self.robot, boxes, clearance, scratch) == CLEAR
 
     def swing_clear(self, path, limb, start, end, resting=()):
         """Whether a limb can swing along a line, limbs that hold aside."""

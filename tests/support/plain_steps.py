@@ -54,9 +54,9 @@ class PlainStep:
         if not self.given:
             wanted = wanted & members(plain.stances.mask[self.after, i])
         floor = float(plain.limits["floor"]) * plain.spec.characteristic_length**3
-        flange, room = plain.grasp(self.after, i)["flange"], Holding.row()
+        flange, scratch = plain.grasp(self.after, i)["flange"], Holding.row()
         limb = plain.robot["limbs"][i]
-        return members(called(hold_mask)(limb, flange, path, floor, mask_of(wanted), room))
+        return members(called(hold_mask)(limb, flange, path, floor, mask_of(wanted), scratch))
 
     def check(self, released=None):
         """The edge, `NO_EDGE` if the step fails.

@@ -18,7 +18,7 @@ def state(checked_graph):
 
 
 def test_reach_is_what_the_successors_are(checked_graph, state):
-    found, steps = marks.reach(checked_graph, state), checked_graph.successors(state)
+    found, steps = marks.reach_marks(checked_graph, state), checked_graph.successors(state)
     for limb in range(2):
         to, others = (set(steps.point[steps.limb == i].tolist()) for i in (limb, 1 - limb))
         for point in range(len(checked_graph.grasp_map)):
@@ -46,7 +46,7 @@ def test_reasons_agree_with_the_graph(checked_graph, state):
 
 
 def test_a_legend_counts_every_point_once(checked_graph, state):
-    found = marks.blocked(checked_graph, state, 1)
+    found = marks.blocked_marks(checked_graph, state, 1)
     counts = [int(words.rsplit(": ", 1)[1]) for _, words in found.legend]
     assert sum(counts) == len(checked_graph.grasp_map)
 

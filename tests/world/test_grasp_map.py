@@ -8,7 +8,7 @@ from map_data import BOX, POINT, RAIL, SEGMENT
 from mlivr_gym import GraspMap, MlivrError, Settings, jem_map, stance_graph
 from mlivr_gym.errors import GoalError, MapError, SettingError, UnknownPointError
 from mlivr_gym.robot.specification import ROBOTS
-from mlivr_gym.world.map_entries import ROOM
+from mlivr_gym.world.map_entries import MARGIN
 
 
 def test_the_measured_map_has_331_of_414_points(jem):
@@ -124,7 +124,7 @@ def test_without_a_cabin_the_base_may_be_anywhere_near_the_points():
     np.testing.assert_array_equal(loaded.cabin, [[-1.5, -1.5, -1.5], [2.5, 1.5, 1.7]])
     for robot in ROBOTS.values():
         holding = robot.mount_radius + robot.limb.reach + robot.tool_length
-        assert ROOM - 0.1 < holding < ROOM
+        assert MARGIN - 0.1 < holding < MARGIN
     graph = stance_graph(loaded, settings=Settings(manipulability=False, collisions=False))
     heights = graph.posture((0, 1)).base_position
     loaded.check_goal(heights[0])

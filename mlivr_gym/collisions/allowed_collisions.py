@@ -20,7 +20,7 @@ SAME, OTHER, ANY, BOXES = "one limb", "two limbs", "any limbs", "boxes"
 FIXED = "fixed to each other"
 
 
-class Uncompared(NamedTuple):
+class AllowedPair(NamedTuple):
     """Two shapes that are not compared."""
 
     first: str
@@ -35,24 +35,24 @@ class Uncompared(NamedTuple):
     """Whether the reason is tested for the robot's capsules; where it fails they are compared."""
 
 
-NOT_COMPARED: tuple[Uncompared, ...] = (
-    *(Uncompared(link, link, SAME, FIXED) for link in LINKS),
-    Uncompared(BODY, "base", ANY, FIXED),
-    Uncompared("base", "base", OTHER, "fixed to the body, both"),
-    Uncompared("wrist_3", "gripper", SAME, FIXED),
-    Uncompared(BODY, "shoulder", ANY, "joined by joint 1: the body is one link with the bases"),
-    Uncompared("base", "shoulder", ANY, "joined by joint 1: the bases of all limbs are one link"),
-    Uncompared("shoulder", "upper_arm", SAME, "joined by joint 2"),
-    Uncompared("upper_arm", "forearm", SAME, "joined by joint 3"),
-    Uncompared("forearm", "wrist_1", SAME, "joined by joint 4"),
-    Uncompared("wrist_1", "wrist_2", SAME, "joined by joint 5"),
-    Uncompared("wrist_2", "wrist_3", SAME, "joined by joint 6"),
-    Uncompared("wrist_2", "gripper", SAME, "joined by joint 6: the gripper is fixed to wrist 3"),
-    Uncompared("base", "upper_arm", SAME, "the upper arm moves in a plane beside joint 1", True),
-    Uncompared("forearm", "wrist_2", SAME, "the wrist point lies beside the forearm, by d4", True),
-    Uncompared("wrist_1", "wrist_3", SAME, "the flange axis lies beside wrist 1, by d5", True),
-    Uncompared("wrist_1", "gripper", SAME, "the flange axis lies beside wrist 1, by d5", True),
-    Uncompared("gripper", "behind the surface that it grasps", BOXES, "it takes hold there"),
+ALLOWED_COLLISIONS: tuple[AllowedPair, ...] = (
+    *(AllowedPair(link, link, SAME, FIXED) for link in LINKS),
+    AllowedPair(BODY, "base", ANY, FIXED),
+    AllowedPair("base", "base", OTHER, "fixed to the body, both"),
+    AllowedPair("wrist_3", "gripper", SAME, FIXED),
+    AllowedPair(BODY, "shoulder", ANY, "joined by joint 1: the body is one link with the bases"),
+    AllowedPair("base", "shoulder", ANY, "joined by joint 1: the bases of all limbs are one link"),
+    AllowedPair("shoulder", "upper_arm", SAME, "joined by joint 2"),
+    AllowedPair("upper_arm", "forearm", SAME, "joined by joint 3"),
+    AllowedPair("forearm", "wrist_1", SAME, "joined by joint 4"),
+    AllowedPair("wrist_1", "wrist_2", SAME, "joined by joint 5"),
+    AllowedPair("wrist_2", "wrist_3", SAME, "joined by joint 6"),
+    AllowedPair("wrist_2", "gripper", SAME, "joined by joint 6: the gripper is fixed to wrist 3"),
+    AllowedPair("base", "upper_arm", SAME, "the upper arm moves in a plane beside joint 1", True),
+    AllowedPair("forearm", "wrist_2", SAME, "the wrist point lies beside the forearm, by d4", True),
+    AllowedPair("wrist_1", "wrist_3", SAME, "the flange axis lies beside wrist 1, by d5", True),
+    AllowedPair("wrist_1", "gripper", SAME, "the flange axis lies beside wrist 1, by d5", True),
+    AllowedPair("gripper", "behind the surface that it grasps", BOXES, "it takes hold there"),
 )  # fmt: skip
 """All pairs that are not compared.
 
@@ -65,12 +65,12 @@ flange axis.
 
 _ROWS = {
     (frozenset((row.first, row.second)), whose): row
-    for row in NOT_COMPARED
+    for row in ALLOWED_COLLISIONS
     for whose in (SAME, OTHER)
     if row.whose in (whose, ANY)
 }
 
 
-def not_compared(first: str, second: str, whose: str = SAME) -> Uncompared | None:
+def is_allowed(first: str, second: str, whose: str = SAME) -> AllowedPair | None:
     """The row of two links of one limb (`SAME`) or of two (`OTHER`), None if they are compared."""
     return _ROWS.get((frozenset((first, second)), whose))

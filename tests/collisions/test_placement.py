@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, robot_spec
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.placing import (
+from mlivr_gym.collisions.placement import (
     Placed,
     capsule_motion,
     joint_motion,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 
-ROOM = 1 << 14
+CAPACITY = 1 << 14
 """Places of the table to begin with, a power of two."""
 
 PRIME, FACTOR = 2_147_483_647, 40_503
@@ -20,33 +20,31 @@ EMPTY = -1
 """Key of a place that is free."""
 
 
-class KnownSteps(NamedTuple):
+class CheckedEdges(NamedTuple):
     """What was found of steps, by the bit of their pair, see `node_pairs`."""
 
     keys: IntArray
-    """Bits, `EMPTY` where a place is free, shape (room,)."""
+    """Bits, `EMPTY` where a place is free, shape (capacity,)."""
     kept: NDArray[np.uint64]
-    """Masks of `held_beside` that the limbs keep which hold, 0 for what is no step, (room,)."""
+    """Masks of `held_beside` that the limbs keep which hold, 0 for what is no step, (capacity,)."""
     at: BoolArray
     """Nodes of which a step is known, shape (n,)."""
 
     @classmethod
-    def none(cls, nodes: int, room: int = ROOM) -> KnownSteps:
+    def none(cls, nodes: int, capacity: int = CAPACITY) -> CheckedEdges:
         """Nothing known yet of some number of nodes."""
-        keys, kept = np.full(room, EMPTY, dtype=np.int64), np.zeros(room, dtype=np.uint64)
+        keys, kept = np.full(capacity, EMPTY, dtype=np.int64), np.zeros(capacity, dtype=np.uint64)
         return cls(keys, kept, np.zeros(nodes, dtype=np.bool_))
 
-    def with_steps(self, nodes: IntArray, bits: IntArray, kept: NDArray[np.uint64]) -> KnownSteps:
+    def with_steps(self, nodes: IntArray, bits: IntArray, kept: NDArray[np.uint64]) -> CheckedEdges:
         """These and more: the nodes that they leave, their bits and what is kept, each (k,)."""
         used = int((self.keys != EMPTY).sum())
         wider = self
         if 2 * (used + len(bits)) > len(self.keys):
-            room = len(self.keys)
-            while 2 * (used + len(bits)) > room:
-                room *= 2
-            wider = KnownSteps(
-                np.full(room, EMPTY, dtype=np.int64), np.zeros(room, dtype=np.uint64), self.at
-            )
+            capacity = len(self.keys)
+            while 2 * (used + len(bits)) > capacity:
+                capacity *= 2
+            wider = CheckedEdges.none(0, capacity)._replace(at=self.at)
             old = self.keys != EMPTY
             _put(wider, self.keys[old], self.kept[old])
         _put(wider, bits, kept)
@@ -69,7 +67,7 @@ class KnownSteps(NamedTuple):
 
 
 @kernel
-def place_of(known: KnownSteps, bit: int) -> int:
+def place_of(known: CheckedEdges, bit: int) -> int:
     """Where a step is, or would be put."""
     last = len(known.keys) - 1
     place = (bit % PRIME * FACTOR) & last
@@ -79,14 +77,14 @@ def place_of(known: KnownSteps, bit: int) -> int:
 
 
 @entry
-def _find(known: KnownSteps, bits: IntArray, places: IntArray) -> None:
+def _find(known: CheckedEdges, bits: IntArray, places: IntArray) -> None:
     """Where steps are, or would be put, into `places`."""
     for k in range(len(bits)):
         places[k] = place_of(known, bits[k])
 
 
 @entry
-def _put(known: KnownSteps, bits: IntArray, kept: NDArray[np.uint64]) -> None:
+def _put(known: CheckedEdges, bits: IntArray, kept: NDArray[np.uint64]) -> None:
     """Note steps; there must be room."""
     for k in range(len(bits)):
         place = place_of(known, bits[k])

@@ -4,15 +4,15 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlivr_gym.planners import known_steps
-from mlivr_gym.planners.known_steps import KnownSteps
+from mlivr_gym.planners import checked_edges
+from mlivr_gym.planners.checked_edges import CheckedEdges
 
 BIT = st.integers(0, 40) | st.integers(0, 1 << 40)
 
 
 @given(st.lists(st.lists(st.tuples(BIT, st.integers(0, 1 << 48)), max_size=20), max_size=6))
 def test_it_holds_what_was_put_in_last(groups):
-    known, plain = KnownSteps.none(50, room=4), {}
+    known, plain = CheckedEdges.none(50, capacity=4), {}
     for group in groups:
         nodes = np.array([bit % 50 for bit, _ in group], dtype=np.int64)
         bits = np.array([bit for bit, _ in group], dtype=np.int64)
@@ -28,6 +28,6 @@ def test_it_holds_what_was_put_in_last(groups):
 
 
 def test_there_is_room_to_begin_with():
-    known = KnownSteps.none(3)
-    assert len(known.keys) == known_steps.ROOM
+    known = CheckedEdges.none(3)
+    assert len(known.keys) == checked_edges.CAPACITY
     assert not known.has(np.array([0, 5])).any()

@@ -10,11 +10,18 @@ from compiled import called
 
 from mlivr_gym import Box, robot_spec
 from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
+from mlivr_gym.collisions.allowed_collisions import (
+    ALLOWED_COLLISIONS,
+    ANY,
+    BOXES,
+    OTHER,
+    SAME,
+    is_allowed,
+)
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR, SELF
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.placing import Placed, Shapes
-from mlivr_gym.collisions.uncompared import ANY, BOXES, NOT_COMPARED, OTHER, SAME, not_compared
+from mlivr_gym.collisions.placement import Placed, Shapes
 from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.simulation.scene import scene_spec
@@ -42,7 +49,9 @@ ROBOTS = [robot_spec("mlivr2"), robot_spec("mlivr3"), fat(robot_spec("mlivr3"))]
 def left_out(robot):
     """What the table leaves out for a robot: pairs of links, and whether they are of one limb."""
     checked = robot.name != "fat"
-    rows = [row for row in NOT_COMPARED if row.whose != BOXES and (checked or not row.checked)]
+    rows = [
+        row for row in ALLOWED_COLLISIONS if row.whose != BOXES and (checked or not row.checked)
+    ]
     found = set()
     for row in rows:
         pair = tuple(sorted((row.first, row.second)))
@@ -140,7 +149,7 @@ def test_the_plain_definition_leaves_out_what_the_table_says(robot):
     grasp = (1, np.array([2.0, 1.5, 1.5]), np.array([1.0, 0.0, 0.0]))
     at_grasp = contacts(robot, (box,), here, 100.0, [grasp])
     assert {c.first for c in at_grasp if c.second == "box/crate"} == names - {"limb1/gripper/0"}
-    assert [row.first for row in NOT_COMPARED if row.whose == BOXES] == ["gripper"]
+    assert [row.first for row in ALLOWED_COLLISIONS if row.whose == BOXES] == ["gripper"]
 
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
@@ -155,9 +164,9 @@ def test_mujoco_leaves_out_what_the_table_says(ladder, robot):
 
 
 def test_every_row_has_a_reason_and_a_place():
-    rows = [(frozenset((row.first, row.second)), row.whose) for row in NOT_COMPARED]
+    rows = [(frozenset((row.first, row.second)), row.whose) for row in ALLOWED_COLLISIONS]
     assert len(set(rows)) == len(rows)
-    assert all(row.reason for row in NOT_COMPARED)
-    assert not_compared("forearm", "upper_arm") == not_compared("upper_arm", "forearm")
-    assert not_compared("forearm", "upper_arm", OTHER) is None
-    assert not_compared("shoulder", "base", OTHER) is not None
+    assert all(row.reason for row in ALLOWED_COLLISIONS)
+    assert is_allowed("forearm", "upper_arm") == is_allowed("upper_arm", "forearm")
+    assert is_allowed("forearm", "upper_arm", OTHER) is None
+    assert is_allowed("shoulder", "base", OTHER) is not None

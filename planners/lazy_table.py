@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_masks import clear_bits, packed, unpacked
-from mlivr_gym.planners.known_steps import KnownSteps
+from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.label_search import NodeWalk
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.turns import turned
+from mlivr_gym.postures.turns import permuted_limbs
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import ends_of
+from mlivr_gym.stances.node_pairs import edge_ends
 from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -30,7 +30,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 
-class Walk(NamedTuple):
+class StatePath(NamedTuple):
     """A walk whose steps were checked."""
 
     states: tuple[State, ...]
@@ -39,7 +39,7 @@ class Walk(NamedTuple):
     """Base positions there [m], shape (k, 3)."""
 
 
-class NodeWorld(ABC):
+class LazyTable(ABC):
     """The nodes and edges of a table in the world as it is now.
 
     Attributes:
@@ -55,13 +55,15 @@ class NodeWorld(ABC):
     def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
         """Look at nothing yet."""
         self.version, self.table = graph.version, table
-        self.known = KnownSteps.none(len(table.points))
+        self.known = CheckedEdges.none(len(table.points))
 
     def new(self, bits: IntArray) -> IntArray:
         """Those of some edges that were not checked, each once."""
         return np.asarray(np.unique(bits[~self.known.has(bits)]))
 
-    def look_at(self, rows: IntArray, most: int | None = None, about: Array | None = None) -> bool:
+    def check_nodes(
+        self, rows: IntArray, most: int | None = None, about: Array | None = None
+    ) -> bool:
         """Work out what obstacles leave of nodes; whether they take something of one.
 
         Args:
@@ -85,7 +87,7 @@ class NodeWorld(ABC):
         """
 
     @abstractmethod
-    def walk(self, start: Walk, turn: int, found: NodeWalk) -> Walk | None:
+    def walk(self, start: StatePath, turn: int, found: NodeWalk) -> StatePath | None:
         """The states of a walk whose edges were checked; None if a step is none after all.
 
         Args:
@@ -95,7 +97,7 @@ class NodeWorld(ABC):
         """
 
 
-class PairWorld(NodeWorld):
+class LazyPairTable(LazyTable):
     """Two limbs: the graph itself keeps what is known of stances and steps."""
 
     exact = True
@@ -120,7 +122,7 @@ class PairWorld(NodeWorld):
         new = self.new(bits)
         if self.complete or not len(new):
             return
-        (before, limb), (after, _), back = ends_of(self.table, new)
+        (before, limb), (after, _), back = edge_ends(self.table, new)
         held = 1 - limb
         kept = self.graph.edge_masks(held, before, after).astype(np.uint64)
         self.known = self.known.with_steps(before, new, kept).with_steps(after, back, kept)
@@ -128,9 +130,9 @@ class PairWorld(NodeWorld):
         self._learn_released(np.concatenate([before, after]))
 
     def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """See `NodeWorld.masks_after`."""
+        """See `LazyTable.masks_after`."""
         self.check(bits)
-        (before, limb), (end, _), _ = ends_of(self.table, bits)
+        (before, limb), (end, _), _ = edge_ends(self.table, bits)
         rows = np.arange(len(bits))
         found, leaves, grasps = (
             unpacked(one, 2)
@@ -143,15 +145,15 @@ class PairWorld(NodeWorld):
         after[~able | ~found.all(axis=1)] = 0
         return after
 
-    def walk(self, start: Walk, turn: int, found: NodeWalk) -> Walk | None:
+    def walk(self, start: StatePath, turn: int, found: NodeWalk) -> StatePath | None:
         """The states of a walk whose edges were checked."""
         points, masks = self.table.points[found.nodes[1:]], unpacked(found.masks[1:], 2)
         states = zip(map(tuple, points.tolist()), map(tuple, masks.tolist()), strict=True)
         positions = np.concatenate([start.positions, self.table.base_position[found.nodes[1:]]])
-        return Walk((*start.states, *(State(*one) for one in states)), positions)
+        return StatePath((*start.states, *(State(*one) for one in states)), positions)
 
 
-class ManyWorld(NodeWorld):
+class LazyNodeTable(LazyTable):
     """More limbs: postures, releases and steps are worked out where a walk leads."""
 
     complete = exact = False
@@ -168,8 +170,10 @@ class ManyWorld(NodeWorld):
             self._close = graph.close_to_obstacles(table.base_position, reach)
             self._unseen = self._close.copy()
 
-    def look_at(self, rows: IntArray, most: int | None = None, about: Array | None = None) -> bool:
-        """See `NodeWorld.look_at`."""
+    def check_nodes(
+        self, rows: IntArray, most: int | None = None, about: Array | None = None
+    ) -> bool:
+        """See `LazyTable.check_nodes`."""
         rows = np.unique(rows[self._unseen[rows]])
         if most is not None and about is not None and len(rows) > most:
             away = self._free.base_position[rows] - about
@@ -195,7 +199,7 @@ class ManyWorld(NodeWorld):
         graph, new = self.graph, self.new(bits)
         if not len(new):
             return
-        (before, i), (after, j), back = ends_of(self.table, new)
+        (before, i), (after, j), back = edge_ends(self.table, new)
         rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
         stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
         if graph.obstacles:
@@ -204,16 +208,16 @@ class ManyWorld(NodeWorld):
         steps = graph.step_rows(stances, here, here + len(new), stances.mask[here])
         found = graph.masks_of_steps(steps, stances)
         if graph.obstacles:
-            self._learn_released(rows, turned(stances.released, -turns))
-        kept = packed(turned(found, i + 1)[:, : graph.limbs - 1])
+            self._learn_released(rows, permuted_limbs(stances.released, -turns))
+        kept = packed(permuted_limbs(found, i + 1)[:, : graph.limbs - 1])
         kept[~found.all(axis=1)] = 0
         self.known = self.known.with_steps(before, new, kept).with_steps(after, back, kept)
 
     def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """See `NodeWorld.masks_after`."""
+        """See `LazyTable.masks_after`."""
         graph, kept = self.graph, np.zeros(len(bits), dtype=np.uint64)
-        (before, i), (after, j), _ = ends_of(self.table, bits)
-        self.look_at(np.concatenate([before, after]))
+        (before, i), (after, j), _ = edge_ends(self.table, bits)
+        self.check_nodes(np.concatenate([before, after]))
         some = np.flatnonzero(self.table.masks[after] != 0)
         if not len(some):
             return kept
@@ -227,7 +231,7 @@ class ManyWorld(NodeWorld):
         steps = graph.step_rows(stances, here, here + len(some), wanted)
         found = graph.masks_of_steps(steps, stances)
         found[~found.all(axis=1)] = 0
-        kept[some] = packed(turned(found, i - j))
+        kept[some] = packed(permuted_limbs(found, i - j))
         return kept
 
     def _learn_released(self, rows: IntArray, released: Array) -> None:
@@ -237,13 +241,13 @@ class ManyWorld(NodeWorld):
             told = np.where(one["known"], one["branches"].astype(np.int64), before)
             self.table.released[row] = packed(told)[0]
 
-    def walk(self, start: Walk, turn: int, found: NodeWalk) -> Walk | None:
-        """See `NodeWorld.walk`: every step is checked once more, as the robot stands."""
+    def walk(self, start: StatePath, turn: int, found: NodeWalk) -> StatePath | None:
+        """See `LazyTable.walk`: every step is checked once more, as the robot stands."""
         graph = self.graph
-        (before, i), (after, j), backward = ends_of(self.table, found.bits)
+        (before, i), (after, j), backward = edge_ends(self.table, found.bits)
         turns = -np.cumsum([turn, *(i - j).tolist()])
-        stances = turned(self.table.points[found.nodes].astype(np.int64), turns)
-        masks = turned(unpacked(found.masks, graph.limbs), turns)
+        stances = permuted_limbs(self.table.points[found.nodes].astype(np.int64), turns)
+        masks = permuted_limbs(unpacked(found.masks, graph.limbs), turns)
         followed = graph.nodes(stances[1:])
         postures = join(graph.posture_of(start.states[-1]), followed)
         after_steps = masks_along(graph, stances, masks, postures)
@@ -255,7 +259,7 @@ class ManyWorld(NodeWorld):
             return None
         states = zip(map(tuple, stances[1:].tolist()), map(tuple, masks[1:].tolist()), strict=True)
         positions = np.concatenate([start.positions, followed.base_position])
-        return Walk((*start.states, *(State(*one) for one in states)), positions)
+        return StatePath((*start.states, *(State(*one) for one in states)), positions)
 
 
 def masks_along(
@@ -292,10 +296,10 @@ def masks_along(
     return found
 
 
-def world_of(graph: StanceGraph) -> NodeWorld | None:
+def lazy_table_of(graph: StanceGraph) -> LazyTable | None:
     """The nodes of a graph in the world as it is now; None where they are not all known."""
     if isinstance(graph, PairGraph):
-        return PairWorld(graph)
+        return LazyPairTable(graph)
     if isinstance(graph, LazyGraph) and graph.table is not None:
-        return ManyWorld(graph, graph.table)
+        return LazyNodeTable(graph, graph.table)
     return None

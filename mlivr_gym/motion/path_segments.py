@@ -21,7 +21,7 @@ NODES = 97
 
 
 @dataclass(frozen=True)
-class Piece:
+class PathSegment:
     """One piece of a step at K places.
 
     Speeds of the base are linear in the world and angular in the base's axes, as those of MuJoCo's
@@ -50,7 +50,7 @@ class Piece:
         return float(np.abs(np.diff(self.joints, axis=0)).sum(axis=0).max())
 
 
-def path_pieces(path: RegraspPath, nodes: int = NODES) -> tuple[Piece, ...]:
+def path_segments(path: RegraspPath, nodes: int = NODES) -> tuple[PathSegment, ...]:
     """The pieces of a step in their order.
 
     Args:
@@ -78,7 +78,7 @@ def path_pieces(path: RegraspPath, nodes: int = NODES) -> tuple[Piece, ...]:
     for k, at in enumerate(shares):
         here = slice(ends[k], ends[k + 1])
         found.append(
-            Piece(
+            PathSegment(
                 0 if k == 0 else 2 if k == len(parts) - 1 else 1,
                 at,
                 positions[here],

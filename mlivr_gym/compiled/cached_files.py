@@ -29,7 +29,7 @@ UNFINISHED = r"\.{}\.\w+"
 MACHINE_CODE = "machine code"
 
 
-class Kept(NamedTuple):
+class CachedFile(NamedTuple):
     """A file or folder that is kept."""
 
     path: Path
@@ -40,7 +40,7 @@ class Kept(NamedTuple):
     """When it was used last [s since the epoch], as far as the system of files tells."""
 
 
-def kept() -> list[Kept]:
+def cached_files() -> list[CachedFile]:
     """All that is kept, in the order of names."""
     folder = cache_folder()
     tables = [] if folder is None else [(path, _what(path.name)) for path in _inside(folder)]
@@ -58,7 +58,7 @@ def mark_used(path: Path) -> None:
         os.utime(path)
 
 
-def too_much(files: Sequence[Kept], most: int) -> list[Kept]:
+def least_recently_used(files: Sequence[CachedFile], most: int) -> list[CachedFile]:
     """Those that were not used for longest, without which the others have `most` bytes or less."""
     gone, size = [], sum(one.size for one in files)
     for one in sorted(files, key=lambda one: one.used):
@@ -69,7 +69,7 @@ def too_much(files: Sequence[Kept], most: int) -> list[Kept]:
     return gone
 
 
-def remove(files: Sequence[Kept]) -> list[OSError]:
+def remove(files: Sequence[CachedFile]) -> list[OSError]:
     """Remove some of what is kept; returns why some cannot be.
 
     What another process removes at the same time is gone all the same; one that reads it goes on.
@@ -100,7 +100,7 @@ def _inside(folder: Path) -> list[Path]:
     return sorted(folder.iterdir()) if folder.is_dir() else []
 
 
-def _kept(path: Path, what: str) -> Kept:
+def _kept(path: Path, what: str) -> CachedFile:
     """One thing with its size and use; of a folder that of its files."""
     size, last = 0, 0.0
     inside = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
@@ -108,4 +108,4 @@ def _kept(path: Path, what: str) -> Kept:
         with suppress(FileNotFoundError):  # another process may have removed it
             state = file.stat()
             size, last = size + state.st_size, max(last, state.st_mtime, state.st_atime)
-    return Kept(path, what, size, last)
+    return CachedFile(path, what, size, last)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.limb_shapes import Limb, LimbCapsule
+from mlivr_gym.collisions.limb_shapes import LimbCapsule, LimbModel
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
 from mlivr_gym.kinematics.arm import Arm
@@ -100,7 +100,7 @@ def set_axis(ends: Array, c: int, axis: tuple[Triple, Triple]) -> None:
 
 
 @kernel
-def place(limb: Limb, frames: Array, out: Shapes) -> None:
+def place(limb: LimbModel, frames: Array, out: Shapes) -> None:
     """Put the ends of a limb's capsules in place in the body frame, by `arm.link_frames`."""
     for c in range(limb.capsule_count):
         capsule = limb.capsules[c]
@@ -127,14 +127,14 @@ def out_of_link(frames: Array, f: int, p: Triple) -> Triple:
 
 
 @kernel
-def place_by_angles(limb: Limb, placed: Placed) -> None:
+def place_by_angles(limb: LimbModel, placed: Placed) -> None:
     """Put the capsules of a limb in place by its joint angles."""
     link_frames(limb.arm, placed.q, placed.frames)
     place(limb, placed.frames, placed.in_body)
 
 
 @kernel
-def to_world(limb: Limb, base: Pose, in_body: Shapes, in_world: Shapes) -> None:
+def to_world(limb: LimbModel, base: Pose, in_body: Shapes, in_world: Shapes) -> None:
     """Capsule ends in the world by those in the body frame."""
     for c in range(limb.capsule_count):
         a, b = axis_of(in_body.ends, c)
@@ -184,7 +184,7 @@ def seen_from_link(row: int, capsule: LimbCapsule, placed: Placed) -> tuple[floa
 
 
 @kernel
-def capsule_motion(limb: Limb, placed: Placed) -> None:
+def capsule_motion(limb: LimbModel, placed: Placed) -> None:
     """How far each capsule end moves at most in the body frame."""
     motion = placed.in_body.motion
     for c in range(limb.capsule_count):
@@ -192,7 +192,7 @@ def capsule_motion(limb: Limb, placed: Placed) -> None:
 
 
 @kernel
-def moved_by_base(limb: Limb, travel: float, swing: float, placed: Placed) -> None:
+def moved_by_base(limb: LimbModel, travel: float, swing: float, placed: Placed) -> None:
     """How far each capsule end moves at most in the world if the base moves [m] and turns [rad]."""
     moved, out = placed.in_body.motion, placed.in_world.motion
     for c in range(limb.capsule_count):
@@ -202,7 +202,7 @@ def moved_by_base(limb: Limb, travel: float, swing: float, placed: Placed) -> No
 
 
 @kernel
-def seen_from_grasp(limb: Limb, placed: Placed) -> None:
+def seen_from_grasp(limb: LimbModel, placed: Placed) -> None:
     """Lower the bounds of motion in the world to those that follow a limb from its grasp."""
     arm, turns, motion = limb.arm, placed.turns, placed.in_world.motion
     wrist_2 = turns.q6
